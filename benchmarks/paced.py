@@ -5,13 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from trcvtui.files import noting_reads
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.records import replace
@@ -19,6 +20,7 @@ from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.clock import now_ns
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import TIMING_FILE, Engine
+from trcvtui.rig.recording.recorder import RecordTo
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400
@@ -39,14 +41,14 @@ class Count:
 class PacedEngine:
     """One engine; `timing` is written when it ends."""
 
-    def __init__(self, folder: Path, project: str, connections: int) -> None:
+    def __init__(self, folder: Path, project: str, connections: int, record: Path | None = None) -> None:
         self.timing = folder / "timing.json"
         file = folder / "bench.toml"
         file.write_text(project)
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
         self._process = context.Process(
-            target=_run, args=(theirs, file, self.timing, connections), daemon=True
+            target=_run, args=(theirs, file, self.timing, connections, record), daemon=True
         )
         self._process.start()
         theirs.close()
@@ -98,9 +100,14 @@ class PacedEngine:
         return picture.snapshot
 
 
-def _run(channel: Channel, file: Path, timing: Path, connections: int) -> None:
+def _run(channel: Channel, file: Path, timing: Path, connections: int, record: Path | None) -> None:
     """Run until the channel is closed."""
     os.environ[TIMING_FILE] = str(timing)
-    project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many
-    with suppress(EOFError, OSError):
-        Engine(channel, fresh_bench(project, "live")).run()
+    recorder = None if record is None else RecordTo(record).recorder(record, waits=False)
+    with suppress(EOFError, OSError), recorder or nullcontext():
+        with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+            project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many
+        bench = fresh_bench(project, "live", recorder.seam if recorder is not None else None)
+        if recorder is not None:
+            recorder.begin(bench, file, (), is_scenario=False)
+        Engine(channel, bench, recorder).run()

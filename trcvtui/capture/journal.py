@@ -432,8 +432,10 @@ class _Cursor:
             raise self.wrong("a value of another type", f"what field {name} is")
         return value
 
-    def entry(self) -> Entry:
-        """Return the next entry."""
+    def entry(self, known: list[Entry]) -> Entry:
+        """Return the next entry; `known` are those before it."""
+        if self._block[self.at : self.at + 1] == _AGAIN_TAG:
+            return self._again(known)
         value = self.value()
         match value:
             case BenchNote():
@@ -445,11 +447,28 @@ class _Cursor:
             case RunBegins() if _is_whole(value):
                 return value
             case (str(owner), str(call), tuple(args), answer):
-                made = Answered(owner, call, args, answer)
-                if not can_answer(made):
-                    raise self.wrong(f"{call} of {owner}", "an answer that this call can give")
-                return made
+                return self._answered(Answered(owner, call, args, answer))
         raise self.wrong("another value", "a call or a note")
+
+    def _answered(self, made: Answered) -> Answered:
+        if not can_answer(made):
+            raise self.wrong(f"{made.call} of {made.owner}", "an answer that this call can give")
+        return made
+
+    def _again(self, known: list[Entry]) -> Answered:
+        """Return the question of an entry before, with its own answer."""
+        self.at += 1
+        first = self._number(4)
+        before = known[first] if first < len(known) else None
+        if not isinstance(before, Answered):
+            raise self.wrong(f"the question of entry {first}", "a question before it")
+        owner, call, args, _ = before
+        block, at = self._block, self.at
+        if block[at : at + 4] == _READ_HEAD and block[at + 12 : at + 13] == _BYTES_TAG:
+            size = int.from_bytes(block[at + 4 : at + 12], "little", signed=True)
+            self.at += 13
+            return self._answered(Answered(owner, call, args, (size, self.take(self._number(4)))))
+        return self._answered(Answered(owner, call, args, self.value()))
 
 
 def _is_whole(begins: RunBegins) -> bool:
@@ -460,6 +479,12 @@ def _is_whole(begins: RunBegins) -> bool:
 
 
 _UNEQUAL: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
+_AGAIN: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
+_AGAIN_TAG: Final = bytes([_AGAIN])
+_BYTES_TAG: Final = bytes([_BYTES])
+_ASKED: Final = struct.Struct("<BI")
+_READ: Final = struct.Struct("<BHBqBI")  # the answer of recv, before its bytes
+_READ_HEAD: Final = struct.pack("<BHB", _TUPLE, 2, _INT)
 
 
 class BlockWriter:
@@ -469,6 +494,7 @@ class BlockWriter:
         self.number = number
         self._known: dict[Entry, int] = {}
         self._parts: list[bytes] = []
+        self._asked: dict[tuple[object, ...], int] = {}  # the first entry of each question
         self._order = array("I")
         self.size = 0
 
@@ -492,9 +518,22 @@ class BlockWriter:
             except TypeError:  # it has a mapping in it
                 at = place
         if at == place:
-            self._parts.append(value_bytes(entry))
+            self._parts.append(self._bytes(entry, place))
             self.size += len(self._parts[-1])
         self._order.append(at)
+
+    def _bytes(self, entry: Entry, place: int) -> bytes:
+        """Return an entry; a question that was asked in this block stands for itself by the first one."""
+        if not isinstance(entry, Answered):
+            return value_bytes(entry)
+        first = self._asked.setdefault(entry[:3], place)
+        if first == place:
+            return value_bytes(entry)
+        head = _ASKED.pack(_AGAIN, first)
+        match entry.answer:
+            case (int(size), bytes(data)):
+                return head + _READ.pack(_TUPLE, 2, _INT, size, _BYTES, len(data)) + data
+        return head + value_bytes(entry.answer)
 
     def block(self) -> bytes:
         """Return the block."""
@@ -539,5 +578,7 @@ def entries_of(
             raise mistake(f"{where}: journal", f"block {number}", f"block {expected}")
         if unlike > len(block):
             raise cursor.wrong(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
-        known = [cursor.entry() for _ in range(unlike)]
+        known: list[Entry] = []
+        for _ in range(unlike):
+            known.append(cursor.entry(known))
         yield from map(known.__getitem__, cursor.order(unlike))

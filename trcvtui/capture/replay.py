@@ -172,7 +172,7 @@ def _of_nobody(make: Callable[[], T], answers: bool) -> T:
 
 PLAIN: Final = (  # calls whose arguments and answers are kept as they are
     *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
-    *("loss", "discard", "unread", "path", "probe", "readable", "renew"),
+    *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
     "set_user_timeout",
 )
 
@@ -184,7 +184,6 @@ class _SeamKernel:
         self._seam, self._label = seam, label
         self._inner = cast(Kernel, inner)
         self._owners: dict[Handle, str] = {}
-        self._streams: set[Handle] = set()  # connections that stand, or stood
         for name in PLAIN:
             setattr(self, name, self._plain(name))
         self._buffer = memoryview(b"")  # of the call under way: what is kept has its size alone
@@ -212,14 +211,7 @@ class _SeamKernel:
             seen = getattr(self._inner, "ready_handles", nothing_known)()
             return None if seen is None else dict(seen)
 
-        ready = self._seam.ask(self._label, "ready_handles", (), do)
-        for handle in ready or ():  # how much has come is known to the scan, also where nobody reads
-            if handle in self._streams:
-                self._count_unread(handle)
-        return ready
-
-    def _count_unread(self, handle: Handle) -> None:
-        self._seam.ask(self._owner(handle), "unread", (handle,), lambda: self._inner.unread(handle))
+        return self._seam.ask(self._label, "ready_handles", (), do)
 
     def socket(self, owner: str) -> Handle | Fault:
         return self._mine(owner, self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner)))
@@ -244,14 +236,6 @@ class _SeamKernel:
         got: Accepted | WouldBlock | Fault = self._accept(handle)
         if isinstance(got, Accepted):
             self._owners[got.handle] = self._owner(handle)
-            self._streams.add(got.handle)
-        return got
-
-    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        owner = self._owner(handle)
-        got = self._seam.ask(owner, "connect_result", (handle,), lambda: self._inner.connect_result(handle))
-        if got is None:
-            self._streams.add(handle)
         return got
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
@@ -296,16 +280,12 @@ class _SeamKernel:
         )
 
     def abort(self, handle: Handle) -> Fault | None:
-        owner = self._forget(handle)
+        owner = self._owners.pop(handle, self._label)
         return self._seam.ask(owner, "abort", (handle,), lambda: self._inner.abort(handle))
 
     def close(self, handle: Handle) -> Fault | None:
-        owner = self._forget(handle)
+        owner = self._owners.pop(handle, self._label)
         return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
-
-    def _forget(self, handle: Handle) -> str:
-        self._streams.discard(handle)
-        return self._owners.pop(handle, self._label)
 
 
 def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:

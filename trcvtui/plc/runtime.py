@@ -259,9 +259,13 @@ class Runtime:
         ends = str(connection.local or ""), str(connection.peer or "")
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
-    def sample(self) -> None:
-        """Ask what the stack knows of each connection: for who records it."""
-        for connection in self._connections.values():
+    def sample(self, of_all: bool) -> None:
+        """Ask how much is unread where something came, and `of_all` what the stack says: for a recording."""
+        for handle, name in (self._ready_handles or {}).items():
+            connection = self._connections.get(name)
+            if connection is not None and connection.handle == handle:
+                connection.unread()
+        for connection in self._connections.values() if of_all else ():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
 

@@ -17,7 +17,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
-from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.records import replace
@@ -142,6 +142,7 @@ class Bench:
         self._works_on = _what_each_works_on(project)
         self.kernel_name = kernel
         self._seam = seam  # records what is asked, or answers it from a record
+        self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
         self._is_replay = seam is not None and seam.answers
@@ -307,12 +308,23 @@ class Bench:
         if self._seam is None:
             self._pass(due)
             return
+        self.tell_outputs()
         self._seam.is_busy = True
         self._pass(self._seam.ask("bench", "step", (), lambda: due))
-        for edge in self.runtime.changed:
-            works_on = self._works_on.get(edge.instance, "")
-            self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), lambda: None)
+        self._untold = self.runtime.changed
         self._seam.is_busy = False
+        if self._is_replay:
+            self.tell_outputs()
+
+    def tell_outputs(self) -> None:
+        """Record what has changed in the last scan: in the gap after it, before anything else is done."""
+        if self._seam is not None and self._untold:
+            self._seam.is_busy = True
+            for edge in self._untold:
+                works_on = self._works_on.get(edge.instance, "")
+                self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), _nothing)
+            self._untold = ()
+            self._seam.is_busy = False
 
     def _pass(self, now: int) -> None:
         self.now = now
@@ -351,9 +363,10 @@ class Bench:
         """Do what is told between two scans, on record."""
         if self._seam is None or self._seam.is_busy:
             return do()
+        self.tell_outputs()
         self._seam.is_busy = True
         try:
-            self._seam.ask("bench", call, (line,) if line else (), lambda: None)
+            self._seam.ask("bench", call, (line,) if line else (), _nothing)
             return do()
         finally:
             self._seam.is_busy = False
@@ -387,7 +400,7 @@ class Bench:
 
     def told(self, line: str) -> None:
         """Record a line of the screen that is not the bench's to carry out."""
-        self._outside("do", line, lambda: None)
+        self._outside("do", line, _nothing)
 
     def submit(self, *orders: commands.Command) -> str:
         """Tell the PLC what to do in its next scan."""
@@ -530,6 +543,10 @@ class Bench:
     def leaks(self) -> tuple[str, ...]:
         """Return a line for every handle that is still open."""
         return self._kernel.leaks()
+
+
+def _nothing() -> None:
+    """Do nothing: what is recorded is that it was told."""
 
 
 def _simulated(project: Project) -> SimKernel:

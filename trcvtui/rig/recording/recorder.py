@@ -83,10 +83,12 @@ class RunRecorder:
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
 
     def gap(self, bench: Bench) -> None:
-        """Look at the connections when a second has passed; hand over what the scan has brought."""
-        if bench.now >= self._sample_at:
+        """Take what the scan has shown and left unread, once a second more; hand over what it has brought."""
+        bench.tell_outputs()
+        is_due = bench.now >= self._sample_at
+        bench.runtime.sample(is_due)
+        if is_due:
             self._sample_at = bench.now + SAMPLE_NS
-            bench.runtime.sample()
             with suppress(OSError):
                 self.size = os.stat(self.file).st_size
         if len(self._entries) >= self._least:

@@ -191,6 +191,28 @@ def create(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
 
 
 @contextmanager
+def unnamed() -> Iterator[tuple[int, str]]:
+    """Give a file of this process alone, with the name by which a library opens it: gone after the block.
+
+    In memory where the system can; else a file, 0600, in the folder for such.
+    """
+    make = getattr(os, "memfd_create", None)
+    if make is not None and os.path.isdir("/proc/self/fd"):
+        handle = make("trcvtui")
+        name = f"/proc/self/fd/{handle}"
+    else:
+        import tempfile
+
+        handle, name = tempfile.mkstemp()
+    try:
+        yield handle, name
+    finally:
+        os.close(handle)
+        if not name.startswith("/proc"):
+            os.unlink(name)
+
+
+@contextmanager
 def replacing(path: FileName, where: str, is_own: bool = False, is_new: bool = False) -> Iterator[IO[bytes]]:
     """Give a file to write; after the block it stands under `path`, on the disk, in one step.
 

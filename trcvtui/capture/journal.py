@@ -98,8 +98,18 @@ class WireCall(NamedTuple):
     data: bytes
 
 
+HOLDS_SECRETS: Final = "holds TLS secrets: whoever has the file reads what was sent"
+
+
+class Secrets(NamedTuple):
+    """Lines of a TLS key log, for the packets after it; no part of the journal."""
+
+    key_log: bytes
+
+
 Note = BenchNote | WorkWaits
-Entry = Answered | Note | RunBegins | EntriesLost | WireCall
+BesideJournal = WireCall | Secrets
+Entry = Answered | Note | RunBegins | EntriesLost | BesideJournal
 
 
 class Seam(Protocol):
@@ -296,6 +306,7 @@ _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     ),
     (EntriesLost, ((int,), (str,))),
     (WireCall, ((int,), (str,), (str,), (int,), (tuple,), _AT_THE_WIRE, (bytes,))),
+    (Secrets, ((bytes,),)),
 )
 _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
@@ -442,7 +453,7 @@ class _Cursor:
                 return value
             case WorkWaits(_, what) if what in _WORDS:
                 return value
-            case EntriesLost() | WireCall():
+            case EntriesLost() | WireCall() | Secrets():
                 return value
             case RunBegins() if _is_whole(value):
                 return value
@@ -548,7 +559,7 @@ def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
     """Return the entries as blocks: each stands for itself and bears its number."""
     number, block = 0, BlockWriter(0)
     for entry in entries:
-        if isinstance(entry, WireCall):
+        if isinstance(entry, BesideJournal):
             continue
         block.take(entry)
         if block.is_full:

@@ -22,6 +22,7 @@ from trcvtui.capture.journal import (
     Entry,
     InPackets,
     RunBegins,
+    Secrets,
     WireCall,
     entries_of,
 )
@@ -81,6 +82,8 @@ class RecordingWriter:
         self._jobs: dict[str, int] = {}
         self._packets: list[WirePacket] = []  # of the block under way
         self._comments: dict[int, list[str]] = {}  # by number of the packet
+        self._secrets = b""  # of the packets of this block
+        self.has_secrets = False
         self._scan_from = 0  # number of the first packet of this scan
         self._called = InPackets(0, 0, 0), b""  # the newest call's bytes, and where they stand
         self._coming: WireCall | None = None  # its bytes stand in the next entry
@@ -100,6 +103,9 @@ class RecordingWriter:
                     self._coming = entry
                 else:
                     self._take_call(entry)
+                continue
+            if isinstance(entry, Secrets):
+                self._secrets += entry.key_log
                 continue
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
@@ -161,7 +167,9 @@ class RecordingWriter:
         """Write what has come; a block of the journal ends with it."""
         if not len(self._block):
             return
-        written = []
+        written = [pcap.secrets_block(self._secrets)] if self._secrets else []
+        self.has_secrets |= bool(self._secrets)
+        self._secrets = b""
         for number, packet in enumerate(self._packets):
             if packet.line and packet.line not in self._lines:
                 self._lines[packet.line] = FIRST_LINE + len(self._lines)
@@ -217,6 +225,7 @@ class Recording:
     def __init__(self, path: FileName) -> None:
         self.path = str(path)
         self.stopped = ""
+        self.has_secrets = False  # of TLS, as far as it has been read
         with self._opened() as file:
             self._check_head(file)
         self._index: list[BlockPlace] | None = None
@@ -284,6 +293,7 @@ class Recording:
         begun, journal_at, kept = -1, 0, 0
         with self._opened() as file:
             for kind, body, place in self._blocks(file, at):
+                self.has_secrets |= kind == pcap.SECRETS
                 if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8:
                     continue
                 interface, _, _, size = _PACKET.unpack_from(body)

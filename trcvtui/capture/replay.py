@@ -14,12 +14,12 @@ from trcvtui.capture.journal import (
     READ,
     STEP,
     Answered,
+    BesideJournal,
     EntriesLost,
     Entry,
     Note,
     RunBegins,
     Seam,
-    WireCall,
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
@@ -98,10 +98,10 @@ class Replay:
             self._differs(entry, _words(owner, call, args))
         return entry
 
-    def _pass(self, entry: Answered | Note | WireCall) -> None:
+    def _pass(self, entry: Answered | Note | BesideJournal) -> None:
         """Go past a note, which is told, or what was asked in a gap, which is remembered."""
         self._front = next(self._entries, None)
-        if isinstance(entry, WireCall):
+        if isinstance(entry, BesideJournal):
             return
         if not isinstance(entry, Answered):
             self.tell(entry)
@@ -136,6 +136,12 @@ class Replay:
                 return entry
             self._pass(entry)
         return None
+
+    @property
+    def lost(self) -> str:
+        """Return what was not recorded here, "" where the journal goes on or has ended."""
+        front = self._front
+        return f"a gap of {front.number} entries ({front.why})" if isinstance(front, EntriesLost) else ""
 
     def end(self) -> None:
         """Raise UserError where the journal goes on after the run has ended."""

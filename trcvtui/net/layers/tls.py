@@ -291,7 +291,17 @@ class Tls:
 def context_of(credentials: Credentials, is_active: bool) -> ssl.SSLContext:
     """Return the context of these credentials; files are read again only when they have changed."""
     files = (credentials.certificate, credentials.key, *credentials.authorities)
-    return _context(credentials, is_active, tuple(_stamp(file) for file in files if file))
+    stamps = tuple(_stamp(file) for file in files if file)
+    return _context(credentials, is_active, stamps)
+
+
+_key_log: Final[list[str]] = []
+
+
+def log_keys(name: str) -> None:
+    """Let sessions of contexts made from now on write their secrets into a file; "" ends it."""
+    _key_log[:] = [name] if name else []
+    _context.cache_clear()
 
 
 def _stamp(file: str) -> tuple[int, int]:
@@ -304,6 +314,8 @@ def _context(
     credentials: Credentials, is_active: bool, stamps: tuple[tuple[int, int], ...]
 ) -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT if is_active else ssl.PROTOCOL_TLS_SERVER)
+    for name in _key_log:
+        context.keylog_filename = name
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.options |= ssl.OP_NO_COMPRESSION | ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_TICKET
     if not is_active:

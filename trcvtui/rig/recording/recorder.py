@@ -6,15 +6,26 @@ Rule: a scan only appends to a list; in the gap after it the list is handed over
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui import __version__
-from trcvtui.capture.journal import READ, SIM_WALL_NS, Answered, Entry, RunBegins, SeamRecorder
-from trcvtui.errors import mistake
-from trcvtui.files import FilesRead
+from trcvtui.capture.journal import (
+    HOLDS_SECRETS,
+    READ,
+    SIM_WALL_NS,
+    Answered,
+    EntriesLost,
+    Entry,
+    RunBegins,
+    SeamRecorder,
+    Secrets,
+)
+from trcvtui.errors import mistake, one_line
+from trcvtui.files import FilesRead, unnamed
 from trcvtui.records import dataclass
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
@@ -23,6 +34,7 @@ from trcvtui.rig.wording import size_text
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
 AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
 SUFFIX: Final = ".pcapng"
+TLS: Final = "trcvtui.net.layers.tls"
 
 
 class Sink(Protocol):
@@ -45,7 +57,14 @@ class Sink(Protocol):
 class RunRecorder:
     """What is recorded of one run. Note the `reads` of the project; inside it make the bench on `seam`."""
 
-    def __init__(self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True) -> None:
+    def __init__(
+        self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True, secrets: bool = True
+    ) -> None:
+        self.holds_secrets = False  # of TLS sessions, which `secrets` allows
+        self._may_hold = secrets
+        self._key_log = -1  # a file of the process, where there may be sessions
+        self._opened = ExitStack()
+        self._hidden: frozenset[str] = frozenset()  # whose bytes are not to be recorded
         self.trouble = ""  # why nothing more is recorded
         self.size = 0  # bytes of the file, as known a second ago
         self.file = file
@@ -60,6 +79,12 @@ class RunRecorder:
     def __enter__(self) -> RunRecorder:
         """Open the file, when the project has been read; raise UserError where it is refused."""
         self._sink = self._new_sink()
+        if TLS in sys.modules and self._may_hold:  # a project without it has not loaded it
+            from trcvtui.net.layers.tls import log_keys
+
+            self._key_log, name = self._opened.enter_context(unnamed())
+            log_keys(name)
+            self._opened.callback(log_keys, "")
         return self
 
     def begin(self, bench: Bench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
@@ -77,7 +102,17 @@ class RunRecorder:
             tuple(read.contents.items()),
             tuple(read.digests.items()),
         )
-        self._entries.insert(0, begins)
+        first: list[Entry] = [begins]
+        if TLS in sys.modules and not self._may_hold:
+            from trcvtui.net.layers.tls import TlsSettings
+
+            project = bench.project
+            sessions = [(each.name, each.session) for each in project.connects]
+            sessions += [(each.name, each.session) for each in project.peers]
+            self._hidden = frozenset([name for name, one in sessions if isinstance(one, TlsSettings)])
+        if self._hidden:
+            first.append(EntriesLost(0, "--no-secrets: it can be looked at, not replayed"))
+        self._entries[:0] = first
         if is_live:
             self.seam.clock = clock.now_ns
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
@@ -91,11 +126,30 @@ class RunRecorder:
             self._sample_at = bench.now + SAMPLE_NS
             with suppress(OSError):
                 self.size = os.stat(self.file).st_size
+        if self._key_log >= 0:
+            self._log_secrets()
         if len(self._entries) >= self._least:
             self._hand_over()
 
+    def _log_secrets(self) -> None:
+        """Take what sessions have written: for the packets that are not in the file yet."""
+        size = os.fstat(self._key_log).st_size
+        if size:
+            self._entries.append(Secrets(os.pread(self._key_log, size, 0)))
+            os.ftruncate(self._key_log, 0)
+            self.holds_secrets = True
+
+    def _without_bytes(self, entry: Entry) -> Entry:
+        """Return an entry without what came over TLS."""
+        if not isinstance(entry, Answered) or entry.owner not in self._hidden or entry.call != "recv":
+            return entry
+        got = entry.answer[0] if isinstance(entry.answer, tuple) else 0
+        return entry._replace(answer=(got, bytes(got) if isinstance(got, int) else b""))
+
     def _hand_over(self) -> None:
         some = self._entries[:]
+        if self._hidden:
+            some = [self._without_bytes(entry) for entry in some]
         self._entries.clear()
         self._write(lambda sink: sink.take(some))
 
@@ -113,16 +167,26 @@ class RunRecorder:
 
     def close(self) -> None:
         """End the recording."""
+        if self._key_log >= 0:
+            self._log_secrets()
         self._hand_over()
         self._write(lambda sink: sink.close())
         self._sink = None
+        self._key_log = -1
+        self._opened.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def lines(self) -> list[str]:
+        """Return what is to be said when it has ended."""
+        secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets else ""
+        return [one_line(line) for line in (secrets, self.trouble) if line]
+
     def text(self) -> str:
         """Return the name of the file and its size, or why nothing is written any more."""
-        return self.trouble or f"{self.file.name} {size_text(self.size)}"
+        secrets = ", with TLS secrets" if self.holds_secrets else ""
+        return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,4 +223,4 @@ class RecordTo:
 
             return RecordingWriter(file, self.overwrite)
 
-        return RunRecorder(sink, file, waits)
+        return RunRecorder(sink, file, waits, self.has_secrets)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from trcvtui.capture.journal import HOLDS_SECRETS
 from trcvtui.errors import UserError, mistake
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.scenario.report import JsonLines
@@ -60,6 +61,8 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     if is_check:
         wrong = check(run) or recording.stopped
         sys.stdout.write(f"{wrong or f'{path}: {run.bench.runtime.scans} scans, the same again'}\n")
+        if recording.has_secrets:
+            sys.stderr.write(f"{path} {HOLDS_SECRETS}\n")
         return DIFFERS if wrong else SAME
     try:
         return SAME if print_jsonl(run, sys.stdout.write) else DIFFERS

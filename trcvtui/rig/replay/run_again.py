@@ -83,5 +83,6 @@ class RunAgain:
 
     def differs(self) -> UserError:
         """Return what is said of a journal that ends before its run."""
-        found = f"the end of the journal after {self.bench.runtime.scans} scans"
+        lost = self.replay.lost
+        found = f"{lost or 'the end of the journal'} after {self.bench.runtime.scans} scans"
         return mistake(self._where, found, "the end of the run")

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trcvtui.errors import UserError, one_line
+from trcvtui.errors import UserError
 from trcvtui.files import noting_reads, refuse_input, replacing
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
@@ -140,7 +140,7 @@ def _run_one(
             verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
         finally:
             bench.close()
-    if recorder is not None and recorder.trouble:
-        sys.stderr.write(f"{one_line(recorder.trouble)}\n")
+    for line in recorder.lines() if recorder is not None else ():
+        sys.stderr.write(f"{line}\n")
     report.verdict(verdict)
     return verdict.passed

@@ -351,7 +351,7 @@ import os, sys
 import trcvtui.rig.engine.driver as driver
 from trcvtui.cli import main
 os.isatty = lambda number: True
-def started(path, kernel, netns=False, read_only=False):
+def started(path, kernel, netns=False, read_only=False, record=None):
     print(path.name, kernel, "textual" in sys.modules)
     raise KeyboardInterrupt
 driver.start_engine = started

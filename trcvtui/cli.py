@@ -227,6 +227,22 @@ def _replay(args: SimpleNamespace) -> int:
     return replay_file(_path(args.file), args.check, args.format)
 
 
+def _recording_strip(args: SimpleNamespace) -> int:
+    from trcvtui.capture.strip import LeaveOut, strip
+
+    out = LeaveOut(args.no_payload, args.no_secrets, args.anonymise)
+    for line in strip(_given(args.source), _given(args.target), out):
+        sys.stderr.write(f"{line}\n")
+    return 0
+
+
+def _recording_dissector(args: SimpleNamespace) -> int:
+    from trcvtui.capture.strip import dissector
+
+    sys.stdout.write(dissector())
+    return 0
+
+
 def _race(args: SimpleNamespace) -> int:
     from trcvtui.rig.scenario.race import run_race
 
@@ -450,6 +466,19 @@ def _add_replay(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
 
 
+def _add_recording(parser: ArgumentRows) -> None:
+    commands = parser.add_subparsers(metavar="WHAT", required=True)
+    made = commands.add_parser("strip", help="a copy to hand on")
+    made.set_defaults(command=_recording_strip)
+    made.add_argument("source", metavar="IN")
+    made.add_argument("target", metavar="OUT")
+    made.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
+    made.add_argument("--no-secrets", action="store_true", help="TLS stays closed")
+    made.add_argument("--anonymise", action="store_true", help="other addresses, no names")
+    made = commands.add_parser("dissector", help="print what shows the journal in Wireshark (Lua)")
+    made.set_defaults(command=_recording_dissector)
+
+
 def _add_race(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_race)
     parser.last_words = _dialect_names
@@ -507,6 +536,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
     "replay": ("a recording run again", _add_replay),
+    "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
     "status": ("explain a STATUS code", _add_status),

@@ -213,7 +213,9 @@ def unnamed() -> Iterator[tuple[int, str]]:
 
 
 @contextmanager
-def replacing(path: FileName, where: str, is_own: bool = False, is_new: bool = False) -> Iterator[IO[bytes]]:
+def replacing(
+    path: FileName, where: str, is_own: bool = False, is_new: bool = False, mode: int = 0o666
+) -> Iterator[IO[bytes]]:
     """Give a file to write; after the block it stands under `path`, on the disk, in one step.
 
     When the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
@@ -226,7 +228,7 @@ def replacing(path: FileName, where: str, is_own: bool = False, is_new: bool = F
         beside = os.path.join(
             os.path.dirname(whole), f".{os.path.basename(whole)[:100]}.{os.urandom(6).hex()}.new"
         )
-        handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+        handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
     except (OSError, ValueError) as failed:
         raise _cannot_write(path, where, failed) from None
     try:

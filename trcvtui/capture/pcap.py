@@ -332,13 +332,13 @@ def _gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes
 def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
     """Return the block that a file begins with: little-endian, of a length that nobody knows yet."""
     options = [*_comments(comments), _option(4, application.encode())]
-    return _block(SECTION, _LITTLE + struct.pack("<HHq", 1, 0, -1), options)
+    return block(SECTION, _LITTLE + struct.pack("<HHq", 1, 0, -1), options)
 
 
 def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
     """Return an interface that counts nanoseconds; the first of a section has index 0."""
     options = [*_comments(comments), _option(NAME, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
-    return _block(INTERFACE, struct.pack("<HHI", link_type, 0, snaplen), options)
+    return block(INTERFACE, struct.pack("<HHI", link_type, 0, snaplen), options)
 
 
 def packet_block(
@@ -352,17 +352,17 @@ def packet_block(
         head = _HEAD(ENHANCED_PACKET, total, interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
         return b"".join((head, data, _ZEROS[padding], total.to_bytes(4, "little")))
     head = struct.pack("<IIIII", interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-    return _block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3], _comments(comments))
+    return block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3], _comments(comments))
 
 
 def secrets_block(key_log: bytes) -> bytes:
     """Return lines of a TLS key log, for the packets that stand after it."""
-    return _block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
+    return block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
 def custom_block(enterprise: int, data: bytes) -> bytes:
     """Return a block that only its enterprise's programs read; tools may copy it."""
-    return _block(CUSTOM, struct.pack("<I", enterprise) + data)
+    return block(CUSTOM, struct.pack("<I", enterprise) + data)
 
 
 _HEAD: Final = struct.Struct("<IIIIIII").pack
@@ -378,7 +378,7 @@ def _option(code: int, value: bytes) -> bytes:
     return struct.pack("<HH", code, len(value)) + value + _ZEROS[-len(value) & 3]
 
 
-def _block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
+def block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
     parts = [body, _ZEROS[-len(body) & 3]]
     if options:
         parts += [*options, b"\0\0\0\0"]

@@ -47,7 +47,7 @@ _LENGTH: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<II")
 _PACKET: Final = struct.Struct("<IIII")
 _HEADERS: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
-_SERIAL_HEADER: Final = 12
+SERIAL_HEADER: Final = 12
 AT_DATA: Final = 28  # of a block with a packet
 
 
@@ -277,6 +277,12 @@ class Recording:
     def _stop(self, at: int, found: str, expected: str) -> None:
         self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
 
+    def blocks(self) -> Iterator[tuple[int, bytes]]:
+        """Yield type and body of each block of the file, as far as it can be read."""
+        with self._opened() as file:
+            for kind, body, _ in self._blocks(file, 0):
+                yield kind, body
+
     def entries(self, first: int = 0) -> Iterator[Entry]:
         """Yield the entries of the journal from block number `first` on, as far as they can be read."""
         at = self.index()[first].packets_at if first else 0
@@ -341,7 +347,7 @@ class Recording:
 def _payload(interface: int, data: bytes) -> bytes:
     if interface == WIRE:
         return data[_HEADERS[data[9:10] == bytes([TCP])] :]
-    return data[_SERIAL_HEADER:]
+    return data[SERIAL_HEADER:]
 
 
 def _written_index(file: IO[bytes]) -> list[BlockPlace]:

@@ -329,13 +329,13 @@ class WirePackets:
         """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
         ends = bytes(octets(source.address) or (0, 0, 0, 0)) + bytes(octets(target.address) or (0, 0, 0, 0))
         size = len(head) + len(payload)
-        inner = _checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
+        inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
         if protocol == UDP and not inner:
             inner = 0xFFFF
         head = head[:sum_at] + inner.to_bytes(2, "big") + head[sum_at + 2 :]
         self._number = self._number + 1 & 0xFFFF
         fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
-        outer = _checksum(_IP(*fields, 0, ends[:4], ends[4:]))
+        outer = checksum(_IP(*fields, 0, ends[:4], ends[4:]))
         data = _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
         return WirePacket(owners, "", self._wall_ns + call.at, data, len(payload))
 
@@ -349,7 +349,7 @@ class WirePackets:
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, len(call.data))
 
 
-def _checksum(data: bytes) -> int:
+def checksum(data: bytes) -> int:
     """Return the Internet checksum: the sum of 16-bit words modulo 65535 is that of one large number."""
     number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
     rest = number % 0xFFFF

@@ -29,6 +29,8 @@ status --block TRCV_C 7006
 st a.toml TRCV_C_1
 race a.toml --dialect a --dialect b
 conversations a.pcapng b.pcap --plc 10.0.0.5:2000 --format json
+recording strip a.pcapng b.pcapng --no-payload --anonymise
+recording dissector
 udt show a.st --type T --with b.st
 udt decode a.st 01 02 03 --format md
 udt decode a.st -
@@ -36,7 +38,10 @@ udt compare a.st --layout c --layout s7-standard
 udt cure a.st --as st
 udt export a.st --to lua --port 2000
 """
-UDT = ("show", "decode", "encode", "export", "compare", "fit", "cure")
+DEEPER = {
+    "udt": ("show", "decode", "encode", "export", "compare", "fit", "cure"),
+    "recording": ("strip", "dissector"),
+}
 
 
 def read_by_argparse(words: list[str]) -> SimpleNamespace | None:
@@ -55,7 +60,9 @@ def read_here(words: list[str]) -> SimpleNamespace | None:
     return parser.read(words)
 
 
-@pytest.mark.parametrize("first", [[], *([name] for name in COMMANDS), *(["udt", name] for name in UDT)])
+@pytest.mark.parametrize(
+    "first", [[], *([name] for name in COMMANDS), *([c, name] for c in DEEPER for name in DEEPER[c])]
+)
 def test_what_is_read_here_is_what_argparse_reads(
     first: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,7 +74,7 @@ def test_what_is_read_here_is_what_argparse_reads(
         if here is not None:
             assert here == read_by_argparse(words), words
             taken += len(words) > len(first)
-    assert taken >= 5 or not first or first == ["udt"]
+    assert taken >= 5 or not first or first[0] in DEEPER
 
 
 @pytest.mark.parametrize("line", LINES[:-1].split("\n"))

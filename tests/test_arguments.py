@@ -31,6 +31,7 @@ race a.toml --dialect a --dialect b
 conversations a.pcapng b.pcap --plc 10.0.0.5:2000 --format json
 recording strip a.pcapng b.pcapng --no-payload --anonymise
 recording dissector
+report a.pcapng --out a.html --no-payload
 udt show a.st --type T --with b.st
 udt decode a.st 01 02 03 --format md
 udt decode a.st -

@@ -243,6 +243,14 @@ def _recording_dissector(args: SimpleNamespace) -> int:
     return 0
 
 
+def _report(args: SimpleNamespace) -> int:
+    from pathlib import Path
+
+    from trcvtui.rig.report.command import report_file
+
+    return report_file(_path(args.file), Path(args.out), not args.no_payload)
+
+
 def _race(args: SimpleNamespace) -> int:
     from trcvtui.rig.scenario.race import run_race
 
@@ -479,6 +487,13 @@ def _add_recording(parser: ArgumentRows) -> None:
     made.set_defaults(command=_recording_dissector)
 
 
+def _add_report(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_report)
+    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
+    parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
+
+
 def _add_race(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_race)
     parser.last_words = _dialect_names
@@ -537,6 +552,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "scenario": ("run without a screen", _add_scenario),
     "replay": ("a recording run again", _add_replay),
     "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
+    "report": ("a recording as one HTML page for a colleague", _add_report),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
     "status": ("explain a STATUS code", _add_status),

@@ -5,7 +5,7 @@ Rule: nothing is read from the disk here; a name in a journal is looked up in th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +27,7 @@ class RunAgain:
     def __init__(self, entries: Iterator[Entry], where: str) -> None:
         self.replay = Replay(entries, where)
         self.is_whole = False
+        self.before_close: Callable[[], None] = lambda: None  # the last look at the bench
         self._where = where
         begins = self.replay.begins
         if begins is None or begins.kernel not in KERNELS:
@@ -51,6 +52,7 @@ class RunAgain:
             elif entry.call == REST:
                 self.bench.rest()
             elif entry.call == CLOSE:
+                self.before_close()
                 self.bench.close()
                 self.replay.end()
                 self.is_whole = True

@@ -43,6 +43,7 @@ DEEPER = {
     "udt": ("show", "decode", "encode", "export", "compare", "fit", "cure"),
     "recording": ("strip", "dissector"),
 }
+NEEDED = {"report": ("--out", "a.html")}
 
 
 def read_by_argparse(words: list[str]) -> SimpleNamespace | None:
@@ -62,7 +63,12 @@ def read_here(words: list[str]) -> SimpleNamespace | None:
 
 
 @pytest.mark.parametrize(
-    "first", [[], *([name] for name in COMMANDS), *([c, name] for c in DEEPER for name in DEEPER[c])]
+    "first",
+    [
+        [],
+        *([name, *NEEDED.get(name, ())] for name in COMMANDS),
+        *([c, name] for c in DEEPER for name in DEEPER[c]),
+    ],
 )
 def test_what_is_read_here_is_what_argparse_reads(
     first: list[str], capsys: pytest.CaptureFixture[str]

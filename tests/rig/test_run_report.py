@@ -20,7 +20,7 @@ from trcvtui.capture.journal import Answered, Entry, blocks, entries_of
 from trcvtui.cli import main
 from trcvtui.rig.report.command import look_at
 from trcvtui.rig.report.page import ReportSource, page
-from trcvtui.rig.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, Lane
+from trcvtui.rig.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, TimeLane
 
 SCENARIOS = CONFIGS / "scenarios"
 SHORT_FRAME = SCENARIOS / "baosky" / "80a6-fin-mid-frame.toml"
@@ -162,7 +162,7 @@ def test_kept_are_the_first_and_the_last_with_their_numbers() -> None:
 
 
 def test_a_lane_holds_any_time_in_a_bounded_number_of_columns() -> None:
-    lane = Lane(10)
+    lane = TimeLane(10)
     lane.mark(0, 0)
     lane.mark(50, DONE)
     lane.mark(60, 0)

@@ -33,8 +33,8 @@ from trcvtui.rig.report.run_notes import (
     FirstAndLast,
     FrameTold,
     InstanceNotes,
-    Lane,
     RunNotes,
+    TimeLane,
 )
 from trcvtui.rig.scenario.runner import Verdict
 from trcvtui.rig.wording import count, times
@@ -429,7 +429,7 @@ def _utc(ns: int) -> str:
     return begin.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def _drawn(lanes: Sequence[tuple[str, Lane]], end_ns: int) -> Iterator[str]:
+def _drawn(lanes: Sequence[tuple[str, TimeLane]], end_ns: int) -> Iterator[str]:
     """Yield the drawing of lanes up to a time in ns."""
     height = ROW * len(lanes) + 24
     label = f"{count(len(lanes), 'lane')} over {_seconds(end_ns)} s"

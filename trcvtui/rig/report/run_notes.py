@@ -54,7 +54,7 @@ class FirstAndLast(Generic[T]):
         yield from self._last
 
 
-class Lane:
+class TimeLane:
     """What was seen of one thing over the time of a run, in columns of equal width."""
 
     def __init__(self, width_ns: int) -> None:
@@ -123,7 +123,7 @@ class InstanceNotes:
         self.frames: FirstAndLast[FrameTold] = FirstAndLast(frames)
         self.errors: dict[tuple[int, str], ErrorCard] = {}
         self.dropped = 0  # frames that were begun and never whole
-        self.lane = Lane(width_ns)
+        self.lane = TimeLane(width_ns)
         self.part = b""  # of the job that runs
         self.sends: tuple[int, bytes] = 0, b""  # the job that sends, and what
 
@@ -135,7 +135,7 @@ class RunNotes:
         self.bench = bench
         self.events = events
         self.instances: dict[str, InstanceNotes] = {}
-        self.links: dict[str, Lane] = {}
+        self.links: dict[str, TimeLane] = {}
         self.snapshot: Snapshot | None = None  # after the last scan
         self.advice: dict[str, Advice] = {}  # then
         self.lost = 0  # lines of the ledger that came too fast
@@ -247,7 +247,7 @@ class RunNotes:
 
     def _connection(self, at: Moment, event: ConnectionChanged) -> None:
         if event.detail != "UDP":
-            lane = self.links.setdefault(event.connection, Lane(self.bench.runtime.interval_ns))
+            lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
             if event.what is What.CONNECTED or event.what in ENDINGS:
                 lane.mark(at.t_ns, UP if event.what is What.CONNECTED else 0)
         fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""

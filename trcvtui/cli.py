@@ -222,6 +222,10 @@ def _record_to(args: SimpleNamespace) -> RecordTo | None:
 
 
 def _replay(args: SimpleNamespace) -> int:
+    if args.set or args.dialect is not None:
+        from trcvtui.rig.replay.command import what_if_file
+
+        return what_if_file(_path(args.file), args.check, args.format, args.set, args.dialect)
     from trcvtui.rig.replay.command import replay_file
 
     return replay_file(_path(args.file), args.check, args.format)
@@ -472,6 +476,10 @@ def _add_replay(parser: ArgumentRows) -> None:
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
+    parser.add_argument(
+        "--set", metavar="PATH=VALUE", action="append", default=[], help="what if it had been this"
+    )
+    parser.add_argument("--dialect", metavar="NAME", help="what if it had been this one")
 
 
 def _add_recording(parser: ArgumentRows) -> None:

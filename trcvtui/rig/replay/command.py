@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -48,6 +48,27 @@ def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
     run.replay.end()
     report.verdict(verdict)
     return verdict.passed
+
+
+def what_if_file(
+    path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
+) -> int:
+    """Run a recording again beside itself with other parameters; return 0 whether they part or not."""
+    from trcvtui.capture.recording import Recording
+    from trcvtui.rig.replay.what_if import WhatIf, print_both
+
+    if is_check:
+        raise mistake("trcvtui replay", "--check with --set or --dialect", "one of them")
+    recording = Recording(path)
+    run = WhatIf(recording.entries, str(path), sets, dialect)
+    if form is not None:
+        print_both(run, sys.stdout.write)
+    else:
+        run.play()
+        sys.stdout.writelines(f"{line}\n" for line in run.summary())
+    if recording.stopped or run.trouble:
+        sys.stderr.write(f"{recording.stopped or run.trouble}\n")
+    return SAME
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:

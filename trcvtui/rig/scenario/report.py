@@ -239,15 +239,17 @@ class JsonLines:
         self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
         """Write one line for each instance that changed."""
-        t_ms = (scan - 1) * self._interval_ns / 1e6
         for edge in changed:
-            record = {"scan": scan, "t_ms": t_ms, **_outputs(edge)}
             sent = deliveries.get(edge.instance)
-            self._line(record if sent is None else record | sent._asdict())
+            self.line(scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict())
+
+    def line(self, scan: int, record: Mapping[str, object]) -> None:
+        """Write one line of a scan."""
+        self.write({"scan": scan, "t_ms": (scan - 1) * self._interval_ns / 1e6, **record})
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""
-        self._line(
+        self.write(
             {
                 "scenario": verdict.scenario,
                 "passed": verdict.passed,
@@ -256,12 +258,13 @@ class JsonLines:
             }
         )
 
-    def _line(self, record: dict[str, object]) -> None:
+    def write(self, record: Mapping[str, object]) -> None:
+        """Write one line."""
         # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
         self._write(json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n")
 
 
-def _outputs(edge: StatusEdge) -> dict[str, object]:
+def outputs_record(edge: StatusEdge) -> dict[str, object]:
     """Return the keys of an instance; an output that its block does not have is left edge."""
     record: dict[str, object] = {
         "instance": edge.instance,

@@ -1,0 +1,660 @@
+"""What partners did in a recorded run, done again when they did it, for a bench that asks other questions.
+
+Rule 1: a partner does not react. Where he would have, `guess_from` says so; what follows is a guess.
+Rule 2: a scan meets what the recorded run met in that scan: bytes that had come, an end, a client, a refusal.
+Rule 3: bytes that nobody has read in the recorded run are a number; nobody knows them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable
+from typing import Any, Final, TypeVar, cast
+
+from trcvtui.capture.journal import GAP, STEP, Answered, EntriesLost, Entry, RunBegins
+from trcvtui.capture.replay import Replay
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.records import NamedTuple
+
+T = TypeVar("T")
+MOST_BYTES: Final = 128 << 20  # of all partners together
+MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
+NOBODY: Final = Endpoint("127.0.0.1", 0)
+TRANSPARENT: Final = ("grant", "wait")  # the bound of work is each bench's own
+STAYS: Final = (
+    "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
+    "is_free",
+)  # fmt: skip
+
+
+class CallPlace(NamedTuple):
+    """In which scan, and at which call of the PLC in it; 0: from its beginning on."""
+
+    scan: int
+    call: int = 0
+
+
+NEVER: Final = CallPlace(1 << 62)
+DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
+
+
+class Partner:
+    """One connection of a recorded run, as the PLC met it."""
+
+    def __init__(self, end: Endpoint, since: CallPlace) -> None:
+        self.end, self.since = end, since
+        self.data = bytearray()
+        self.arrived: list[tuple[CallPlace, int]] = []  # how many bytes in all, from when on
+        self.messages: list[DatedMessage] = []
+        self.ended, self.fault = NEVER, cast(Fault | None, None)
+        self.let_go = NEVER  # by the PLC
+        self.most_unread = MOST_UNREAD  # bytes that the recorded run has left to the stack
+        self.refused: Fault | None = None  # what accept answered in his place
+        self.taken: list[tuple[int, int, bool]] = []  # scan, bytes of the PLC in all, did he take all of them
+
+    def come(self, at: CallPlace, size: int) -> None:
+        """Note that so many bytes have come in all."""
+        if size > (self.arrived[-1][1] if self.arrived else 0):
+            self.arrived.append((at, size))
+
+    def over(self, at: CallPlace, fault: Fault | None) -> None:
+        """Note the end, as it was told first."""
+        self.fault = self.fault or fault
+        self.ended = min(self.ended, at)
+
+    def given(self, scan: int) -> int:
+        """Return how many bytes of the PLC were taken up to a scan."""
+        return next((total for at, total, _ in reversed(self.taken) if at <= scan), 0)
+
+
+class DialledAttempt:
+    """One call of an active CONNECT. `answer`: None is a connection; `gone`: when it was given up."""
+
+    def __init__(self) -> None:
+        self.answered, self.answer = NEVER, cast(Fault | None, None)
+        self.gone = NEVER
+        self.is_at_once = False  # answered by the call itself
+        self.partner: Partner | None = None
+
+    def is_before(self, scan: int) -> bool:
+        """Return whether nothing of it is left in this scan."""
+        over = self.gone if self.partner is None else self.partner.let_go
+        is_refused = self.answer is not None and self.answered.scan < scan
+        return is_refused or over.scan < scan
+
+
+class RecordedRun:
+    """All that a recorded run was told: partners, attempts, answers by owner and call, times of scans."""
+
+    def __init__(self, entries: Iterable[Entry], peers: Collection[str]) -> None:
+        self.times: list[int] = []
+        self.clients: dict[str, list[Partner]] = {}
+        self.attempts: dict[str, list[DialledAttempt]] = {}
+        self.answers: dict[tuple[str, str], list[tuple[CallPlace, object]]] = {}
+        self.datagrams: dict[str, list[DatedMessage]] = {}
+        self.serial: dict[str, list[tuple[CallPlace, bytes]]] = {}
+        self.begins: RunBegins | None = None
+        self.cut = 0  # the scan from which on nothing is known, 0: none
+        self.read: list[tuple[int, int]] = []  # scan, how many bytes blocks have read in all
+        self._size = 0
+        self._calls = 0
+        self._peers = peers
+        self._partners: dict[int, Partner] = {}
+        self._dialled: dict[int, tuple[Endpoint, DialledAttempt]] = {}
+        self._polled: set[int] = set()
+        self.looks_at_all: set[int] = set()  # scans in which every handle is looked at
+        self._short: set[int] = set()
+        self._nth = Counter[tuple[str, str]]()
+        for entry in entries:
+            if not self._take(entry):
+                self.cut = len(self.times) + 1
+                break
+
+    def _take(self, entry: Entry) -> bool:
+        if isinstance(entry, RunBegins):
+            self.begins = entry
+        elif isinstance(entry, Answered):
+            try:
+                self._took(entry)
+            except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
+                return False
+        return not isinstance(entry, EntriesLost) and self._size <= MOST_BYTES
+
+    def bytes_to(self, scan: int) -> int:
+        """Return how many bytes blocks have read up to a scan."""
+        return next((size for at, size in reversed(self.read) if at <= scan), 0)
+
+    def _read_more(self, size: int) -> None:
+        self._size += size
+        self.read.append((len(self.times), self._size))
+
+    def _took(self, entry: Answered) -> None:
+        owner, call, args, answer = entry
+        if call == STEP:
+            self.times.append(cast(int, answer))
+            self._calls = 0
+            self._short.clear()
+            self._nth.clear()
+            return
+        if owner in self._peers and call != "local_end":
+            return
+        if call.startswith(GAP):
+            if call == GAP + "unread" and (partner := self._partners.get(cast(int, args[0]))):
+                unread = cast(int, answer)
+                partner.most_unread = max(partner.most_unread, unread)
+                partner.come(CallPlace(len(self.times) + 1), len(partner.data) + unread)
+            return
+        self._calls += call not in TRANSPARENT
+        note = _NOTES.get(call)
+        if note is not None:
+            note(self, owner, cast(int, args[0]) if args else 0, args, answer)
+        self._keep((owner, call), answer)
+
+    def _keep(self, key: tuple[str, str], answer: object) -> None:
+        """Keep what stays so, and each Fault, with its place among the calls of its kind in the scan."""
+        self._nth[key] += 1
+        fault = answer[0] if isinstance(answer, tuple) and answer else answer
+        known = self.answers.get(key, ())
+        if isinstance(fault, Fault) or (key[1] in STAYS and not (known and known[-1][1] == answer)):
+            self.answers.setdefault(key, []).append((CallPlace(len(self.times), self._nth[key]), answer))
+
+    def _now(self, handle: int) -> CallPlace:
+        """Return since when one can see what is told now: what the poll saw, from the scan's beginning on."""
+        was_seen = handle in self._polled and handle not in self._short
+        return CallPlace(len(self.times), 0 if was_seen else self._calls)
+
+    def _ready(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        self._polled = set(answer or ())
+        if answer is None:
+            self.looks_at_all.add(len(self.times))
+
+    def _readable(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is True:
+            self._polled.add(handle)
+
+    def _accepted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if isinstance(answer, Accepted):
+            partner = Partner(answer.peer, self._now(handle))
+            self._partners[answer.handle] = partner
+            self.clients.setdefault(owner, []).append(partner)
+        elif isinstance(answer, Fault):
+            partner = Partner(NOBODY, self._now(handle))
+            partner.refused = answer
+            self.clients.setdefault(owner, []).append(partner)
+
+    def _dial(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        attempt = DialledAttempt()
+        self._dialled[handle] = cast(Endpoint, args[1]), attempt
+        self.attempts.setdefault(owner, []).append(attempt)
+        if answer is not None:
+            attempt.is_at_once = True
+            self._answered(owner, handle, args, answer)
+
+    def _answered(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is WOULD_BLOCK or handle not in self._dialled:
+            return
+        end, attempt = self._dialled.pop(handle)
+        attempt.answered, attempt.answer = CallPlace(len(self.times)), cast(Fault | None, answer)
+        if answer is None:
+            attempt.partner = self._partners[handle] = Partner(end, attempt.answered)
+
+    def _received(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        got, data = answer
+        partner, at = self._partners.get(handle), self._now(handle)
+        if len(data) < cast(int, args[1]):
+            self._short.add(handle)  # what comes now was not there before
+        if partner is None:
+            return
+        if data:
+            partner.data += data
+            partner.come(at, len(partner.data))
+            self._read_more(len(data))
+        elif got == 0 or isinstance(got, Fault):
+            partner.over(at, got or None)
+
+    def _received_whole(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        got, data = answer
+        partner, at = self._partners.get(handle), self._now(handle)
+        if isinstance(got, Datagram) or (isinstance(got, Fault) and partner is None):
+            messages = self.datagrams.setdefault(owner, []) if partner is None else partner.messages
+            messages.append((at, got, data))
+            self._read_more(len(data))
+        elif isinstance(got, Fault) and partner is not None:
+            partner.over(at, got)
+
+    def _sent(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        partner = self._partners.get(handle)
+        if partner is None:
+            return
+        if isinstance(answer, Fault) and answer.error != "EAGAIN":
+            partner.over(self._now(handle), answer)
+        before = partner.taken[-1][1] if partner.taken else 0
+        size = answer if isinstance(answer, int) else 0
+        partner.taken.append((len(self.times), before + size, size == args[1]))
+
+    def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
+            partner.over(self._now(handle), answer.fault)
+
+    def _looked(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is True and (partner := self._partners.get(handle)):
+            partner.over(self._now(handle), None)
+
+    def _left(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        now = CallPlace(len(self.times), self._calls)
+        if handle in self._dialled:
+            self._dialled.pop(handle)[1].gone = now
+        partner = self._partners.pop(handle, None)
+        if partner is not None:
+            partner.let_go = now
+
+    def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if isinstance(answer, bytes) and answer:
+            self.serial.setdefault(owner, []).append((CallPlace(len(self.times)), answer))
+            self._read_more(len(answer))
+
+
+_NOTES: Final[dict[str, Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]]] = {
+    "ready_handles": RecordedRun._ready,
+    "readable": RecordedRun._readable,
+    "accept": RecordedRun._accepted,
+    "connect": RecordedRun._dial,
+    "connect_result": RecordedRun._answered,
+    "recv": RecordedRun._received,
+    "recv_from": RecordedRun._received_whole,
+    "send": RecordedRun._sent,
+    "loss": RecordedRun._lost,
+    "renew": RecordedRun._looked,
+    "close": RecordedRun._left,
+    "abort": RecordedRun._left,
+    "port read": RecordedRun._line,
+}
+
+
+# -- and again -----------------------------------------------------------------------------------------------
+
+
+class _Socket:
+    """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` who is there."""
+
+    def __init__(self, owner: str) -> None:
+        self.owner = owner
+        self.port = NOBODY
+        self.listens = self.is_polled = False
+        self.is_udp = False
+        self.attempt: DialledAttempt | None = None
+        self.partner: Partner | None = None
+        self.read = self.messages_read = self.sent = 0
+
+
+class PartnersAgain(Replay):
+    """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
+
+    `guess_from`: the first scan in which a partner would perhaps have done something else, None: none.
+    """
+
+    def __init__(self, told: RecordedRun, peers: Collection[str]) -> None:
+        super().__init__(iter(() if told.begins is None else (told.begins,)), "what-if")
+        self.guess_from: int | None = None
+        self.bytes_read = 0
+        self.peers = peers
+        self._told = told
+        self._calls = 0
+        self._sockets: dict[int, _Socket] = {}
+        self._made = 0
+        self._seen: dict[Handle, str] = {}
+        self._clients = {owner: deque(found) for owner, found in told.clients.items()}
+        self._attempts = {owner: deque(found) for owner, found in told.attempts.items()}
+        self._datagrams = {owner: deque(found) for owner, found in told.datagrams.items()}
+        self._serial = {owner: deque(found) for owner, found in told.serial.items()}
+        self._answers = {key: deque(found) for key, found in told.answers.items()}
+        self._newest: dict[tuple[str, str], tuple[CallPlace, object]] = {}
+        self._nth = Counter[tuple[str, str]]()
+        self._calls_at = {
+            name.removeprefix("_at_").replace("port_", "port "): getattr(self, name)
+            for name in dir(self)
+            if name.startswith("_at_")
+        }
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        """Return what a partner, or nobody, answers."""
+        if call in TRANSPARENT:
+            return do()
+        if call == STEP:
+            return cast(T, self._step())
+        if self.is_busy and owner not in self.peers:
+            self._calls += 1
+        found = self._calls_at.get(call)
+        if found is None:
+            return cast(T, self._as_told(owner, call))
+        return cast(T, found(owner, *args))
+
+    def _step(self) -> int:
+        self.scan += 1
+        self._calls = 0
+        self._nth.clear()
+        times = self._told.times
+        if self.scan > 1:
+            self._look_back()
+        if self.scan <= len(times):
+            self._now = times[self.scan - 1]
+        return self._now
+
+    def _look_back(self) -> None:
+        """Find out whether the scan before has told partners something that they were not told."""
+        before = self.scan - 1
+        for socket in self._sockets.values():
+            partner = socket.partner
+            if partner is None or self.guess_from is not None:
+                continue
+            unread = self._arrived(socket) - socket.read
+            if (
+                socket.sent != partner.given(before)
+                or partner.let_go.scan <= before
+                or unread > partner.most_unread
+            ):
+                self.is_guess()
+
+    def is_guess(self) -> None:
+        """Note that from this scan on a partner would perhaps have done something else."""
+        if self.guess_from is None:
+            self.guess_from = max(self.scan, 1)
+
+    def _has_come(self, at: CallPlace) -> bool:
+        return at <= (self.scan, self._calls)
+
+    def _as_told(self, owner: str, call: str) -> object:
+        """Return the Fault of the same call in the recorded scan; of what stays so, what was told last."""
+        key = owner, call
+        self._nth[key] += 1
+        now, answers = CallPlace(self.scan, self._nth[key]), self._answers.get(key)
+        while answers and answers[0][0] <= now:
+            at, answer = answers.popleft()
+            self._newest[key] = at, answer
+        at, newest = self._newest.get(key, (NEVER, None))
+        is_of_once = call not in STAYS or (isinstance(newest, Fault) and newest.injected)
+        return newest if at == now or not is_of_once else None
+
+    def coming(self) -> Answered | None:
+        """Return nothing: who tells this bench what to do has read the journal himself."""
+        return None
+
+    def end(self) -> None:
+        """Do nothing."""
+
+    # -- calls of a kernel -----------------------------------------------------------------------------
+
+    def _open(self, owner: str, is_udp: bool = False) -> int | Fault:
+        if owner not in self.peers:
+            failed = self._as_told(owner, "datagram_socket" if is_udp else "socket")
+            if isinstance(failed, Fault):
+                return failed
+        self._made += 1
+        socket = self._sockets[self._made] = _Socket(owner)
+        socket.is_udp = is_udp
+        return self._made
+
+    def _at_socket(self, owner: str) -> int | Fault:
+        return self._open(owner)
+
+    def _at_datagram_socket(self, owner: str) -> int | Fault:
+        return self._open(owner, is_udp=True)
+
+    def _at_local_addresses(self, owner: str) -> object:
+        known = self._as_told(owner, "local_addresses")
+        found = known if isinstance(known, tuple) else ()
+        return tuple([each for each in found if isinstance(each, LocalAddress)])
+
+    def _at_is_free(self, owner: str, end: Endpoint) -> bool:
+        return self._as_told(owner, "is_free") is not False
+
+    def _at_link(self, owner: str, up: bool) -> tuple[str, str]:
+        return "", "as it was recorded"
+
+    def _at_set_link(self, owner: str, up: bool) -> str:
+        return ""
+
+    def _at_set_options(self, owner: str, *args: object) -> object:
+        refused = self._as_told(owner, "set_options")
+        return refused if isinstance(refused, tuple) else ()
+
+    def _at_bind(self, owner: str, handle: int, end: Endpoint) -> object:
+        self._sockets[handle].port = end
+        return None if owner in self.peers else self._as_told(owner, "bind")
+
+    def _at_local_end(self, owner: str, handle: int) -> object:
+        found = self._as_told(owner, "local_end")
+        return found if isinstance(found, Endpoint) else self._sockets[handle].port
+
+    def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
+        failed = None if owner in self.peers else self._as_told(owner, "listen")
+        self._sockets[handle].listens = failed is None
+        return failed
+
+    def _at_poll_add(self, owner: str, handle: int) -> object:
+        self._sockets[handle].is_polled = True
+        return self._as_told(owner, "poll_add")
+
+    def _at_poll_del(self, owner: str, handle: int) -> object:
+        self._sockets[handle].is_polled = False
+        self._seen.pop(Handle(handle), None)
+        return self._as_told(owner, "poll_del")
+
+    def _at_poll(self, owner: str) -> None:
+        if owner not in self.peers:
+            self._seen = {
+                Handle(h): s.owner for h, s in self._sockets.items() if s.is_polled and self._has_news(s)
+            }
+
+    def _at_ready_handles(self, owner: str) -> dict[Handle, str] | None:
+        return None if self.scan in self._told.looks_at_all else dict(self._seen)
+
+    def _at_readable(self, owner: str, handle: int) -> bool:
+        return handle in self._seen
+
+    def _at_renew(self, owner: str, handle: int) -> bool:
+        socket = self._sockets[handle]
+        if self._has_news(socket):
+            self._seen[Handle(handle)] = socket.owner
+        return self._is_over(socket)
+
+    def _has_news(self, socket: _Socket) -> bool:
+        if socket.owner in self.peers:
+            return False
+        if socket.listens:
+            clients = self._clients.get(socket.owner)
+            return bool(clients and self._has_come(clients[0].since))
+        if socket.is_udp:
+            datagrams = self._datagrams.get(socket.owner)
+            return bool(datagrams and self._has_come(datagrams[0][0]))
+        if socket.attempt is not None:
+            return self._has_come(socket.attempt.answered)
+        return (
+            self._arrived(socket) > socket.read or self._message(socket) is not None or self._is_over(socket)
+        )
+
+    def _arrived(self, socket: _Socket) -> int:
+        """Return how many bytes have come in all, known ones or not."""
+        arrived = socket.partner.arrived if socket.partner is not None else []
+        return next((size for at, size in reversed(arrived) if self._has_come(at)), 0)
+
+    def _message(self, socket: _Socket) -> DatedMessage | None:
+        messages = socket.partner.messages if socket.partner is not None else []
+        if socket.messages_read < len(messages) and self._has_come(messages[socket.messages_read][0]):
+            return messages[socket.messages_read]
+        return None
+
+    def _is_over(self, socket: _Socket) -> bool:
+        return socket.partner is not None and self._has_come(socket.partner.ended)
+
+    def _at_accept(self, owner: str, handle: int) -> object:
+        clients = self._clients.get(owner)
+        if owner in self.peers or not clients or not self._has_come(clients[0].since):
+            return WOULD_BLOCK
+        partner = clients.popleft()
+        if partner.refused is not None:
+            return partner.refused
+        if partner.since.scan < self.scan:
+            self.is_guess()  # he would have waited for an answer
+        for socket in self._sockets.values():
+            if socket.owner == owner and socket.partner is not None:
+                self._give_up(socket.partner)
+        made = self._open(owner)
+        if isinstance(made, Fault):
+            return made
+        self._sockets[made].partner = partner
+        self._sockets[made].port = self._sockets[handle].port
+        return Accepted(Handle(made), partner.end)
+
+    def _give_up(self, partner: Partner) -> None:
+        """Let a partner end whom the recorded run had let go before this moment: he has come again since."""
+        if partner.ended is NEVER and partner.let_go <= (self.scan, self._calls):
+            partner.ended = CallPlace(self.scan)
+
+    def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
+        if owner in self.peers:
+            return None
+        attempts = self._attempts.get(owner)
+        while attempts and attempts[0].is_before(self.scan):
+            attempts.popleft()
+            self.is_guess()
+        if not attempts:
+            self.is_guess()
+            return None
+        attempt = self._sockets[handle].attempt = attempts.popleft()
+        return attempt.answer if attempt.is_at_once else None
+
+    def _at_connect_result(self, owner: str, handle: int) -> object:
+        socket = self._sockets[handle]
+        attempt = socket.attempt
+        if attempt is None or not self._has_come(attempt.answered):
+            return WOULD_BLOCK
+        socket.attempt = None
+        socket.partner = attempt.partner
+        return attempt.answer
+
+    def _at_recv(self, owner: str, handle: int, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        socket = self._sockets[handle]
+        partner = socket.partner
+        if owner in self.peers or partner is None:
+            return WOULD_BLOCK, b""
+        failed = self._as_told(owner, "recv")
+        fault = failed[0] if isinstance(failed, tuple) else None
+        if isinstance(fault, Fault) and fault.error == "EAGAIN":
+            return fault, b""
+        there = self._arrived(socket)
+        if there > socket.read:
+            data = bytes(partner.data[socket.read : min(there, socket.read + size)])
+            if len(data) < min(there - socket.read, size):
+                self.is_guess()  # rule 3
+            if data:
+                socket.read += len(data)
+                self.bytes_read += len(data)
+                return len(data), data
+        if self._is_over(socket):
+            return partner.fault or 0, b""
+        return WOULD_BLOCK, b""
+
+    def _at_recv_from(
+        self, owner: str, handle: int, size: int
+    ) -> tuple[Datagram | WouldBlock | Fault, bytes]:
+        socket = self._sockets[handle]
+        found = self._message(socket)
+        if socket.is_udp:
+            datagrams = self._datagrams.get(owner)
+            found = datagrams.popleft() if datagrams and self._has_come(datagrams[0][0]) else None
+        if owner in self.peers or found is None:
+            return self._no_message(socket)
+        socket.messages_read += 1
+        _, was, data = found
+        if isinstance(was, Fault):
+            return was, b""
+        self.bytes_read += min(size, was.size)
+        if size > was.size < was.whole:
+            self.is_guess()  # the recorded run had no room for the rest
+        return Datagram(min(size, was.size), was.source, was.whole), data[:size]
+
+    def _no_message(self, socket: _Socket) -> tuple[WouldBlock | Fault, bytes]:
+        fault = socket.partner.fault if socket.partner is not None else None
+        return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
+
+    def _at_loss(self, owner: str, handle: int) -> KernelLoss | None:
+        socket = self._sockets[handle]
+        if socket.partner is None or not self._is_over(socket):
+            return None
+        return KernelLoss(socket.partner.fault, self._arrived(socket) - socket.read)
+
+    def _at_discard(self, owner: str, handle: int, most: int) -> int:
+        socket = self._sockets[handle]
+        size = min(most, self._arrived(socket) - socket.read)
+        socket.read += size
+        return size
+
+    def _at_unread(self, owner: str, handle: int) -> int:
+        socket = self._sockets.get(handle)
+        return 0 if socket is None else self._arrived(socket) - socket.read
+
+    def _at_path(self, owner: str, handle: int) -> object:
+        known = self._as_told(owner, "path")
+        return known if isinstance(known, PathInfo) else None
+
+    def _at_send(self, owner: str, handle: int, size: int, check: int) -> object:
+        socket = self._sockets[handle]
+        partner = socket.partner
+        if partner is None:
+            return WOULD_BLOCK
+        told = self._as_told(owner, "send")
+        if isinstance(told, Fault):
+            return told
+        if partner.fault is not None and self._is_over(socket):
+            return partner.fault
+        taken = size
+        newest = next((each for each in reversed(partner.taken) if each[0] <= self.scan), None)
+        if newest is not None and not newest[2]:  # he took no more
+            taken = max(0, min(size, newest[1] - socket.sent))
+        socket.sent += taken
+        return taken or WOULD_BLOCK
+
+    def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
+        if owner in self.peers:
+            return WOULD_BLOCK
+        told = self._as_told(owner, "send_to")
+        return told if isinstance(told, Fault) else size
+
+    def _gone(self, owner: str, call: str, handle: int) -> object:
+        socket = self._sockets.pop(handle, None)
+        self._seen.pop(Handle(handle), None)
+        partner = socket.partner if socket is not None and not self._is_over(socket) else None
+        if partner is not None and partner.let_go.scan != self.scan:
+            self.is_guess()
+        told = self._as_told(owner, call)
+        return told if isinstance(told, Fault) else None
+
+    def _at_close(self, owner: str, handle: int) -> object:
+        return self._gone(owner, "close", handle)
+
+    def _at_abort(self, owner: str, handle: int) -> object:
+        return self._gone(owner, "abort", handle)
+
+    # -- a serial line ---------------------------------------------------------------------------------
+
+    def _at_port_read(self, owner: str, most: int) -> object:
+        parts = self._serial.get(owner)
+        told = self._as_told(owner, "port read")
+        if isinstance(told, Fault):
+            return told
+        if not parts or not self._has_come(parts[0][0]):
+            return b""
+        at, data = parts.popleft()
+        if len(data) > most:
+            parts.appendleft((at, data[most:]))
+        self.bytes_read += len(data[:most])
+        return data[:most]
+
+    def _at_port_write(self, owner: str, size: int, check: int) -> object:
+        told = self._as_told(owner, "port write")
+        return told if isinstance(told, Fault) else size
+
+    def _at_port_arrive(self, owner: str, size: int, check: int) -> bool:
+        return True

@@ -245,8 +245,36 @@ def test_a_recording_that_was_cut_is_told_as_far_as_it_goes(
     [line] = capsys.readouterr().err.splitlines()
     assert re.search(r"R.pcapng: byte \d+: found the end of the file, expected the rest of a block", line)
     said = plain(out.read_text())
-    assert "500 scans of the run were seen, no more: R.pcapng: byte " in said
+    assert "500 scans of the run could be run again, no more: R.pcapng: byte " in said
+    assert "up to scan 500: no ERROR" in said and "In scan" not in said
     assert "job 5, received 24 B, scan 501" not in said and "job 4, received 24 B, scan 401" in said
+
+
+@NEEDS_OPENSSL
+def test_of_a_recording_without_secrets_the_outputs_are_told_as_its_journal_says(
+    secure_bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = recording(tmp_path, secure_bench / "tls-server.toml", "--no-secrets"), tmp_path / "X.html"
+    capsys.readouterr()
+    assert main(["report", str(file), "--out", str(out)]) == 1
+    assert "--no-secrets: it can be looked at, not replayed" in capsys.readouterr().err
+    said = plain(out.read_text())
+    assert (
+        "up to scan 552: 9 ERRORs at 1 instance" in said and "scans 1 to 552: what the journal says" in said
+    )
+    assert "541 5.400 16#80E1" in said and "In scan 0: 16#0000" in said
+
+
+def test_a_run_that_goes_on_otherwise_is_told_as_the_journal_says_from_there_on() -> None:
+    _, entries = recorded(SHORT_FRAME)
+    at = next(n for n, one in enumerate(entries) if isinstance(one, Answered) and one.args[1:2] == (0x7006,))
+    one = entries[at]
+    assert isinstance(one, Answered)
+    said = plain(told([*entries[:at], one._replace(args=("C1", 0x7001, *one.args[2:])), *entries[at + 1 :]]))
+    assert "up to scan 12: 2 ERRORs at 1 instance" in said
+    assert "5 scans of the run could be run again, no more: R: scan 5: found shows (" in said
+    assert "scans 6 to 12: what the journal says" in said and "In scan 5: 16#7006" in said
+    assert "8 0.070 16#80A6 ERROR" in said
 
 
 def test_a_report_is_written_for_its_owner_alone_and_replaces_nothing_but_a_report(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from hashlib import sha256
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,7 @@ from trcvtui.rig.report.run_notes import EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.scenario.runner import Runner, Verdict
 
 WHOLE, ENDS_EARLY = 0, 1
+SHOWS: Final = "shows"  # the call of an instance that tells its outputs
 MOST_EVENTS: Final = 150
 
 
@@ -37,22 +39,37 @@ class _NotedScans:
         self._notes.scanned()
 
 
-def _noting_commands(entries: Iterator[Entry], events: FirstAndLast[EventTold]) -> Iterator[Entry]:
-    """Yield them all, and note each command with the scan before it."""
-    at = Moment()
-    for entry in entries:
-        if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
-            at = Moment(at.scan + 1, entry.answer)
-        elif isinstance(entry, Answered) and entry.call == DO and len(entry.args) == 1:
-            events.add(EventTold(at, "", str(entry.args[0])))
-        yield entry
+class _Heard:
+    """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
+
+    def __init__(self, entries: Iterator[Entry]) -> None:
+        self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
+        self._entries = entries
+        self._at = Moment()
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Yield them all."""
+        for entry in self._entries:
+            if isinstance(entry, Answered):
+                if entry.call == STEP and isinstance(entry.answer, int):
+                    self._at = Moment(self._at.scan + 1, entry.answer)
+                elif entry.call == DO and len(entry.args) == 1:
+                    self.events.add(EventTold(self._at, "", str(entry.args[0])))
+            yield entry
+
+    def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
+        """Tell what the journal says of outputs from this entry on: no replay has come so far."""
+        for entry in chain((front,), self):
+            if isinstance(entry, Answered) and entry.call == SHOWS:
+                notes.shown(self._at, entry.owner, entry.args)
+        notes.end_of_rest(self._at)
 
 
 def look_at(entries: Iterator[Entry], where: str) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
-    events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
-    run = RunAgain(_noting_commands(entries, events), where)
-    notes, verdict, stopped = RunNotes(run.bench, events), None, ""
+    heard = _Heard(entries)
+    run = RunAgain(iter(heard), where)
+    notes, verdict, stopped = RunNotes(run.bench, heard.events), None, ""
     run.before_close = notes.end
     try:
         if run.scenario is not None:
@@ -69,7 +86,9 @@ def look_at(entries: Iterator[Entry], where: str) -> tuple[RunAgain, RunNotes, V
                 raise run.differs()
     except UserError as told:
         stopped = str(told)
-    notes.end()
+        run.replay.is_busy = False  # the last look is one in a gap
+        notes.end()
+        heard.tell_rest(notes, run.replay.coming())
     return run, notes, verdict, stopped
 
 

@@ -129,29 +129,34 @@ class _Told:
         self._notes = notes
         self._project = notes.bench.project
         self._has_payload = has_payload
-        self._names = list(notes.instances)[:MOST_INSTANCES]
+        names = [name for name, each in notes.instances.items() if each.edges.count]
+        self._names, self._left_out = names[:MOST_INSTANCES], len(names[MOST_INSTANCES:])
 
     # -- above -------------------------------------------------------------------------------------------
 
     def verdict(self, verdict: Verdict | None, stopped: str) -> Iterator[str]:
         """Yield how it ended: the expectations, the ERRORs, whether the run was seen whole."""
-        errors = [card for each in self._notes.instances.values() for card in each.errors.values()]
-        total = sum(card.times for card in errors)
-        at = len({card.first.edge.instance for card in errors})
-        found = f"{count(total, 'ERROR')} at {count(at, 'instance')}" if errors else "no ERROR"
-        is_bad = bool(errors)
+        counts = [each.error_edges.count for each in self._notes.instances.values()]
+        at = sum(map(bool, counts))
+        found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"
+        is_bad = at > 0
         if verdict is not None:
             is_bad = not verdict.passed
             failed = count(len(verdict.failures), "expectation")
             found = f"passed, {found}" if verdict.passed else f"FAILED: {failed} did not hold; {found}"
+        seen, until = self._notes.seen.scan, self._notes.until.scan
+        if stopped:
+            found = f"up to scan {until}: {found}" if until else "nothing of the run could be seen"
         yield f'<p class="verdict{" bad" * (is_bad or bool(stopped))}">{_text(found)}</p>\n'
-        scans = count(self._notes.bench.runtime.scans, "scan")
-        seen = (
-            f"{scans} of the run were seen, no more: {stopped}"
-            if stopped
-            else f"run again from the recording, {scans}: the same"
-        )
-        yield f'<p class="soft">{_text(seen)}</p>\n'
+        told = f"run again from the recording, {count(seen, 'scan')}: the same"
+        if stopped:
+            told = f"{count(seen, 'scan')} of the run could be run again, no more: {stopped}"
+        yield f'<p class="soft">{_text(told)}</p>\n'
+        if until > seen:
+            rest = (
+                f"scans {seen + 1} to {until}: what the journal says; nobody knows why, frames are not known"
+            )
+            yield f'<p class="soft">{rest}</p>\n'
         if self._notes.lost:
             lost = count(self._notes.lost, "line")
             yield f'<p class="soft">{lost} of the ledger came too fast for this page</p>\n'
@@ -164,12 +169,11 @@ class _Told:
 
     def facts(self, source: ReportSource, begins: RunBegins) -> Iterator[str]:
         """Yield where all of it comes from."""
-        runtime = self._notes.bench.runtime
+        scans, each = count(self._notes.until.scan, "scan"), self._notes.bench.runtime.interval_ns / 1e6
         kernel = f"simulated network, seed {begins.seed}" if begins.kernel == "sim" else "real network"
-        ns, interval = self._notes.bench.now, runtime.interval_ns
         yield _definitions(
             ("begin", _utc(begins.wall_ns)),
-            ("length", f"{_seconds(ns)} s, {count(runtime.scans, 'scan')}, one each {interval / 1e6:g} ms"),
+            ("length", f"{_seconds(self._notes.until.t_ns)} s, {scans}, one each {each:g} ms"),
             ("PLC", f"{self._project.dialect.title}, {self._project.model}"),
             ("network", kernel),
             ("recording", f"{source.name}, {source.size} bytes, made by trcvtui {begins.program}"),
@@ -183,11 +187,10 @@ class _Told:
         """Yield a lane each for connections and instances over the whole run."""
         links = sorted(self._notes.links.items())[:MOST_INSTANCES]
         lanes = [*links, *((name, self._notes.instances[name].lane) for name in self._names)]
-        end = self._notes.snapshot.t_ns if self._notes.snapshot is not None else 0
         if not lanes:
             return
         yield "<h2>Time line</h2>\n"
-        yield from _drawn(lanes, end + self._notes.bench.runtime.interval_ns)
+        yield from _drawn(lanes, self._notes.until.t_ns + self._notes.bench.runtime.interval_ns)
         legend = (
             ("up", "connected"), ("busy", "BUSY"), ("done", "DONE"), ("error", "ERROR"),
         )  # fmt: skip
@@ -208,21 +211,19 @@ class _Told:
         yield "<h2>Instances</h2>\n"
         titles = ("instance", "block", "works on", "STATUS at the end", "since", "jobs", "dropped", "ERRORs")
         yield _table(titles, (self._overview(name) for name in self._names), ".....nnn")
-        left_out = len(self._notes.instances) - len(self._names)
-        if left_out:
-            yield f"<p>{count(left_out, 'instance')} more in the recording</p>\n"
+        if self._left_out:
+            yield f"<p>{count(self._left_out, 'instance')} more in the recording</p>\n"
         for number, name in enumerate(self._names):
             yield f'<h2 id="i{number}">{_text(name)}</h2>\n'
             yield from self._instance(self._notes.instances[name], name)
 
     def _overview(self, name: str) -> Sequence[str]:
-        last = self._notes.last(name)
-        if last is None:
-            return name, "", "", "not there at the end", "", "", "", ""
-        status = self._status(last.outputs.status, last.block)
-        since = f"scan {last.since_scan}"
-        dropped = str(self._notes.instances[name].dropped)
-        return name, last.block, last.connect, status, since, str(last.jobs_done), dropped, str(last.errors)
+        notes, last = self._notes.instances[name], self._notes.last(name)
+        *_, (_, told) = notes.edges
+        status, since = self._status(told.edge.outputs.status, told.edge.block), f"scan {told.at.scan}"
+        works_on, jobs = (last.connect, str(last.jobs_done)) if last is not None else ("", "gone")
+        errors = str(notes.error_edges.count)
+        return name, told.edge.block, works_on, status, since, jobs, str(notes.dropped), errors
 
     def _status(self, status: int, block: str) -> str:
         row = self._project.dialect.row(status, block)
@@ -231,9 +232,10 @@ class _Told:
     def _instance(self, notes: InstanceNotes, name: str) -> Iterator[str]:
         last = self._notes.last(name)
         if last is not None and name in self._notes.advice:
-            head = (
-                f"At the end: {self._status(last.outputs.status, last.block)}, since scan {last.since_scan}"
+            when = (
+                "At the end" if self._notes.seen == self._notes.until else f"In scan {self._notes.seen.scan}"
             )
+            head = f"{when}: {self._status(last.outputs.status, last.block)}, since scan {last.since_scan}"
             yield _card(head, self._notes.advice[name], is_bad=last.outputs.error)
         for card in notes.errors.values():
             edge, at = card.first.edge, card.first.at

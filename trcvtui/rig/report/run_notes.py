@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar, cast
 
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartDropped, SendEnded, SendStarted
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
-from trcvtui.plc.ledger import BenchNote, Event, StatusEdge
+from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.bench.bench import Bench
@@ -31,6 +32,7 @@ MOST_ERRORS: Final = 100  # unlike each other
 MOST_BYTES: Final = 4096  # of a frame
 COLUMNS: Final = 1000  # of the time line, at most
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
+NOT_SEEN: Final = Cause(Why.SEQUENCE, "")
 LIT: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
 
 
@@ -136,8 +138,9 @@ class RunNotes:
         self.events = events
         self.instances: dict[str, InstanceNotes] = {}
         self.links: dict[str, TimeLane] = {}
-        self.snapshot: Snapshot | None = None  # after the last scan
+        self.snapshot: Snapshot | None = None  # after the last scan that could be seen
         self.advice: dict[str, Advice] = {}  # then
+        self.seen = self.until = Moment()  # that scan; the last one that the journal tells of
         self.lost = 0  # lines of the ledger that came too fast
         self._seq = 0
         self._index = StreamIndex()
@@ -180,8 +183,25 @@ class RunNotes:
             evidence = evidence_now(picture, self.bench.project, instance.name)
             if evidence is not None:
                 self.advice[instance.name] = advice_on(evidence)
+        self.seen = self.until = Moment(self.snapshot.scan, self.snapshot.t_ns)
         for lane in (*self.links.values(), *(each.lane for each in self.instances.values())):
-            lane.go_on(self.snapshot.t_ns)
+            lane.go_on(self.seen.t_ns)
+
+    def shown(self, at: Moment, instance: str, args: tuple[object, ...]) -> None:
+        """Take outputs that a journal tells after the last scan that could be seen; nobody knows why."""
+        decl = self.bench.project.instance(instance)
+        if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
+            return
+        if all(isinstance(each, int | None) for each in args[2:]):
+            outputs = Outputs._make(cast(tuple[int, ...], args[1:]))
+            self._edge(EdgeTold(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
+            self._fresh.clear()
+
+    def end_of_rest(self, at: Moment) -> None:
+        """Let instances show what they show up to here, the end of the journal."""
+        self.until = max(self.until, at, key=lambda moment: moment.scan)
+        for each in self.instances.values():
+            each.lane.go_on(self.until.t_ns)
 
     def last(self, name: str) -> InstanceSnapshot | None:
         """Return an instance after the last scan."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from trcvtui.project.project import Project
+    from trcvtui.rig.engine.driver import EngineDriver
     from trcvtui.rig.recording.recorder import RecordTo
 
 GOOD: Final = 0
@@ -138,7 +139,6 @@ def _open_screen(
     read_only: bool = False,
     record: RecordTo | None = None,
 ) -> int:
-    import gc
     import os
 
     if netns:
@@ -150,17 +150,27 @@ def _open_screen(
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _is_there(path):
         return WRONG_INPUT
-    from trcvtui.rig.engine.driver import EngineStopped, start_engine
+    from trcvtui.rig.engine.driver import start_engine
+
+    return _show(lambda: start_engine(path, kernel, netns, read_only, record), theme, read_only)
+
+
+def _show(
+    start: Callable[[], EngineDriver], theme: str | None, read_only: bool = False, is_replay: bool = False
+) -> int:
+    import gc
+    import os
+
+    from trcvtui.rig.engine.driver import EngineStopped
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
-    # At once: it reads the project while the screen is imported.
-    driver = start_engine(path, kernel, netns, read_only, record)
+    driver = start()  # at once: it reads the project while the screen is imported
     try:
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, driver.project(), theme, read_only)
+        return run_app(driver, driver.project(), theme, read_only, is_replay)
     except EngineStopped as stopped:  # before there was a screen that could show it
         sys.stderr.write(f"{str(stopped).rstrip()}\n")
         return FAILED
@@ -226,9 +236,19 @@ def _replay(args: SimpleNamespace) -> int:
         from trcvtui.rig.replay.command import what_if_file
 
         return what_if_file(_path(args.file), args.check, args.format, args.set, args.dialect)
+    import os
+
+    if not args.check and args.format is None and os.isatty(0) and os.isatty(1):
+        return _show(lambda: _replay_driver(args), None, is_replay=True)
     from trcvtui.rig.replay.command import replay_file
 
     return replay_file(_path(args.file), args.check, args.format)
+
+
+def _replay_driver(args: SimpleNamespace) -> EngineDriver:
+    from trcvtui.rig.replay.time_line import ReplayDriver
+
+    return ReplayDriver(_path(args.file), args.at)
 
 
 def _recording_strip(args: SimpleNamespace) -> int:
@@ -480,6 +500,9 @@ def _add_replay(parser: ArgumentRows) -> None:
         "--set", metavar="PATH=VALUE", action="append", default=[], help="what if it had been this"
     )
     parser.add_argument("--dialect", metavar="NAME", help="what if it had been this one")
+    parser.add_argument(
+        "--at", metavar="SCAN|T#..", default="1", help="where the screen opens; default: scan 1"
+    )
 
 
 def _add_recording(parser: ArgumentRows) -> None:

@@ -12,7 +12,15 @@ from trcvtui.plc.snapshot import BareSnapshot, Snapshot
 from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
-from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot
+from trcvtui.rig.snapshots import (
+    Answer,
+    EngineTiming,
+    Fired,
+    PeerSnapshot,
+    PlayerSnapshot,
+    Position,
+    TrialSnapshot,
+)
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project
@@ -74,6 +82,7 @@ class BenchUpdate:
     recordings: tuple[
         tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
+    position: Position | None = None  # of a replay in its recording
 
 
 class BareUpdate(NamedTuple):

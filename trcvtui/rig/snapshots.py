@@ -180,3 +180,23 @@ class Fired:
     scan: int
     t_ns: int
     holds: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where a replay stands in its recording. `last_scan` is known for sure once the recording `is_read`.
+
+    `wanted` is the scan that it goes to, times are ns of the run; `marks` has 1 for each piece of the run in
+    which an ERROR comes, 0 for the others.
+    """
+
+    scan: int
+    last_scan: int
+    t_ns: int
+    last_t_ns: int
+    is_read: bool
+    wanted: int
+    speed: str
+    errors: int
+    marks: bytes
+    note: str = ""

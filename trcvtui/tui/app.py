@@ -89,6 +89,7 @@ class BenchApp(App[None]):
         project: Project,
         settings: ScreenSettings | None = None,
         read_only: bool = False,
+        replay: bool = False,
     ) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         self._settings = settings or ScreenSettings()
@@ -98,7 +99,8 @@ class BenchApp(App[None]):
         self._engine = driver
         self._home = project.path
         self.view_model = ViewModel(project)
-        self.main = MainScreen(self.view_model, self.submit)
+        self._is_replay = replay
+        self.main = _replay_screen(self) if replay else MainScreen(self.view_model, self.submit)
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
@@ -240,6 +242,9 @@ class BenchApp(App[None]):
         if self._read_only and not may_say(line):
             self.main.prompt.did(line, "", REFUSED)
             return
+        if self._is_replay and line in (SCENARIOS, RACE):
+            self._refuse()
+            return
         if is_for_lab(line):
             self._open_lab(line)
             return
@@ -256,8 +261,8 @@ class BenchApp(App[None]):
             self.main.prompt.sent(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
-        """Open a screen above the panes; a read-only one opens few."""
-        if self._read_only and not may_open(screen):
+        """Open a screen above the panes; a read-only one opens few, a replay none that changes something."""
+        if (self._read_only and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
@@ -274,7 +279,10 @@ class BenchApp(App[None]):
         return self._read_only
 
     def _refuse(self) -> None:
-        (self.main.prompt.complain if self.screen is self.main else self._notify)(REFUSED)
+        text = REFUSED
+        if self._is_replay:
+            from trcvtui.rig.replay.time_line import CANNOT as text
+        (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:
         """Send a line to the engine, whoever asks: panes, scenarios, lab, race."""
@@ -487,6 +495,18 @@ class BenchApp(App[None]):
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
 
 
+def _replay_screen(app: BenchApp) -> MainScreen:
+    from trcvtui.tui.replay import ReplayScreen  # a bench has no time line
+
+    return ReplayScreen(app.view_model, app.submit)
+
+
+def _is_for_replay(screen: object) -> bool:
+    from trcvtui.tui.replay import may_open
+
+    return may_open(screen)
+
+
 def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
     """Return enter for ctrl+j: so a terminal that is not the screen's yet passes it on."""
     return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
@@ -503,12 +523,14 @@ def _quiet_collector() -> None:
     gc.set_threshold(YOUNG, 1_000_000, 1_000_000)
 
 
-def run_app(driver: Driver, project: Project, theme: str | None = None, read_only: bool = False) -> int:
-    """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
+def run_app(
+    driver: Driver, project: Project, theme: str | None = None, read_only: bool = False, replay: bool = False
+) -> int:
+    """Open the screen on a bench or a replay; return 0, or 1 when the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         close_files("this screen is read-only")
-    app = BenchApp(driver, project, settings, read_only)
+    app = BenchApp(driver, project, settings, read_only, replay)
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")

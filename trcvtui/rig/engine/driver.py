@@ -10,7 +10,7 @@ import os
 import pickle
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -114,17 +114,21 @@ class EngineDriver:
 
     def _start(self) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
-        from trcvtui.rig.engine.engine import engine_main
-
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        asked = theirs, *self._asked, self._record
-        self._process = context.Process(target=engine_main, args=asked, daemon=True)
+        main, asked = self._program()
+        self._process = context.Process(target=main, args=(theirs, *asked), daemon=True)
         self._process.start()
         theirs.close()
         self._arriving = Arriving(self._channel)
         self._outstanding = False
         self._project: Project | None = None
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        """Return what runs in the process, and what it gets after the channel."""
+        from trcvtui.rig.engine.engine import engine_main
+
+        return engine_main, (*self._asked, self._record)
 
     def restart(self) -> None:
         """Start the engine anew; the project that it reads comes with the first picture."""

@@ -76,7 +76,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     from trcvtui.capture.recording import Recording
 
     if not is_check and form is None:
-        raise mistake("trcvtui replay", "neither --check nor --format", "one of them")
+        raise mistake("trcvtui replay", "no terminal, neither --check nor --format", "one of them")
     recording = Recording(path)
     run = RunAgain(recording.entries(), str(path))
     if is_check:

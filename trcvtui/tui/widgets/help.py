@@ -135,6 +135,15 @@ LAB: Final = (
     (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
     ("esc or q", "back to the bench; files that change are read again while the lab is open"),
 )
+TIME_LINE: Final = (
+    ("← → or ,", "one scan back, one on; with shift an edge of the selected instance"),
+    ("!", 'the next ERROR of any instance; " or @: the one before'),
+    ("g", "go to a time or a scan: at T#12m3s, at scan 1062; home and end: the first, the last"),
+    ("space", "play, stop; . is one scan on"),
+    ("+ -", "faster, slower: 0.1x to the fastest"),
+    ("T", "the next scan in which a trigger fires"),
+    ("9 or esc", "the keys to the time line; a pane that has the focus keeps its own"),
+)
 KeyTable = tuple[tuple[str, str], ...]
 # Which table is about a pane, by the id of it or of what it stands in.
 SECTION_OF: Final = {
@@ -197,7 +206,10 @@ class HelpText(TextView):
             first, *rest = wrapped(f"✗ {plain(problem)}", self.line_width - 2)
             rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
         rows += [EMPTY] * bool(rows)
-        for title, table in sections_for(self._focused):
+        picture = self._view_model.live
+        is_replay = picture is not None and picture.position is not None
+        time_line = [("Time line of the recording", TIME_LINE)] if is_replay else []
+        for title, table in [*time_line, *sections_for(self._focused)]:
             rows.append(row((title, "strong")))
             for shown, what in table:
                 key = names.get(shown.split(" or ")[0], shown)

@@ -355,9 +355,10 @@ class HeaderLine(OneLine):
             pieces.append(HeaderWord(f"recording: {clip(plain(now.recorded), MOST_TRIGGER)}", "warn", 3))
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
-        pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
-        style = "warn" if timing.overruns else "dim"
-        pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
+        if now.position is None:  # a replay is late for nothing
+            pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
+            style = "warn" if timing.overruns else "dim"
+            pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))
         if snapshot.connections_limit:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"

@@ -1,0 +1,195 @@
+"""A replay goes to any scan of its recording, by number, time, edge, ERROR or trigger."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from tests.rig.scenarios import CONFIGS
+from tests.rig.test_recorded_run import recorded
+from trcvtui.capture.journal import STEP, Answered, Entry
+from trcvtui.errors import UserError
+from trcvtui.plc.snapshot import Snapshot
+from trcvtui.rig import clock
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.replay import time_line as module
+from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.time_line import CANNOT, TimeLine, read_at
+
+LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
+LAST, ERRORS = 394, (303, 391)
+INSTANCE = "TRCV_C_1"
+
+
+@cache
+def journal() -> tuple[Entry, ...]:
+    """Return the journal of a scenario in which a link goes down."""
+    return tuple(recorded(LINK_DOWN)[1])
+
+
+class Stood:
+    """A time line that is given all the work it needs after each line."""
+
+    def __init__(self, at: str = "1", entries: tuple[Entry, ...] | None = None) -> None:
+        given = journal() if entries is None else entries
+        self.line = TimeLine(lambda: iter(given), "a recording", read_at(at, "--at"))
+        self.settle()
+
+    def settle(self) -> None:
+        while self.line.work(clock.now_ns() + module.SLICE_NS):
+            pass
+        self.line.work(clock.now_ns())
+
+    def go(self, *lines: str) -> BenchUpdate:
+        for line in lines:
+            self.line.take(1, line)
+            self.settle()
+        return self.update()
+
+    def update(self) -> BenchUpdate:
+        bare = self.line.collect(
+            UpdateRequest(partial_of=(INSTANCE,), bench=self.line.controller._bench_number)
+        )
+        return bare.whole(self.line.controller.bench.runtime.whole(bare.snapshot))
+
+    @property
+    def scan(self) -> int:
+        return self.line.controller.at
+
+
+def shown(update: BenchUpdate) -> tuple[Snapshot, object, object]:
+    return update.snapshot, update.peers, update.facts
+
+
+def test_forward_and_back_to_a_scan_show_the_same() -> None:
+    there = shown(Stood("200").update())
+    assert shown(Stood().go("at 300", "at 200")) == there
+    assert shown(Stood().go("at 199", "at +1")) == there
+    assert shown(Stood().go("at end", "at -1", "at 201", "at -1")) == there
+    assert there[0].scan == 200
+
+
+def test_each_line_that_moves_goes_where_it_says() -> None:
+    stood = Stood()
+    for line, scan in (
+        ("at scan 100", 100), ("at +1", 101), ("at -1", 100), ("run 5", 105), ("at end", LAST), ("at 1", 1),
+        ("at T#1s", 101), ("run T#10ms", 102), ("at 99999", LAST), ("at 0", 1), ("at +1", 2),
+        ("at error +1", ERRORS[0]), ("at error +1", ERRORS[1]), ("at error -1", ERRORS[0]),
+    ):  # fmt: skip
+        stood.go(line)
+        assert stood.scan == scan, line
+
+
+def test_each_edge_of_an_instance_is_found_both_ways() -> None:
+    stood = Stood()
+    on = []
+    while not stood.line._note:
+        on.append(stood.scan)
+        stood.go(f"at edge +1 {INSTANCE}")
+    assert stood.line._note == f"no later edge of {INSTANCE}"
+    back = [stood.scan]
+    while back[-1] > on[0]:
+        stood.go(f"at edge -1 {INSTANCE}")
+        back.append(stood.scan)
+    assert back[::-1] == on and len(on) > 8
+
+
+@pytest.mark.parametrize(
+    "line", ["plc stop", f"set {INSTANCE} EN_R=0", "fault clear", "save scenario x", "mark", "udt reload"]
+)
+def test_what_would_change_the_bench_is_refused_in_one_line(line: str) -> None:
+    stood = Stood("50")
+    [answer] = stood.go(line).answers
+    assert answer.error == CANNOT
+    assert stood.scan == 50
+
+
+@pytest.mark.parametrize(
+    "line", ["at", "at x", "at T#x", "at +x", "at error", "at edge +1", "speed 3", "run x", "at ²"]
+)
+def test_a_line_that_is_none_is_told_what_would_be_one(line: str) -> None:
+    [answer] = Stood().go(line).answers
+    assert "expected" in answer.error
+
+
+def test_a_trigger_is_looked_for_to_the_end() -> None:
+    stood = Stood()
+    update = stood.go(f"trigger {INSTANCE} ERROR rises")
+    assert stood.scan == ERRORS[1] and update.fired is None  # the ERROR before it is another instance's
+    assert update.position is not None and "ERROR rises" in update.position.note
+    update = stood.go(f"trigger {INSTANCE} STATUS=8083")
+    assert stood.scan == LAST and not update.armed
+    assert update.position is not None and "did not fire" in update.position.note
+
+
+def test_it_plays_by_the_clock_and_stops_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0]
+    monkeypatch.setattr(clock, "now_ns", lambda: now[0])
+    stood = Stood()
+    stood.line.take(1, "go")
+    seen = []
+    for _ in range(4):
+        now[0] += 500_000_000
+        while stood.line._move(now[0] + 1) or stood.line.work(now[0] + 1):
+            pass
+        seen.append(stood.scan)
+    assert seen == [51, 101, 151, 201]
+    assert not stood.update().holding
+    stood.go("speed 10x")
+    now[0] += 10_000_000_000
+    stood.settle()
+    assert stood.scan == LAST and stood.update().holding
+
+
+def test_a_line_given_on_the_way_wins(monkeypatch: pytest.MonkeyPatch) -> None:
+    stood = Stood("300")
+    scans = 0
+    once = RunAgain.scan
+
+    def counted(run: RunAgain) -> bool:
+        nonlocal scans
+        scans += 1
+        return once(run)
+
+    monkeypatch.setattr(RunAgain, "scan", counted)
+    stood.line.take(1, "at 290")
+    stood.line._look()
+    stood.line._move(clock.now_ns())  # it has begun anew, and stands still at 300
+    assert stood.scan == 300
+    stood.go("at 10")
+    assert (stood.scan, scans) == (10, 10)
+    stood.go("at +1")
+    assert (stood.scan, scans) == (11, 11)
+
+
+def test_a_recording_that_was_cut_is_seen_to_its_end() -> None:
+    cut = journal()[: len(journal()) // 2]
+    stood = Stood("end", cut)
+    position = stood.update().position
+    assert position is not None and position.is_read
+    assert 1 < stood.scan == position.last_scan < LAST
+    assert "the end of the journal" in position.note
+
+
+def test_a_journal_that_lies_ends_where_it_differs() -> None:
+    told = list(journal())
+    steps = [place for place, entry in enumerate(told) if isinstance(entry, Answered) and entry.call == STEP]
+    told[steps[200]] = told[steps[100]]  # time would go back
+    stood = Stood("end", tuple(told))
+    position = stood.update().position
+    assert position is not None and "a time that does not go back" in position.note
+    assert stood.scan == position.last_scan == 200
+
+
+def test_the_errors_of_the_run_are_marked_in_their_places() -> None:
+    position = Stood().update().position
+    assert position is not None
+    marked = [place for place, mark in enumerate(position.marks) if mark]
+    assert marked == [(scan - 1) * module.PIECES // LAST for scan in ERRORS]
+    assert position.errors == len(ERRORS)
+
+
+def test_where_to_open_is_judged_before_anything_starts() -> None:
+    with pytest.raises(UserError, match="--at: found 'soon'"):
+        module.ReplayDriver(LINK_DOWN, "soon")

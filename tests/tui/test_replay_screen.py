@@ -1,0 +1,200 @@
+"""The main screen on a recording: the keys that move, the position at each size, what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import cast
+
+import pytest
+from textual.binding import Binding, BindingType
+
+from tests.rig.test_time_line import ERRORS, LAST, Stood
+from tests.tui.fakes import FakeDriver
+from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.snapshots import Position
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.main import MainScreen
+from trcvtui.tui.replay import ReplayScreen, bar
+from trcvtui.tui.settings import FIXED
+from trcvtui.tui.widgets.help import LETTERS, TAKEN
+
+MIDDLE = (100, 30)
+MARK = "a recording cannot be changed"
+
+
+class TimeLineDriver(FakeDriver):
+    """Drives a replay in this process; all work is done before a picture."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stood = Stood()
+        self._request: UpdateRequest | None = None
+
+    def submit(self, line: str) -> int:
+        """Carry out a line of the screen."""
+        number = super().submit(line)
+        self.stood.line.take(number, line)
+        return number
+
+    def request(self, request: UpdateRequest) -> None:
+        """Remember what was asked for."""
+        super().request(request)
+        self._request = request
+
+    def picture(self) -> BenchUpdate | None:
+        """Return a picture of the scan where it stands."""
+        if self._request is None:
+            return None
+        request, self._request = self._request, None
+        if not self.stood.line.plays:
+            self.stood.settle()
+        bare = self.stood.line.collect(request)
+        return bare.whole(self.stood.line.controller.bench.runtime.whole(bare.snapshot))
+
+
+class ReplayLooker(Looker):
+    """A running screen on a recording."""
+
+    stood: Stood
+
+    async def go(self, *keys: str) -> None:
+        """Press keys, and let the screen follow."""
+        await self.press(*keys)
+        for _ in range(3):
+            self.app._frame()
+            await self.pilot.pause()
+
+    @property
+    def scan(self) -> int:
+        """Return the scan that all panes show."""
+        picture = self.app.view_model.picture
+        assert picture is not None and picture.position is not None
+        assert picture.snapshot.scan == picture.position.scan
+        return picture.snapshot.scan
+
+    @property
+    def position(self) -> str:
+        """Return the line of the position."""
+        return self.line("scan ", "position")
+
+
+@asynccontextmanager
+async def on_a_recording(size: tuple[int, int] = WIDE) -> AsyncIterator[ReplayLooker]:
+    driver = TimeLineDriver()
+    app = BenchApp(driver, driver.stood.line.controller.bench.project, replay=True)
+    async with app.run_test(size=size) as pilot:
+        looker = ReplayLooker(app, driver, pilot)
+        looker.stood = driver.stood
+        await looker.go()
+        yield looker
+
+
+async def test_arrows_errors_and_edges_go_where_they_say() -> None:
+    async with on_a_recording() as looker:
+        edges = list(looker.stood.line.survey.edges[looker.app.view_model.selected])
+        for keys, scan in (
+            ("right", 2), ("left", 1), ("exclamation_mark", ERRORS[0]), ("exclamation_mark", ERRORS[1]),
+            ("quotation_mark", ERRORS[0]), ("home", 1), ("shift+right", edges[1]), ("end", LAST),
+            ("shift+left", edges[-2]), ("full_stop", edges[-2] + 1), ("comma", edges[-2]),
+        ):  # fmt: skip
+            await looker.go(keys)
+            assert looker.scan == scan, keys
+        assert f"scan {looker.scan} of {LAST}" in looker.position
+
+
+async def test_g_takes_a_time_or_a_scan() -> None:
+    async with on_a_recording(SMALL) as looker:
+        await looker.press("g")
+        await looker.type("T#1s\r")
+        await looker.go()
+        assert looker.scan == 101
+        await looker.press("g")
+        await looker.type("scan 62\r")
+        await looker.go()
+        assert looker.scan == 62
+
+
+async def test_space_plays_and_stops_and_the_speed_is_seen() -> None:
+    async with on_a_recording() as looker:
+        await looker.go("minus", "minus", "minus")
+        assert "‖ 0.1x" in looker.position
+        seen = [looker.stood.line.plays]
+        await looker.go("space")
+        seen.append(looker.stood.line.plays)
+        assert "▶ 0.1x" in looker.position
+        await looker.go(*["plus"] * 8)
+        assert "▶ fastest" in looker.position
+        await looker.go("space")
+        assert [*seen, looker.stood.line.plays] == [False, True, False]
+        assert "‖ fastest" in looker.position
+
+
+@pytest.mark.parametrize("keys", ["n", "A", "E", "ctrl+z", "S", "D", "K", "R", "t"])
+async def test_a_key_that_changes_the_bench_says_that_nothing_can_be_changed(keys: str) -> None:
+    async with on_a_recording() as looker:
+        before = looker.scan
+        await looker.go(keys)
+        words = " ".join(looker.text.split())
+        assert MARK in words or (keys == "R" and "the engine runs" in words)
+        assert looker.app.screen is looker.app.main and looker.scan == before
+
+
+async def test_what_only_reads_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with on_a_recording() as looker:
+        await looker.go("exclamation_mark")
+        await looker.press("colon")
+        await looker.type("export timing text out.txt\r")
+        assert (tmp_path / "out.txt").exists()
+        await looker.go("y")
+        assert "ank" in looker.text
+        await looker.go("escape")
+        await looker.press("colon")
+        await looker.type("trigger TRCV_C_1 STATUS=7006\r")
+        await looker.go()
+        assert MARK not in looker.text
+
+
+async def test_help_and_footer_name_the_keys_of_a_replay_on_a_replay_alone() -> None:
+    async with on_a_recording() as looker:
+        assert "go to" in looker.text.splitlines()[-1]
+        await looker.go("question_mark")
+        assert "Time line of the recording" in looker.text
+    async with looking() as looker_of_a_bench:
+        assert "go to" not in looker_of_a_bench.text.splitlines()[-1]
+        await looker_of_a_bench.press("question_mark")
+        assert "Time line" not in looker_of_a_bench.text
+
+
+def _keys(bindings: Iterable[BindingType]) -> set[str]:
+    return {key for row in bindings for key in cast(Binding, row).key.split(",")}
+
+
+def test_the_keys_of_a_replay_are_no_keys_of_the_bench() -> None:
+    own = _keys(ReplayScreen.BINDINGS)
+    taken = _keys((*MainScreen.BINDINGS, *BenchApp.BINDINGS))
+    pins = {letter for keys, _ in LETTERS for letter in keys.split()} - TAKEN
+    assert not own & (taken | pins)
+    assert own & FIXED <= {"left", "right", "9"}
+
+
+@pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: f"{size[0]}x{size[1]}")
+async def test_the_position_stands_at_each_size_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
+    async with on_a_recording(size) as looker:
+        await looker.go("exclamation_mark")
+        assert "!" in looker.pane("position") and "█" in looker.pane("position")
+        same_as_snapshot(looker, f"replay-{size[0]}x{size[1]}", tmp_path)
+
+
+def test_the_bar_has_the_width_and_each_error_at_any_width() -> None:
+    marks = bytearray(1000)
+    marks[0] = marks[500] = marks[999] = 1
+    for width in (1, 7, 78, 400, 2000):
+        drawn = bar(Position(2, 3, 0, 0, True, 2, "1x", 3, bytes(marks)), width)
+        assert len(drawn) == width and drawn.count("█") == 1
+        if width > 7:
+            assert drawn[0] == drawn[-1] == "!" and "!" in drawn[1:-1]
+    assert bar(Position(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"

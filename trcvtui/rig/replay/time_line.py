@@ -1,0 +1,420 @@
+"""A recording on the screen: a bench that stands at a scan of it, and moves by lines instead of the clock.
+
+Rule 1: what is shown has run again from the recording; a scan before it is reached from the first one.
+Rule 2: all work is done in slices; between two of them the newest line says where to go.
+Rule 3: nothing here changes a bench: who asks for that is told so.
+"""
+
+from __future__ import annotations
+
+import gc
+import signal
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui.capture.journal import Entry
+from trcvtui.errors import UserError, mistake
+from trcvtui.project.tables import shown
+from trcvtui.records import replace
+from trcvtui.rig import clock
+from trcvtui.rig.bench_update import BareUpdate, UpdateRequest
+from trcvtui.rig.engine.controller import Controller
+from trcvtui.rig.engine.driver import EngineDriver
+from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.snapshots import EngineTiming, Position
+from trcvtui.udt.literals import parse_time
+
+MOVES: Final = frozenset(("at", "speed", "hold", "go", "run"))  # lines that move
+LOOKS: Final = frozenset(("trigger", "expect"))  # lines that look only
+CANNOT: Final = "a recording cannot be changed: `trcvtui replay FILE --set ..` tries another value"
+SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
+FASTEST: Final = "fastest"
+END: Final = 1 << 62  # a scan that no recording has
+PIECES: Final = 1000  # of the run: in which of them an ERROR comes
+SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
+PLAY_S: Final = 0.02  # between two looks at the clock while it plays
+AT_LINES: Final = "a scan, T#.., +1, -1, end, edge +1 INSTANCE or error +1"
+
+Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose
+
+
+def read_at(text: str, where: str) -> int | Search:
+    """Return the scan that a text names, or what is looked for; raise UserError."""
+    words = text.split()
+    words = words[1:] if words[:1] == ["scan"] else words
+    match words:
+        case ["end"]:
+            return END
+        case [number] if number.isascii() and number.isdigit() and len(number) < len(str(END)):
+            return int(number)
+        case [time] if "#" in time:
+            return "time", parse_time(time, where), ""
+        case ["error", "+1" | "-1" as step]:
+            return "error", int(step), ""
+        case ["edge", "+1" | "-1" as step, name]:
+            return "edge", int(step), name
+    raise mistake(where, shown(text) if text else "nothing more", AT_LINES)
+
+
+class Survey:
+    """The whole run seen once, in slices: the time of each scan, where STATUS changes, where ERRORs come."""
+
+    def __init__(self, run: RunAgain) -> None:
+        self.times = array("q")  # ns, of each scan
+        self.errors = array("q")  # scans in which an ERROR comes
+        self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
+        self.trouble = ""  # why the recording ends before the run
+        self.is_over = False
+        self._run: RunAgain | None = run
+        self._marks = (0, 0), b""
+
+    @property
+    def last(self) -> int:
+        """Return the last scan that was seen."""
+        return len(self.times)
+
+    def go_on(self, until: int) -> None:
+        """Look at scans until this moment."""
+        while self._run is not None and clock.now_ns() < until:
+            if not self._scan(self._run):
+                self._run, self.is_over = None, True
+
+    def _scan(self, run: RunAgain) -> bool:
+        try:
+            if not run.scan():
+                self.trouble = "" if run.is_whole else str(run.differs())
+                return False
+        except UserError as wrong:
+            self.trouble = str(wrong)
+            return False
+        runtime = run.bench.runtime
+        self.times.append(runtime.ledger.t_ns)
+        changed = runtime.changed
+        for edge in changed:
+            self.edges.setdefault(edge.instance, array("q")).append(self.last)
+        if any(edge.outputs.error for edge in changed):
+            self.errors.append(self.last)
+        return True
+
+    def found(self, search: Search, start: int) -> int | None:
+        """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
+        kind, step, name = search
+        if kind == "time":
+            scan = bisect_left(self.times, step) + 1
+            return scan if scan <= self.last else self.last if self.is_over else None
+        scans = self.errors if kind == "error" else self.edges.get(name, array("q"))
+        if step < 0 and (start <= self.last or self.is_over):
+            before = bisect_left(scans, start)
+            return scans[before - 1] if before else END
+        after = bisect_right(scans, start)
+        if step > 0 and after < len(scans):
+            return scans[after]
+        return END if self.is_over else None
+
+    def marks(self) -> bytes:
+        """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
+        known = self.last, len(self.errors)
+        if known != self._marks[0]:
+            marks = bytearray(PIECES)
+            for scan in self.errors:
+                marks[(scan - 1) * PIECES // self.last] = 1
+            self._marks = known, bytes(marks)
+        return self._marks[1]
+
+
+class ReplayController(Controller):
+    """The bench of a replay as the screen sees it; `move` carries out the lines that move."""
+
+    def __init__(self, run: RunAgain, move: Callable[[str], str]) -> None:
+        super().__init__(run.bench)
+        self._run = run
+        self._move = move
+        self.holding = True
+        self.position: Position | None = None
+        self.fired = ""  # the trigger that fired in the last scan
+
+    @property
+    def at(self) -> int:
+        """Return the scan at which it stands, 0 before the first one."""
+        return self.bench.runtime.scans
+
+    @property
+    def armed(self) -> str:
+        """Return the trigger that is looked for, "" for none."""
+        return self._trigger_watch.armed
+
+    def step(self, now: int | None = None) -> bool:
+        """Let the next scan run again."""
+        passed = self._run.scan()
+        if self._trigger_watch.is_armed:
+            fired = self._trigger_watch.scanned()
+            if fired is not None:
+                self._trigger_watch.take_kept()  # it stands at this very scan
+                self.fired = fired.text
+        return passed
+
+    def disarm(self) -> None:
+        """Wait for no trigger any more."""
+        self.fired = ""
+        if self._trigger_watch.is_armed:
+            self._trigger_watch.arm("off", "")
+
+    def follow(self, before: Controller) -> None:
+        """Take the place of another bench on the screen."""
+        self._answers.extend(before._answers)
+        self._bench_number = before._bench_number + 1
+        self._project_number = before._project_number + 1
+
+    def _carry_out(self, line: str) -> str:
+        verb, _, rest = line.partition(" ")
+        if verb in MOVES:
+            try:
+                self._told = self._move(line)
+            except UserError as wrong:
+                return wrong.lines()[0]
+            return ""
+        if verb in LOOKS or (verb == "framing" and len(rest.split()) == 1):
+            return super()._carry_out(line)
+        return CANNOT
+
+    def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
+        """Return what a picture is made of, with the position in the recording."""
+        bare = super().collect(request, timing, most_lines)
+        return bare._replace(update=replace(bare.update, position=self.position, kernel="replay"))
+
+
+class TimeLine:
+    """Where a replay stands and where it goes. `entries` gives the journal from its beginning, each time."""
+
+    def __init__(self, entries: Callable[[], Iterator[Entry]], where: str, at: int | Search = 1) -> None:
+        self._entries, self._where = entries, where
+        self.survey = Survey(RunAgain(entries(), where))
+        self.controller = self._begun()
+        self._coming: ReplayController | None = None  # on its way to a scan before
+        self._wanted = 1
+        self._search: Search | None = None
+        self._speed = SPEEDS.index(1.0)
+        self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
+        self._note = ""
+        self._go(at)
+
+    def _begun(self) -> ReplayController:
+        return ReplayController(RunAgain(self._entries(), self._where), self._obey)
+
+    # -- lines -----------------------------------------------------------------------------------------
+
+    def take(self, number: int, line: str) -> None:
+        """Carry out a line of the screen."""
+        self._note = ""
+        self.controller.take(number, line)
+        if line.startswith("trigger ") and self.controller.armed:
+            self.controller.holding, self._since, self._search = True, None, None
+            self._wanted = END
+
+    def _obey(self, line: str) -> str:
+        verb, _, rest = line.partition(" ")
+        rest = rest.strip()
+        if verb == "speed":
+            return self._set_speed(rest)
+        if verb == "go":
+            self._stop()
+            self._play()
+            return ""
+        if verb == "hold":
+            self._stop()
+            self._wanted = self.controller.at
+            return ""
+        if verb == "run" and "#" in rest:
+            self._go(("time", self._time_at(self._wanted) + parse_time(rest, "prompt"), ""))
+        elif verb == "run" or rest[:1] in ("+", "-"):
+            if not rest.lstrip("+-").isdecimal():
+                raise mistake("prompt", shown(line), "a number of scans")
+            self._go(max(1, (self._wanted if self._wanted < END else self.controller.at) + int(rest)))
+        else:
+            self._go(read_at(rest, "prompt"))
+        return ""
+
+    def _go(self, to: int | Search) -> None:
+        """Go there, whatever was wanted before."""
+        self._stop()
+        if isinstance(to, int):
+            self._wanted = max(1, to)
+        else:
+            self._search = to
+
+    def _stop(self) -> None:
+        self.controller.disarm()
+        self.controller.holding, self._since, self._search = True, None, None
+
+    def _set_speed(self, rest: str) -> str:
+        names = [_speed_text(speed) for speed in SPEEDS]
+        if rest in ("+", "-"):
+            self._speed = max(0, min(len(SPEEDS) - 1, self._speed + int(f"{rest}1")))
+        elif rest in names:
+            self._speed = names.index(rest)
+        else:
+            raise mistake("prompt", shown(f"speed {rest}"), "+, -, or one of " + ", ".join(names))
+        if self._since is not None:
+            self._play()
+        return names[self._speed]
+
+    def _play(self) -> None:
+        self._wanted = self.controller.at
+        self.controller.holding = False
+        self._since = clock.now_ns(), self._time_at(self._wanted)
+
+    def _time_at(self, scan: int) -> int:
+        times = self.survey.times
+        return times[min(scan, len(times)) - 1] if scan > 0 and times else 0
+
+    # -- moving ----------------------------------------------------------------------------------------
+
+    def work(self, until: int) -> bool:
+        """Move, or look through the recording, until this moment; return whether there is more to do."""
+        self._look()
+        if not self._move(until) and not self.survey.is_over:
+            self.survey.go_on(until)
+        return not self.survey.is_over or self._search is not None or self._goal() != self.controller.at
+
+    @property
+    def plays(self) -> bool:
+        """Return whether the clock moves it."""
+        return self._since is not None
+
+    def _goal(self) -> int:
+        return min(self._wanted, self.survey.last)
+
+    def _look(self) -> None:
+        """Find out what is wanted now: by the clock while it plays, by what is looked for."""
+        survey = self.survey
+        if self._since is not None:
+            began, t_ns = self._since
+            speed = SPEEDS[self._speed]
+            now = t_ns + int((clock.now_ns() - began) * speed) if speed < END else None
+            self._wanted = END if now is None else max(self._wanted, bisect_right(survey.times, now))
+        if self._search is not None:
+            found = survey.found(self._search, self._wanted)
+            if found is None:
+                return
+            kind, step, name = self._search
+            self._search = None
+            if found == END:
+                which = "later" if step > 0 else "earlier"
+                self._note = f"no {which} {f'edge of {name}' if name else kind}"
+            else:
+                self._wanted = found
+        if survey.is_over and self._wanted >= survey.last:
+            self._wanted = survey.last
+            if self.controller.at >= survey.last:
+                self._arrive_at_the_end()
+
+    def _arrive_at_the_end(self) -> None:
+        if self._since is not None:
+            self._stop()
+        if self.controller.armed:
+            self._note = f"the end: trigger {self.controller.armed} did not fire"
+            self.controller.disarm()
+
+    def _move(self, until: int) -> bool:
+        """Let scans run again until the wanted one; return whether any had to."""
+        goal = self._goal()
+        if goal >= self.controller.at:
+            self._coming = None
+        elif self._coming is None or self._coming.at > goal:
+            self._coming = self._begun()
+        moving = self._coming or self.controller
+        has_moved = moving.at < goal
+        while moving.at < goal and clock.now_ns() < until:
+            moving.scan()
+            if moving.fired:
+                self._note = f"trigger {moving.fired}"
+                self._stop()
+                self._wanted = goal = moving.at
+        if self._coming is not None and self._coming.at == goal:
+            self._coming.follow(self.controller)
+            self.controller, self._coming = self._coming, None
+        return has_moved
+
+    def collect(self, request: UpdateRequest) -> BareUpdate:
+        """Return what a picture is made of."""
+        survey, controller = self.survey, self.controller
+        controller.position = Position(
+            controller.at,
+            survey.last,
+            self._time_at(controller.at),
+            survey.times[-1] if survey.times else 0,
+            survey.is_over,
+            self._goal() if self._search is None else END,
+            _speed_text(SPEEDS[self._speed]),
+            len(survey.errors),
+            survey.marks(),
+            self._note or survey.trouble,
+        )
+        return controller.collect(request, EngineTiming(mode="replay"), request.most_lines)
+
+
+def _speed_text(speed: float) -> str:
+    return f"{speed:g}x" if speed < END else FASTEST
+
+
+# -- the process -------------------------------------------------------------------------------------------
+
+
+class ReplayDriver(EngineDriver):
+    """The replay of a recording in a process of its own; `at` says where it opens."""
+
+    def __init__(self, path: Path, at: str) -> None:
+        read_at(at, "--at")  # found out here, where there is no screen yet
+        self._recording = path, at
+        super().__init__(path, "replay")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return replay_main, self._recording
+
+
+def replay_main(channel: Channel, path: Path, at: str) -> None:
+    """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
+    gc.freeze()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+    from trcvtui.capture.recording import Recording
+
+    try:
+        try:
+            time_line = TimeLine(Recording(path).entries, str(path), read_at(at, "--at"))
+            channel.send(time_line.controller.bench.project)
+            _serve(channel, time_line)
+        except UserError as wrong:
+            channel.send(wrong)
+        except (EOFError, OSError):
+            raise
+        except Exception:
+            import traceback
+
+            channel.send(traceback.format_exc())
+    except (EOFError, OSError):
+        return  # the screen is gone
+
+
+def _serve(channel: Channel, time_line: TimeLine) -> None:
+    pipe, request, is_busy = UpdatePipe(channel), None, True
+    while True:
+        waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
+        while channel.poll(waits):
+            message, waits = channel.recv(), 0.0
+            if isinstance(message, UpdateRequest):
+                request = message
+            else:
+                time_line.take(*message)
+        is_busy = time_line.work(clock.now_ns() + SLICE_NS)
+        if request is not None and not pipe.is_busy():
+            pipe.begin(time_line.collect(request))
+            request = None
+        if pipe.is_busy():
+            with suppress(BlockingIOError):
+                pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -1,0 +1,169 @@
+"""A recording on the main screen: the position line, and the keys that move in the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import groupby
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding
+from textual.widget import Widget
+
+from trcvtui.rig.replay.time_line import CANNOT
+from trcvtui.rig.snapshots import Position
+from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.main import MainScreen
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.lines import ACTIONS, KeyLine
+from trcvtui.udt.literals import format_time
+
+EVERYWHERE: Final = (
+    ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
+    ("g", "go to"), ("+-", "speed"), ("9", "time line"), (":", "command"), ("?", "help"), ("q", "quit"),
+)  # fmt: skip
+CLICKS: Final = {**ACTIONS, "!": "at('error +1')", '"': "at('error -1')", "g": "prompt('at ')", "9": "line"}
+ROWS: Final = 2
+HERE, ERROR, PAST, COMING = "█", "!", "━", "─"
+STYLES: Final = {HERE: "key", ERROR: "error", PAST: "key", COMING: "faint"}
+
+
+def bar(position: Position, width: int) -> str:
+    """Return the whole recording in one line: where it stands, what has passed, where ERRORs come."""
+    pieces, last = len(position.marks), max(1, position.last_scan)
+    here = (max(1, position.scan) - 1) * width // last
+
+    def sign(column: int) -> str:
+        if column == here:
+            return HERE
+        begin = column * pieces // width
+        has_error = 1 in position.marks[begin : max(begin + 1, (column + 1) * pieces // width)]
+        return ERROR if has_error else PAST if column < here else COMING
+
+    return "".join(map(sign, range(width)))
+
+
+class PositionLine(LineView, inherit_bindings=False):
+    """Where the replay stands: in words, and in a bar over the whole width; a click goes there."""
+
+    DEFAULT_CSS = f"PositionLine {{ height: {ROWS}; background: $background; padding: 0 1; }}"
+
+    def __init__(self, view_model: ViewModel) -> None:
+        super().__init__(id="position")
+        self._view_model = view_model
+
+    def row_count(self) -> int:
+        """Return the lines that it takes."""
+        return ROWS
+
+    def row_at(self, y: int) -> Row:
+        """Return one of them."""
+        picture = self._view_model.live
+        if picture is None or picture.position is None:
+            return EMPTY
+        if y == 0:
+            return row(*_words(picture.position, picture.holding))
+        signs = groupby(bar(picture.position, max(1, self.line_width)))
+        return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
+
+    def on_click(self, event: events.Click) -> None:
+        """Go to the scan under the mouse."""
+        place, picture = self.place_of(event), self._view_model.live
+        if place is not None and place[1] == 1 and picture is not None and picture.position is not None:
+            scan = place[0] * picture.position.last_scan // max(1, self.line_width) + 1
+            self.screen.call_next(self.screen.run_action, f"at('{scan}')")
+
+
+def _words(position: Position, holding: bool) -> Iterator[Part]:
+    more = "" if position.is_read else "+"
+    yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
+    yield f" · {format_time(position.t_ns)} of {format_time(position.last_t_ns)}{more}", ""
+    yield f" · {'‖' if holding else '▶'} {position.speed}", "" if holding else "done"
+    if holding and position.wanted != position.scan:
+        known = position.wanted <= position.last_scan
+        yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
+    if position.note:
+        yield f" · {plain(position.note)}", "warn"
+    yield f" · {count(position.errors, 'ERROR')}{more}", "error" if position.errors else "dim"
+
+
+class ReplayScreen(MainScreen):
+    """All panes at one scan of a recording. Focused panes have their own keys first; 9 and esc go back."""
+
+    BINDINGS: ClassVar = [
+        Binding("left,comma", "at('-1')", "scan back", show=False),
+        Binding("right", "at('+1')", "scan on", show=False),
+        Binding("shift+left", "edge('-1')", "edge before", show=False),
+        Binding("shift+right", "edge('+1')", "next edge", show=False),
+        Binding("exclamation_mark", "at('error +1')", "next ERROR", show=False),
+        Binding("quotation_mark,at", "at('error -1')", "ERROR before", show=False),
+        Binding("home", "at('1')", "first scan", show=False),
+        Binding("end", "at('end')", "last scan", show=False),
+        Binding("g", "prompt('at ')", "go to a scan or time", show=False),
+        Binding("plus", "speed('+')", "play faster", show=False),
+        Binding("minus", "speed('-')", "play slower", show=False),
+        Binding("9", "line", "time line", show=False),
+    ]
+
+    def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
+        super().__init__(view_model, submit)
+        self.key_line = KeyLine(EVERYWHERE, CLICKS)
+        self.position = PositionLine(view_model)
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose what the bench has, and the position above the prompt."""
+        for widget in super().compose():
+            if widget is self.prompt:
+                yield self.position
+            yield widget
+
+    def _fit(self, width: int, height: int) -> None:
+        super()._fit(width, height - ROWS)
+
+    async def prepare(self) -> None:
+        """Begin on the time line."""
+        await super().prepare()
+        self.set_focus(self.position)
+
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        super().show()
+        self.position.show()
+
+    def action_at(self, where: str) -> None:
+        """Go to another scan."""
+        self._submit(f"at {where}")
+
+    def action_edge(self, step: str) -> None:
+        """Go to an edge of the selected instance."""
+        self._submit(f"at edge {step} {self._view_model.selected}")
+
+    def action_speed(self, step: str) -> None:
+        """Play faster or slower."""
+        self._submit(f"speed {step}")
+
+    def action_line(self) -> None:
+        """Give the keys to the time line."""
+        self.set_focus(self.position)
+
+    def action_calm(self) -> None:
+        """Leave what was opened, for the time line at last."""
+        super().action_calm()
+        self.action_line()
+
+    def action_change(self) -> None:
+        """Say that nothing can be changed."""
+        self.prompt.complain(CANNOT)
+
+    action_undo = action_change
+
+
+def may_open(screen: object) -> bool:
+    """Return whether a replay may open a screen above the panes: none that is there to change something."""
+    from trcvtui.tui.forms.add_screen import AddScreen
+    from trcvtui.tui.forms.split_test_screen import TrialScreen
+    from trcvtui.tui.race.screen import RaceScreen
+    from trcvtui.tui.scenarios.screen import ScenariosScreen
+
+    return not isinstance(screen, AddScreen | TrialScreen | RaceScreen | ScenariosScreen)

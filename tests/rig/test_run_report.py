@@ -61,9 +61,9 @@ def elements(text: str) -> Elements:
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
     """Return the page of a journal."""
-    run, notes, verdict, stopped = look_at(entries_of(blocks(entries), "R"), "R")
+    run, notes, verdict, stopped = look_at(entries_of(blocks(entries), "R"), "R", has_payload)
     source = ReportSource("R.pcapng", 1, "00")
-    return "".join(page(source, run.begins, notes, verdict, stopped, has_payload))
+    return "".join(page(source, run.begins, notes, verdict, stopped))
 
 
 def plain(text: str) -> str:
@@ -132,6 +132,15 @@ def test_sent_frames_and_an_expectation_that_failed_are_told(tmp_path: Path) -> 
     assert "FAILED: 1 expectation did not hold" in said
     assert "step 7: expect TSEND_C_1 STATUS=7004 found: " in said
     assert "job 1, sent " in said
+
+
+def test_the_card_of_the_screen_is_on_the_page_and_without_payload_no_value_of_it() -> None:
+    path = CONFIGS / "stories" / "byte_order_swapped.toml"
+    _, entries = on_the_screen(path, "\n".join(["hold", "go"] * 15))
+    said, without = plain(told(entries)), plain(told(entries, has_payload=False))
+    for text in (said, without):
+        assert "DATA can be read so: its members make sense as big-endian (byte_order=big)" in text
+    assert "voltage = 230.5" in said and "230.5" not in without
 
 
 def test_the_lines_of_a_screen_and_its_settings_at_the_end_are_told() -> None:

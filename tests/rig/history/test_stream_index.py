@@ -8,8 +8,8 @@ from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.rig.diagnosis.card import notes_of
 from trcvtui.rig.history.stream_index import KEPT_STREAMS, StreamIndex
-from trcvtui.tui.view_model.explain import notes_of
 
 KEPT = 2000
 PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"

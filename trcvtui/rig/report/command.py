@@ -65,11 +65,13 @@ class _Heard:
         notes.end_of_rest(self._at)
 
 
-def look_at(entries: Iterator[Entry], where: str) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
+def look_at(
+    entries: Iterator[Entry], where: str, has_payload: bool
+) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
     heard = _Heard(entries)
     run = RunAgain(iter(heard), where)
-    notes, verdict, stopped = RunNotes(run.bench, heard.events), None, ""
+    notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
     run.before_close = notes.end
     try:
         if run.scenario is not None:
@@ -97,7 +99,7 @@ def report_file(path: Path, out: Path, has_payload: bool) -> int:
     where = f"--out {out}"
     recording = Recording(path)
     _refuse_other(out, where)
-    run, notes, verdict, stopped = look_at(recording.entries(), path.name)
+    run, notes, verdict, stopped = look_at(recording.entries(), path.name, has_payload)
     stopped = recording.stopped or stopped
     digest = sha256()
     with open_to_read(path) as file:
@@ -106,7 +108,7 @@ def report_file(path: Path, out: Path, has_payload: bool) -> int:
         source = ReportSource(path.name, file.tell(), digest.hexdigest())
     with replacing(out, where, is_own=True, mode=0o600) as file:
         seen = stopped.replace(str(path), path.name)  # no folder of this machine on the page
-        for part in page(source, run.begins, notes, verdict, seen, has_payload):
+        for part in page(source, run.begins, notes, verdict, seen):
             file.write(part.encode())
     for line in (stopped, f"{path} {HOLDS_SECRETS}" if recording.has_secrets else ""):
         if line:

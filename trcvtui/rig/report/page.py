@@ -104,10 +104,9 @@ def page(
     notes: RunNotes,
     verdict: Verdict | None,
     stopped: str,
-    has_payload: bool,
 ) -> Iterator[str]:
     """Yield the document; `stopped`: why the run was not seen to its end, "" where it was."""
-    told = _Told(notes, has_payload)
+    told = _Told(notes)
     title = verdict.scenario if verdict is not None else _last(begins.path)
     yield MARK.decode()
     yield '<html lang="en"><head><meta charset="utf-8">'
@@ -125,10 +124,10 @@ def page(
 class _Told:
     """The parts of the page."""
 
-    def __init__(self, notes: RunNotes, has_payload: bool) -> None:
+    def __init__(self, notes: RunNotes) -> None:
         self._notes = notes
         self._project = notes.bench.project
-        self._has_payload = has_payload
+        self._has_payload = notes.has_payload
         names = [name for name, each in notes.instances.items() if each.edges.count]
         self._names, self._left_out = names[:MOST_INSTANCES], len(names[MOST_INSTANCES:])
 

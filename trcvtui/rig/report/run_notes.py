@@ -15,10 +15,11 @@ from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
-from trcvtui.records import NamedTuple, replace
+from trcvtui.records import NamedTuple
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate
-from trcvtui.rig.diagnosis.advice import Advice, advice_on, because
+from trcvtui.rig.diagnosis.advice import Advice, because
+from trcvtui.rig.diagnosis.card import Card, DataBytes
 from trcvtui.rig.diagnosis.evidence import evidence_now
 from trcvtui.rig.history.link_statistics import ENDINGS, LinkStatistics
 from trcvtui.rig.history.records import Moment
@@ -29,7 +30,7 @@ T = TypeVar("T")
 EDGES, FRAMES = 1600, 400  # in a report, of all instances together
 MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
 MOST_ERRORS: Final = 100  # unlike each other
-MOST_BYTES: Final = 4096  # of a frame
+MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
 COLUMNS: Final = 1000  # of the time line, at most
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
 NOT_SEEN: Final = Cause(Why.SEQUENCE, "")
@@ -133,8 +134,9 @@ class InstanceNotes:
 class RunNotes:
     """Reads the ledger after each scan; `end` looks at the bench a last time."""
 
-    def __init__(self, bench: Bench, events: FirstAndLast[EventTold]) -> None:
+    def __init__(self, bench: Bench, events: FirstAndLast[EventTold], has_payload: bool) -> None:
         self.bench = bench
+        self.has_payload = has_payload
         self.events = events
         self.instances: dict[str, InstanceNotes] = {}
         self.links: dict[str, TimeLane] = {}
@@ -143,6 +145,7 @@ class RunNotes:
         self.seen = self.until = Moment()  # that scan; the last one that the journal tells of
         self.lost = 0  # lines of the ledger that came too fast
         self._seq = 0
+        self._card = Card()
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
         self._fresh: list[EdgeTold] = []  # ERRORs of this scan
@@ -180,9 +183,7 @@ class RunNotes:
         picture = self._picture(*(each.name for each in self.bench.project.instances))
         self.snapshot = picture.snapshot
         for instance in self.snapshot.instances:
-            evidence = evidence_now(picture, self.bench.project, instance.name)
-            if evidence is not None:
-                self.advice[instance.name] = advice_on(evidence)
+            self.advice[instance.name] = self._card_of(instance.name, picture)
         self.seen = self.until = Moment(self.snapshot.scan, self.snapshot.t_ns)
         for lane in (*self.links.values(), *(each.lane for each in self.instances.values())):
             lane.go_on(self.seen.t_ns)
@@ -284,11 +285,20 @@ class RunNotes:
         if known is not None:
             notes.errors[key] = known._replace(times=known.times + 1, last=told.at)
         elif len(notes.errors) < MOST_ERRORS:
-            evidence = evidence_now(self._picture(edge.instance), self.bench.project, edge.instance)
-            advice = (
-                Advice(key[1], ()) if evidence is None else advice_on(replace(evidence, cause=edge.cause))
-            )
+            advice = self._card_of(edge.instance, self._picture(edge.instance))
             notes.errors[key] = ErrorCard(told, advice, 1, told.at)
+
+    def _card_of(self, name: str, picture: BenchUpdate) -> Advice:
+        """Return what the card of an instance says after the last scan; without payload no values."""
+        project, runtime = self.bench.project, self.bench.runtime
+        instance, evidence = picture.snapshot.instance(name), evidence_now(picture, project, name)
+        if instance is None or evidence is None:
+            return Advice("", ())
+        decl = project.data_decl(instance.data) if instance.data is not None else None
+        content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
+        data = DataBytes(decl, content, runtime.partial(name))
+        reads = "DATA can be read so"
+        return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
 
     def _picture(self, *names: str) -> BenchUpdate:
         """Return the bench after the last scan with the facts of these instances."""

@@ -20,7 +20,8 @@ from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.clock import now_ns
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import TIMING_FILE, Engine
-from trcvtui.rig.recording.recorder import RecordTo
+from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.recording.recorder import recorder_of
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400
@@ -103,7 +104,7 @@ class PacedEngine:
 def _run(channel: Channel, file: Path, timing: Path, connections: int, record: Path | None) -> None:
     """Run until the channel is closed."""
     os.environ[TIMING_FILE] = str(timing)
-    recorder = None if record is None else RecordTo(record).recorder(record, waits=False)
+    recorder = None if record is None else recorder_of(RecordTo(record), record, waits=False)
     with suppress(EOFError, OSError), recorder or nullcontext():
         with noting_reads(recorder.reads) if recorder is not None else nullcontext():
             project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many

@@ -14,7 +14,7 @@ from trcvtui.full_parser import FullParser
 WORDS = """
 a.toml b.toml - -- -5 -h 7006 0 '' sim live text json jsonl csv md s7 80C5 4 08 x=y --help --version --netns
 --netns=1 --read-only --write --as-root --kernel --kernel=sim --port --port=8080 --theme --theme=dark dark
---format --format=text --format=xml --out --set --set=a=b --dialect --block --type --type=T --layout
+--format --format=text --format=xml --out --out=o --set --set=a=b --dialect --block --type --type=T --layout
 --byte-order --text --pointer-size --string-even --constant --constant=A=1 --with --to --to=lua --as --as=st
 scl padded show decode encode export compare fit cure --dialekt --form
 """

@@ -1,4 +1,4 @@
-"""The only door: run, serve, scenario, status, st, udt. Arguments, exit codes; stdout is data.
+"""The only door: one function a command. Arguments, exit codes; stdout is data, messages go to stderr.
 
 Rule 1: a command imports what it needs inside its own function, so that headless commands start fast.
 Rule 2: the screen library is imported by `run` alone, and only after the engine process has been started.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from trcvtui.project.project import Project
     from trcvtui.rig.engine.driver import EngineDriver
-    from trcvtui.rig.recording.recorder import RecordTo
+    from trcvtui.rig.recording.files import RecordTo
 
 GOOD: Final = 0
 FAILED: Final = 1
@@ -226,9 +226,19 @@ def _record_to(args: SimpleNamespace) -> RecordTo | None:
         return None
     from pathlib import Path
 
-    from trcvtui.rig.recording.recorder import RecordTo
+    from trcvtui.rig.recording.files import RecordTo
 
     return RecordTo(Path(args.record), args.overwrite, not args.no_secrets)
+
+
+def _record(args: SimpleNamespace) -> int:
+    from pathlib import Path
+
+    from trcvtui.rig.scenario.record import limits_of, record
+
+    limits = limits_of(args.ring, args.split, args.on, args.before, args.after)
+    project, out = _path(args.project), Path(args.out)
+    return record(project, out, args.kernel, limits, args.on, args.duration, not args.no_secrets)
 
 
 def _replay(args: SimpleNamespace) -> int:
@@ -491,6 +501,20 @@ def _add_record(parser: ArgumentRows, places: str) -> None:
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
 
 
+def _add_record_command(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_record)
+    parser.add_argument("project", metavar="PROJECT.toml")
+    parser.add_argument("--out", metavar="DIR", required=True, help="of the numbered files")
+    parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
+    parser.add_argument("--ring", metavar="SIZE", help="such as 256MiB: the oldest files go")
+    parser.add_argument("--split", metavar="SIZE", help="of one file; default: an eighth of the ring")
+    parser.add_argument("--on", metavar="CONDITION", help='keep what surrounds it: "TRCV_C_1 STATUS=80C5"')
+    parser.add_argument("--before", metavar="T#..", help="default: T#30s")
+    parser.add_argument("--after", metavar="T#..", help="default: T#10s")
+    parser.add_argument("--duration", metavar="T#..", help="default: until Ctrl+C or SIGTERM")
+    parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+
+
 def _add_replay(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_replay)
     parser.add_argument("file", metavar="FILE")
@@ -581,6 +605,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "run": ("open the screen on a project", _add_run),
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
+    "record": ("keep what a bench does, without a screen", _add_record_command),
     "replay": ("a recording run again", _add_replay),
     "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
     "report": ("a recording as one HTML page for a colleague", _add_report),

@@ -17,6 +17,7 @@ from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.rig.recording import writer
+from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.writer import WriterProcess
 
 STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
@@ -97,7 +98,7 @@ def some(count: int) -> list[Entry]:
 
 
 def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
-    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
     sink.take([BEGINS])
     for _ in range(20):
         sink.take(some(1000))
@@ -109,12 +110,12 @@ def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
 def test_a_writer_process_refuses_what_the_writer_refuses(tmp_path: Path) -> None:
     RecordingWriter(tmp_path / "R.pcapng").close()
     with pytest.raises(UserError) as told:
-        WriterProcess(tmp_path / "R.pcapng", False, True)
+        WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
     assert "there already" in str(told.value)
 
 
 def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path) -> None:
-    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
     sink.take([BEGINS])
     os.kill(sink.pid, signal.SIGKILL)
     while not sink.trouble:
@@ -129,7 +130,7 @@ def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writer, "MOST_WAITING", 1 << 20)
-    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
     sink.take([BEGINS])
     os.kill(sink.pid, signal.SIGSTOP)
     for _ in range(40):
@@ -160,3 +161,109 @@ def test_a_run_that_is_killed_leaves_a_file_that_opens(tmp_path: Path) -> None:
     found = entries(file)
     assert isinstance(found[0], RunBegins)
     assert main(["replay", str(file), "--check"]) == 1
+
+
+# -- `trcvtui record` --------------------------------------------------------------------------------------
+
+PROJECT = """
+dialect = "baosky"
+start = "set TRCV_C_1 CONT=1 EN_R=1"
+[[data]]
+name = "rx"
+type = "ARRAY[1..1000] OF BYTE"
+[[connect]]
+name = "C1"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+RemotePort = "@P1"
+[[instance]]
+name = "TRCV_C_1"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+[[peer]]
+name = "P1"
+active = false
+says = ["random 1000 seed=7 repeat=100000 every=T#1s"]
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    path = tmp_path / "P.toml"
+    path.write_text(PROJECT)
+    return path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(each.name for each in folder.iterdir())
+
+
+def test_record_keeps_a_run_for_its_duration(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), "--duration", "T#3s"]
+    assert main(asked) == 0
+    assert main(asked) == 0
+    assert names(out) == ["P-0001.pcapng", "P-0002.pcapng"]
+    assert main(["replay", str(out / "P-0001.pcapng"), "--check"]) == 0
+    assert main(["replay", str(out / "P-0002.pcapng"), "--check"]) == 0
+
+
+def test_a_ring_keeps_the_newest_files_and_a_part_says_what_it_lacks(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    limits = ["--ring", "256KiB", "--split", "64KiB", "--duration", "T#400s"]
+    assert main(["record", str(project), "--kernel", "sim", "--out", str(out), *limits]) == 0
+    files = names(out)
+    assert len(files) > 2 and "P-0001.pcapng" not in files
+    assert sum((out / name).stat().st_size for name in files) < 300 << 10
+    assert main(["replay", str(out / files[-1]), "--check"]) == 2
+    assert "this file begins in the middle of its run" in capsys.readouterr().err
+
+
+def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]
+    assert main(asked) == 0
+    assert len(names(out)) > 1
+    for name in names(out):
+        found = entries(out / name)
+        steps = [one.answer for one in found if isinstance(one, Answered) and one.call == "step"]
+        [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
+        assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
+        assert 10 <= len(steps) <= 18
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--before", "T#1s"], "no --on"),
+        (["--ring", "12"], "64KiB or more"),
+        (["--ring", "64KiB", "--split", "64KiB"], "two files"),
+        (["--on", "TRCV_C_9 STATUS=7008"], "TRCV_C_9"),
+        (["--duration", "soon"], "soon"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line(
+    project: Path, tmp_path: Path, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["record", str(project), "--out", str(tmp_path / "out"), *words]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+
+
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_record_ends_cleanly_when_it_is_told_to(project: Path, tmp_path: Path, number: int) -> None:
+    out = tmp_path / "out"
+    words = ["record", str(project), "--out", str(out)]
+    with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
+        while not out.exists() or not names(out) or (out / names(out)[0]).stat().st_size < 5_000:
+            assert run.poll() is None
+        run.send_signal(number)
+        assert run.wait() == 0
+    assert main(["replay", str(out / names(out)[0]), "--check"]) == 0

@@ -12,12 +12,14 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
 from trcvtui.capture.journal import READ, Answered, Entry, RunBegins, blocks, entries_of
+from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
 from trcvtui.files import noting_reads
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Controller, fresh_bench
-from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
+from trcvtui.rig.recording.files import RecordTo, Sink
+from trcvtui.rig.recording.recorder import RunRecorder
 from trcvtui.rig.replay.command import check, print_jsonl
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.scenario.command import run_files
@@ -49,20 +51,21 @@ class Kept:
 class InMemory(RecordTo):
     """`--record` without a file."""
 
-    def recorder(self, file: Path, waits: bool) -> RunRecorder:
-        return RunRecorder(lambda: KEPT)
+    def sink(self, file: Path) -> Sink:
+        return KEPT
 
 
 KEPT = Kept()
 
 
-def recorded(path: Path, kernel: str = "sim", *overrides: str) -> tuple[str, list[Entry]]:
-    """Return what a scenario has printed as jsonl, and its journal."""
+def recorded(path: Path, *overrides: str, file: Path | None = None) -> tuple[str, list[Entry]]:
+    """Return what a scenario has printed as jsonl, and its journal; with a file, on real sockets."""
     KEPT.entries = []
     out = io.StringIO()
+    record = InMemory(Path("R.pcapng")) if file is None else RecordTo(file)
     with redirect_stdout(out):
-        run_files([path], kernel, "jsonl", None, overrides, record=InMemory(Path("R.pcapng")))
-    return out.getvalue(), KEPT.entries
+        run_files([path], "sim" if file is None else "live", "jsonl", None, overrides, record=record)
+    return out.getvalue(), KEPT.entries if file is None else list(Recording(file).entries())
 
 
 def again(entries: Iterable[Entry]) -> RunAgain:
@@ -85,8 +88,8 @@ def test_a_recorded_scenario_holds_and_prints_the_same(path: Path) -> None:
 @pytest.mark.live
 @pytest.mark.slow
 @pytest.mark.parametrize("path", (BAOSKY + SIEMENS)[1::6], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_recorded_scenario_on_real_sockets_holds_and_prints_the_same(path: Path) -> None:
-    text, entries = recorded(path, "live")
+def test_a_recorded_scenario_on_real_sockets_holds_and_prints_the_same(path: Path, tmp_path: Path) -> None:
+    text, entries = recorded(path, file=tmp_path / "R.pcapng")
     assert check(again(entries)) == ""
     assert jsonl(entries) == text
 
@@ -94,7 +97,7 @@ def test_a_recorded_scenario_on_real_sockets_holds_and_prints_the_same(path: Pat
 def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path: Path) -> None:
     shutil.copytree(CONFIGS, tmp_path / "configs")
     path = tmp_path / "configs" / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
-    text, entries = recorded(path, "sim", "options.retry=T#100ms")
+    text, entries = recorded(path, "options.retry=T#100ms")
     shutil.rmtree(tmp_path / "configs")
     begins = entries[0]
     assert isinstance(begins, RunBegins)

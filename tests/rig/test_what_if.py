@@ -34,8 +34,8 @@ FAULTS = [
 ]
 
 
-def what_if(path: Path, *sets: str, dialect: str | None = None, kernel: str = "sim") -> WhatIf:
-    _, entries = recorded(path, kernel)
+def what_if(path: Path, *sets: str, dialect: str | None = None, file: Path | None = None) -> WhatIf:
+    _, entries = recorded(path, file=file)
     run = WhatIf(lambda: iter(entries), "R.pcapng", sets, dialect)
     run.play()
     return run
@@ -53,8 +53,8 @@ def test_a_run_with_nothing_changed_is_the_recorded_one(path: Path) -> None:
 
 @pytest.mark.live
 @pytest.mark.parametrize("name", ["80a6-short-frame-80c5", "80c5-fin-mid-send", "udp-7006-7008-receive"])
-def test_a_run_on_real_sockets_with_nothing_changed_is_the_recorded_one(name: str) -> None:
-    nothing_differs(what_if(CONFIGS / "scenarios" / "baosky" / f"{name}.toml", kernel="live"))
+def test_a_run_on_real_sockets_with_nothing_changed_is_the_recorded_one(name: str, tmp_path: Path) -> None:
+    nothing_differs(what_if(CONFIGS / "scenarios" / "baosky" / f"{name}.toml", file=tmp_path / "R.pcapng"))
 
 
 def test_the_story_of_len_is_mended_by_len() -> None:

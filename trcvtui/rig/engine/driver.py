@@ -20,7 +20,7 @@ from trcvtui.errors import UserError
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-    from trcvtui.rig.recording.recorder import RecordTo
+    from trcvtui.rig.recording.files import RecordTo
 
 LAST_WORDS_S: Final = 2.0
 LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it

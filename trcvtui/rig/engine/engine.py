@@ -27,7 +27,8 @@ from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
 
 if TYPE_CHECKING:
-    from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
+    from trcvtui.rig.recording.files import RecordTo
+    from trcvtui.rig.recording.recorder import RunRecorder
 
 
 def engine_main(
@@ -61,7 +62,11 @@ def _run(
 ) -> None:
     from trcvtui.rig.scenario.scenario import load_bench
 
-    recorder = None if record is None else record.recorder(record.target, waits=False)
+    recorder = None
+    if record is not None:
+        from trcvtui.rig.recording.recorder import recorder_of
+
+        recorder = recorder_of(record, record.target, waits=False)
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
         project = load_bench(path, overrides)
         with recorder or nullcontext():  # before anything else: its file may be refused

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from trcvtui import __version__
 from trcvtui.capture.journal import (
@@ -24,34 +24,16 @@ from trcvtui.capture.journal import (
     SeamRecorder,
     Secrets,
 )
-from trcvtui.errors import mistake, one_line
+from trcvtui.errors import one_line
 from trcvtui.files import FilesRead, unnamed
-from trcvtui.records import dataclass
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.recording.files import RecordTo, Sink
 from trcvtui.rig.wording import size_text
 
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
 AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
-SUFFIX: Final = ".pcapng"
 TLS: Final = "trcvtui.net.layers.tls"
-
-
-class Sink(Protocol):
-    """Who writes entries; `trouble`: why nothing more is written, or ""."""
-
-    @property
-    def trouble(self) -> str:
-        """Return it."""
-        ...
-
-    def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
-        ...
-
-    def close(self) -> None:
-        """Write what is left, and end the file."""
-        ...
 
 
 class RunRecorder:
@@ -189,38 +171,14 @@ class RunRecorder:
         return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
 
 
-@dataclass(frozen=True, slots=True)
-class RecordTo:
-    """What `--record` asks for; of several runs each has a file of its own in the folder `target`."""
+def recorder_of(record: RecordTo, file: Path, waits: bool) -> RunRecorder:
+    """Return what records a run into a file; a run that does not wait has a process that writes."""
 
-    target: Path
-    overwrite: bool = False
-    has_secrets: bool = True
+    def sink() -> Sink:
+        if waits:
+            return record.sink(file)
+        from trcvtui.rig.recording.writer import WriterProcess
 
-    def files(self, paths: Iterable[Path]) -> tuple[Path, ...]:
-        """Return the file of each run; raise UserError where two would be one."""
-        given = tuple(paths)
-        if len(given) == 1 and not self.target.is_dir():
-            return (self.target,)
-        files = tuple([self.target / (path.stem + SUFFIX) for path in given])
-        for file in files:
-            if files.count(file) > 1:
-                raise mistake(
-                    f"--record {self.target}", f"two files for {file.name}", "files of unlike names"
-                )
-        self.target.mkdir(exist_ok=True)
-        return files
+        return WriterProcess(file, record)
 
-    def recorder(self, file: Path, waits: bool) -> RunRecorder:
-        """Return what records a run into a file; a run that does not wait has a process that writes."""
-
-        def sink() -> Sink:
-            if not waits:
-                from trcvtui.rig.recording.writer import WriterProcess
-
-                return WriterProcess(file, self.overwrite, self.has_secrets)
-            from trcvtui.capture.recording import RecordingWriter
-
-            return RecordingWriter(file, self.overwrite)
-
-        return RunRecorder(sink, file, waits, self.has_secrets)
+    return RunRecorder(sink, file, waits, record.has_secrets)

@@ -8,6 +8,7 @@ Rule 3: the end of the pipe ends the writer, whoever was killed: what he has is 
 
 from __future__ import annotations
 
+import json
 import os
 import struct
 import sys
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui.capture.journal import BlockWriter, EntriesLost, Entry, entries_of
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.rig import clock
+from trcvtui.rig.recording.files import FileLimits, RecordTo
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -28,6 +30,7 @@ LENGTH: Final = struct.Struct("<I")  # before each message; its bytes
 MOST_WAITING: Final = 64 << 20  # bytes
 PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
 READ_BYTES: Final = 1 << 20
+NICE: Final = 10  # the scans come first
 POST_NS: Final = 200_000_000  # between two blocks that cross
 START: Final = "import sys; from trcvtui.rig.recording.writer import writer_main; writer_main(*sys.argv[1:])"
 
@@ -35,14 +38,14 @@ START: Final = "import sys; from trcvtui.rig.recording.writer import writer_main
 class WriterProcess:
     """The sink of a run that must not wait; raise UserError where the file is refused."""
 
-    def __init__(self, path: Path, overwrite: bool, has_secrets: bool) -> None:
+    def __init__(self, path: Path, record: RecordTo) -> None:
         self.trouble = ""
         self._path = path
         self._block = BlockWriter(0)
         self._waiting: deque[memoryview] = deque()
         self._waiting_bytes = self._lost = 0
         self._posted_at = clock.now_ns()
-        self._process = _started(path, overwrite, has_secrets)
+        self._process = _started(path, record)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
         refused = self._answers.readline()
@@ -133,10 +136,11 @@ class WriterProcess:
         return said
 
 
-def _started(path: Path, overwrite: bool, has_secrets: bool) -> Popen[bytes]:
+def _started(path: Path, record: RecordTo) -> Popen[bytes]:
     import subprocess  # a run that nobody records waits for none of it
 
-    words = [sys.executable, "-P", "-c", START, str(path), str(overwrite), str(has_secrets)]
+    asked = str(record.target), record.overwrite, record.has_secrets, record.limits
+    words = [sys.executable, "-P", "-c", START, str(path), json.dumps(asked)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
@@ -161,20 +165,21 @@ def _told(line: bytes, path: Path) -> UserError:
 # -- the other process -------------------------------------------------------------------------------------
 
 
-def writer_main(path: str, overwrite: str, has_secrets: str) -> None:
+def writer_main(path: str, asked: str) -> None:
     """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the run, and its pipe ends us
-    from trcvtui.capture.recording import RecordingWriter
-
+    target, overwrite, has_secrets, limits = json.loads(asked)
+    with suppress(AttributeError, OSError):
+        os.nice(NICE)
     try:
-        writer = RecordingWriter(path, overwrite=overwrite == "True")
+        record = RecordTo(Path(target), overwrite, has_secrets, FileLimits(*limits) if limits else None)
+        writer = record.sink(Path(path))
         _say("")
         try:
             for message in _messages():
                 writer.take(entries_of([message], path))
-                writer.flush()
         finally:
             writer.close()
         _say("")

@@ -21,7 +21,7 @@ from trcvtui.rig.commands.words import BenchCommand
 from trcvtui.rig.scenario.scenario import Scenario, load_bench, load_scenario
 
 REST_LINE: Final = ""  # how REST stands among lines
-UNTOLD: Final = ("hold", "go")  # lines of a screen that change nothing on a bench
+UNTOLD: Final = ("hold", "go", "trigger")  # first words of lines that change nothing on a bench
 
 
 class RunAgain:
@@ -80,7 +80,7 @@ class RunAgain:
         return False
 
     def _do(self, line: str) -> None:
-        if line in UNTOLD:
+        if line.partition(" ")[0] in UNTOLD:
             self.bench.told(line)
             return
         project, where = self.bench.project, f"{self._where}: scan {self.replay.scan}"

@@ -18,7 +18,8 @@ from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
-    from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
+    from trcvtui.rig.recording.files import RecordTo
+    from trcvtui.rig.recording.recorder import RunRecorder
 
 
 class LivePace:
@@ -93,7 +94,11 @@ def _run_all(
     worst = HELD
     files = record.files(paths) if record is not None else ()
     for number, path in enumerate(paths):
-        recorder = record.recorder(files[number], waits=kernel == "sim") if record is not None else None
+        recorder = None
+        if record is not None:
+            from trcvtui.rig.recording.recorder import recorder_of
+
+            recorder = recorder_of(record, files[number], waits=kernel == "sim")
         try:
             with noting_reads(recorder.reads) if recorder is not None else nullcontext():
                 scenario = load_scenario(path, overrides)

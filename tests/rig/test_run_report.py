@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import shutil
 import stat
-import subprocess
+from base64 import b64decode
 from collections import Counter
 from collections.abc import Iterable
 from html.parser import HTMLParser
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
+from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import on_the_screen, recorded
 from trcvtui.capture.journal import Answered, Entry, blocks, entries_of
@@ -24,8 +26,6 @@ from trcvtui.rig.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, Tim
 
 SCENARIOS = CONFIGS / "scenarios"
 SHORT_FRAME = SCENARIOS / "baosky" / "80a6-fin-mid-frame.toml"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-PATIENCE_S = 60
 TEXT = "<script>document.title='x'</script>&\u202e\x1b[31m"
 SHOWN = "&lt;script&gt;document.title=&#x27;x&#x27;&lt;/script&gt;&amp;\\u202e\\x1b[31m"
 
@@ -307,24 +307,35 @@ def test_a_report_is_written_for_its_owner_alone_and_replaces_nothing_but_a_repo
 
 # -- in a browser ----------------------------------------------------------------------------------------
 
+COLOURS = (
+    ("screen", "light", "rgb(255, 255, 255)"),
+    ("screen", "dark", "rgb(18, 22, 26)"),
+    ("print", "dark", "rgb(255, 255, 255)"),
+)
+
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
-def test_a_browser_runs_nothing_of_it_and_prints_it_on_a4(tmp_path: Path) -> None:
-    assert CHROMIUM is not None
-    file, out, paper = recording(tmp_path, hostile(tmp_path)), tmp_path / "X.html", tmp_path / "X.pdf"
+async def test_a_browser_runs_nothing_of_it_shows_it_dark_and_light_and_prints_it_on_a4(
+    tmp_path: Path,
+) -> None:
+    file, out = recording(tmp_path, hostile(tmp_path)), tmp_path / "X.html"
     assert main(["report", str(file), "--out", str(out)]) == 0
-    words = [
-        CHROMIUM,
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        f"--user-data-dir={tmp_path / 'profile'}",
-    ]
-    options = {"capture_output": True, "text": True, "timeout": PATIENCE_S, "check": True}
-    seen = subprocess.run([*words, "--dump-dom", out.as_uri()], **options).stdout  # type: ignore[call-overload]
-    assert elements(seen).found == elements(out.read_text()).found
-    assert f"<title>{SHOWN.replace('&#x27;', chr(39))}</title>" in seen
-    subprocess.run([*words, f"--print-to-pdf={paper}", out.as_uri()], **options)  # type: ignore[call-overload]
-    boxes = re.findall(rb"/MediaBox *\[0 0 ([\d.]+) ([\d.]+)\]", paper.read_bytes())
+    number = sum(elements(out.read_text()).found.values())
+    async with chromium(tmp_path, out.as_uri()) as tab, asyncio.timeout(PATIENCE_S):
+        while not await tab.is_true("document.readyState == 'complete'"):
+            await asyncio.sleep(0.05)
+        assert await tab.is_true("document.title.startsWith('<script>')"), "a script has run"
+        assert await tab.is_true(f"document.querySelectorAll('*').length == {number}")
+        assert await tab.is_true("document.querySelector('path.done').getBBox().width > 2")
+        for media, scheme, colour in COLOURS:
+            features = [{"name": "prefers-color-scheme", "value": scheme}]
+            await tab.ask("Emulation.setEmulatedMedia", media=media, features=features)
+            assert await tab.is_true(f"getComputedStyle(document.body).backgroundColor == '{colour}'")
+        await tab.ask(
+            "Emulation.setDeviceMetricsOverride", width=700, height=900, deviceScaleFactor=1, mobile=False
+        )
+        assert await tab.is_true("document.documentElement.scrollWidth <= 700"), "wider than paper"
+        paper = b64decode((await tab.ask("Page.printToPDF", preferCSSPageSize=True))["data"])
+    boxes = re.findall(rb"/MediaBox *\[0 0 ([\d.]+) ([\d.]+)\]", paper)
     assert boxes and {(round(float(w)), round(float(h))) for w, h in boxes} == {(595, 842)}

@@ -64,7 +64,7 @@ STYLE: Final = """
 --back:#1b2026;--paper:#12161a;--up:#69b1ff;--busy:#e0b04a;--done:#5ec977;--error:#ff7b72}}
 *{box-sizing:border-box}
 body{font:15px/1.45 system-ui,sans-serif;color:var(--ink);background:var(--paper);max-width:64rem;
-margin:0 auto;padding:1rem}
+margin:0 auto;padding:1rem;overflow-wrap:anywhere}
 h1{font-size:1.5rem;margin:.2rem 0}
 h2{font-size:1.2rem;margin:1.8rem 0 .5rem;border-bottom:1px solid var(--line)}
 h3{font-size:1rem;margin:1.1rem 0 .3rem}p{margin:.3rem 0}
@@ -81,7 +81,7 @@ margin:.3rem 0}
 svg{width:100%;height:auto;display:block;font:12px system-ui,sans-serif}
 svg text{fill:var(--ink)}svg .up{fill:var(--up)}svg .busy{fill:var(--busy)}svg .done{fill:var(--done)}
 svg .error{fill:var(--error)}svg .grid{stroke:var(--line);stroke-width:1}
-dl{display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem;margin:.4rem 0}
+dl{display:grid;grid-template-columns:max-content minmax(0,1fr);gap:.1rem 1rem;margin:.4rem 0}
 dt{color:var(--soft)}dd{margin:0;overflow-wrap:anywhere}
 @page{size:A4;margin:14mm 12mm;@bottom-right{content:counter(page) " / " counter(pages);font:9pt sans-serif}}
 @media print{:root{color-scheme:light}body{font-size:9.5pt;max-width:none;padding:0}
@@ -252,7 +252,7 @@ class _Told:
         errors = (told for _, told in notes.error_edges)
         rows = sorted(dict((*notes.edges, *errors)).items())
         yield _table(
-            ("scan", "at s", "STATUS", "lamp", "bytes", "why"), _with_gaps(rows, self._edge, "edge"), "nn.wn."
+            ("scan", "at s", "STATUS", "lamp", "bytes", "why"), _with_gaps(rows, self._edge, "edge"), "nnwwn."
         )
 
     def _edge(self, told: EdgeTold) -> Sequence[str]:

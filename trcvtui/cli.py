@@ -297,6 +297,16 @@ def _conversations(args: SimpleNamespace) -> int:
     return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format))
 
 
+def _watch(args: SimpleNamespace) -> int:
+    from trcvtui.rig.watch.command import watch
+
+    if args.format is None:
+        raise mistake("trcvtui watch", "no --format", "--format jsonl")
+    project = None if args.project is None else _path(args.project)
+    watch([_given(file) for file in args.files], project, args.plc, args.dialect)
+    return GOOD
+
+
 def _format_names() -> str:
     from trcvtui.rig.scenario.report import FORMATS
 
@@ -566,6 +576,16 @@ def _add_conversations(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
+def _add_watch(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_watch)
+    parser.last_words = _dialect_names
+    parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
+    parser.add_argument("--project", metavar="PROJECT.toml", help="whose instances look on")
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
+    parser.add_argument("--dialect", metavar="NAME", help="of the ad-hoc TRCV_Cs; default: baosky")
+    parser.add_argument("--format", choices=("jsonl",), help="without a screen")
+
+
 def _add_status(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
@@ -611,6 +631,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "report": ("a recording as one HTML page for a colleague", _add_report),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
+    "watch": ("put a capture through shadow instances", _add_watch),
     "status": ("explain a STATUS code", _add_status),
     "st": ("print instances as their calls in Structured Text", _add_st),
     "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),

@@ -135,7 +135,10 @@ def test_nothing_to_leave_out_and_a_file_that_is_there_are_refused(
     assert "nothing to leave out, expected --no-payload, --no-secrets or --anonymise" in lines[0]
 
 
-def test_a_copy_of_a_broken_recording_is_made_or_refused_with_a_line(a_file: Path, tmp_path: Path) -> None:
+def test_a_copy_of_a_broken_recording_is_made_or_refused_with_a_line(
+    a_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.fsync", lambda _: None)  # a thousand times a second on a busy disk
     source = tmp_path / "changed.pcapng"
     for number, content in enumerate(mutated(a_file.read_bytes()[:20_000])):
         source.write_bytes(content)

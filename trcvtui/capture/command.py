@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.net.results import end_in_words
 from trcvtui.records import NamedTuple
 
 # The first three bytes of MACs, as the IEEE gave them.
@@ -54,19 +55,10 @@ class PlcGuess(NamedTuple):
 
 def parse_plc(text: str) -> PlcEnd:
     """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
-    address, colon, port = text, "", ""
-    if text.startswith("["):
-        address, closed, rest = text[1:].partition("]")
-        colon, port = rest[:1] if closed else "]", rest[1:]
-    elif text.count(":") == 1:
-        address, colon, port = text.partition(":")
-    try:
-        number = int(port) if colon else None
-        if colon not in ("", ":") or not (number is None or (port.isascii() and 0 < number < 65536)):
-            raise ValueError(port)
-        return PlcEnd(ip_address(address).packed, number)
-    except ValueError:
-        raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000") from None
+    found = end_in_words(text)
+    if found is None:
+        raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000")
+    return PlcEnd(*found)
 
 
 def guess_plc(
@@ -151,11 +143,12 @@ def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterat
         raise UserError(troubles)
     rows = (_row(found, one, given) for one in found.all)
     yield from _as_json(rows) if form == "json" else _as_table(rows)
-    for line in _notes(found, troubles):
+    for line in capture_notes(found, troubles):
         sys.stderr.write(line + "\n")
 
 
-def _notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
+def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
+    """Yield what is to be said of what was read, and of what was not."""
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     for why, count in found.unread.items():

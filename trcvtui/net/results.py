@@ -77,6 +77,25 @@ def octets(address: str) -> tuple[int, ...] | None:
     return numbers if max(numbers) < 256 else None
 
 
+def end_in_words(text: str) -> tuple[bytes, int | None] | None:
+    """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: it is no end."""
+    from ipaddress import ip_address  # of a capture alone
+
+    address, colon, port = text, "", ""
+    if text.startswith("["):
+        address, closed, rest = text[1:].partition("]")
+        colon, port = rest[:1] if closed else "]", rest[1:]
+    elif text.count(":") == 1:
+        address, colon, port = text.partition(":")
+    try:
+        number = int(port) if colon else None
+        if colon not in ("", ":") or not (number is None or (port.isascii() and 0 < number < 65536)):
+            return None
+        return ip_address(address).packed, number
+    except ValueError:
+        return None
+
+
 def is_loopback(address: str) -> bool:
     """Return whether it lies in 127.0.0.0/8."""
     return address.startswith("127.")

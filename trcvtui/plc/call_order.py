@@ -122,6 +122,15 @@ class CallOrder:
             self._laned.add(place)
             self.lane_handles.add(lane.handle)
 
+    @property
+    def awake(self) -> Set[str]:
+        """Return the CONNECTs whose instances the next scan calls."""
+        return self._awake
+
+    def places(self, connect: str) -> Sequence[int]:
+        """Return the places of the instances on a CONNECT."""
+        return self._places[connect]
+
     def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""
         awake, self._awake_since = self._awake_since, set(self._awake)

@@ -259,6 +259,32 @@ class Runtime:
         ends = str(connection.local or ""), str(connection.peer or "")
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
+    def settle(self) -> None:
+        """Let the ledger have all that the last scan has done."""
+        self._call_order.settle()
+
+    def quiet_until(self) -> int | None:
+        """Return when time alone changes something, once scans change nothing; None: never.
+
+        The time of the last scan: nobody knows. What becomes ready changes something at any time.
+        """
+        resources, now = self._resources, self._env.now
+        if self._commands or resources.unsettled or self._lines.names:
+            return now
+        due: int | None = None
+        for name in self._call_order.awake:
+            link = self._connections.get(name) or self._ports[name]
+            if len(self._call_order.places(name)) > 1:
+                return now
+            for at in (link.retry_at, link.set_up.deadline):
+                if at is not None and at > now and (due is None or at < due):
+                    due = at
+        return due
+
+    def skip(self, scans: int) -> None:
+        """Count scans that change nothing, as if they had passed."""
+        self._env.scan += scans
+
     def sample(self, of_all: bool) -> None:
         """Ask how much is unread where something came, and `of_all` what the stack says: for a recording."""
         for handle, name in (self._ready_handles or {}).items():

@@ -59,6 +59,7 @@ from trcvtui.project.project import (
     SequenceDecl,
     SimDecl,
     Task,
+    WatchDecl,
 )
 from trcvtui.project.tables import (
     ADDRESS,
@@ -69,6 +70,7 @@ from trcvtui.project.tables import (
     DELAY,
     END_OR_NAME,
     ENDPOINT,
+    FAR_END,
     FILE,
     HANDSHAKE,
     INTERVAL,
@@ -820,6 +822,25 @@ _SEQUENCE: Final = TableRow(
 )  # fmt: skip
 
 
+# -- lines of others -------------------------------------------------------------------------------------
+
+_WATCH: Final = TableRow(
+    "watch", "watches", WatchDecl,
+    "A line of others: in a capture, the instances on a CONNECT look on (`trcvtui watch`).",
+    (
+        _named("line"),
+        Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 where the PLC calls.", "plc",
+            ask=Ask("the PLC end: 10.0.0.5:2000"), is_needed=True),
+        Key("connect", TEXT, "The CONNECT whose instances look on.", "connect",
+            ask=Ask("a CONNECT", _names("connect"), _last(_names("connect"))),
+            refers=Refers("CONNECT", ("connect",)), is_needed=True),
+        Key("partner", FAR_END, "The other end; without it any.", "partner", "",
+            Ask("the other end; none: any")),
+    ),
+    "watched line", "a line that is watched", "watch",
+)  # fmt: skip
+
+
 # -- the rest --------------------------------------------------------------------------------------------
 
 _TASK: Final = TableRow(
@@ -880,18 +901,18 @@ TABLES: Final[dict[str, TableRow]] = {
     row.kind: row
     for row in (
         _TASK, _DATA, _CONNECT, _UDP_CONFIG, _ADDR, _INSTANCE, _PEER, _MESSAGE, _SEQUENCE, _CERTIFICATE,
-        _COMBUFFER,
+        _COMBUFFER, _WATCH,
     )
 }  # fmt: skip
 DESCRIBED: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
 # What can be added, as commands list it; and as a form offers it, what is added most often first.
 EDITED: Final = (
     "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
-    "certificate",
+    "certificate", "watch",
 )  # fmt: skip
 OFFERED: Final = (
     "instance", "connect", "data", "peer", "message", "sequence", "udp_config", "addr", "certificate",
-    "combuffer",
+    "combuffer", "watch",
 )  # fmt: skip
 
 

@@ -142,6 +142,19 @@ class SequenceDecl:
 
 
 @dataclass(frozen=True, slots=True)
+class WatchDecl:
+    """One line that is watched: the instances on `connect` look on at what comes to the PLC end `plc`.
+
+    Ends are ADDR or ADDR:PORT; `partner` "": any.
+    """
+
+    name: str
+    plc: str
+    connect: str
+    partner: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class SimDecl:
     """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
 
@@ -184,6 +197,7 @@ Declaration = (
     | MessageDecl
     | SequenceDecl
     | CertificateDecl
+    | WatchDecl
 )
 
 
@@ -240,6 +254,7 @@ class Project:
     udt_files: tuple[Path, ...] = ()
     certificates: Certificates = field(default_factory=dict)
     combuffers: tuple[ComBufferDecl, ...] = ()
+    watches: tuple[WatchDecl, ...] = ()
     undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
 
     def pins(self, block: str) -> tuple[Pin, ...]:

@@ -14,7 +14,7 @@ from unicodedata import category
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
-from trcvtui.net.results import Endpoint
+from trcvtui.net.results import Endpoint, end_in_words
 from trcvtui.records import dataclass
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_integer, parse_time
@@ -256,6 +256,10 @@ MILLISECONDS: Final = Kind(
 )
 ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
 ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
+FAR_END: Final = of_text(
+    "an address with or without a port, such as 10.0.0.5:2000",
+    lambda text: text if end_in_words(text) else None,
+)
 ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]',
     _addresses,

@@ -111,6 +111,11 @@ class SetUp:
         """Return where a partner reaches this CONNECT, None while it does not."""
         return self.local if self.listener is not None else None
 
+    @property
+    def deadline(self) -> int | None:
+        """Return when the running attempt is given up, in ns; None: there is none."""
+        return None if self.attempt is None else self._deadline
+
     def judge(self) -> StepFault | None:
         """Return what keeps whoever opens this connection from it, before there is any socket."""
         return self.judge_description()

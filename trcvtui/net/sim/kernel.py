@@ -205,6 +205,7 @@ class SimKernel:
         self._made = 0
         self._ready: dict[Handle, SimSocket] = {}
         self._seen: dict[Handle, bool] = {}  # the last poll's picture; True = gone
+        self._is_news = False  # has anything become ready since somebody asked
 
     # -- the world -----------------------------------------------------------------------------------
 
@@ -218,6 +219,25 @@ class SimKernel:
         if now_ns < self._wire.now:
             raise ValueError(f"time runs forwards: {now_ns} is before {self._wire.now}")
         self._wire.agenda.run_until(now_ns)
+
+    def pass_time(self, until_ns: int) -> int:
+        """Move the clock until something becomes ready, at most to until_ns; return the time."""
+        agenda = self._wire.agenda
+        while not self._is_news and (due := agenda.due) is not None and due <= until_ns:
+            agenda.run_until(max(due, agenda.now))
+        if not self._is_news:
+            agenda.run_until(max(until_ns, agenda.now))
+        return agenda.now
+
+    def take_news(self) -> bool:
+        """Return whether anything has become ready since this was asked."""
+        is_news, self._is_news = self._is_news, False
+        return is_news
+
+    @property
+    def wire(self) -> SimWire:
+        """Return the network, for partners that are played."""
+        return self._wire
 
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""
@@ -285,6 +305,7 @@ class SimKernel:
         if socket.polled:
             if socket.is_readable:
                 self._ready[handle] = socket
+                self._is_news = True
             else:
                 self._ready.pop(handle, None)
 

@@ -97,6 +97,7 @@ class PortTable:
 
 NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered (2.3)
 TIME_WAIT: Final = 60 * SECOND
+PLAYED_ROOM: Final = 1 << 20  # bytes of a played partner that nobody has taken
 
 
 class SimListener:
@@ -123,6 +124,7 @@ class SimWire:
         self.ports = PortTable()
         self.agenda = Agenda()
         self._latency = latency
+        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that nobody answers by himself
         self._down: dict[str, None] = {}
         self._listeners: dict[Endpoint, SimListener] = {}
         self._streams: dict[tuple[Endpoint, Endpoint], SimStream] = {}
@@ -208,6 +210,9 @@ class SimWire:
         if ends in self._streams:
             self._leave(self._streams[ends])
         self._streams[ends] = client
+        if client.owner in self.played:
+            self.played[client.owner].append(client)
+            return
         if not self.owns(client.remote.address):
             self.at(self.now + NO_HOST_AFTER, client.no_host)
         client.connect()
@@ -234,6 +239,46 @@ class SimWire:
             server = client.partner or self._admit(listener, client)
             if server is not None:
                 self.carry(server, server.answer_syn())
+
+    def call(self, local: Endpoint, target: Endpoint) -> SimStream | None:
+        """Let a played partner call a listener; None: the same ends have a connection."""
+        client = self._played(local, target)
+        if self.is_taken(client):
+            return None
+        self.connect(client)
+        return client
+
+    def answer(self, owner: str) -> SimStream | None:
+        """Let a played partner take the newest call of an owner; None: it does not call."""
+        client = self._called(owner)
+        if client is None:
+            return None
+        server = self._played(client.remote, client.local)
+        self._streams[server.local, server.remote] = server
+        server.partner, client.partner = client, server
+        server.open(client.answer_syn().edge)
+        self.carry(server, server.answer_syn())
+        return server
+
+    def refuse(self, owner: str) -> bool:
+        """Let a played partner refuse the newest call of an owner; False: it does not call."""
+        client = self._called(owner)
+        if client is not None:
+            client.arrive(RESET)
+        return client is not None
+
+    def _called(self, owner: str) -> SimStream | None:
+        calls = self.played.get(owner, [])
+        waiting = [each for each in calls if each.phase is StreamPhase.SYN_SENT]
+        calls[:] = waiting[:-1]
+        return waiting[-1] if waiting else None
+
+    def _played(self, local: Endpoint, remote: Endpoint) -> SimStream:
+        claim = PortClaim(local.address, local.port, reuse=True)
+        name = f"partner {local} of {remote}"
+        made = SimStream(self, name, claim, local, remote, Tuning(send_room=PLAYED_ROOM))
+        made.always_answers = True
+        return made
 
     def _refuse(self, client: SimStream) -> None:
         """Answer a SYN with RST in the name of the machine."""
@@ -394,7 +439,7 @@ class SimSocket:
             return "EISCONN"
         if self.stream is not None:
             return CONNECT_AGAIN[self.stream.phase]
-        if not is_sane(end):
+        if not is_sane(end) and self.owner not in self._wire.played:
             return "EINVAL"
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
         error = self._no_way_to(remote.address)

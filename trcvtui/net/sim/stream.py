@@ -228,6 +228,7 @@ class Wire(Protocol):
     def syn(self, client: SimStream) -> None: ...
     def carry(self, source: SimStream, segment: Segment) -> None: ...
     def over(self, stream: SimStream, linger: bool) -> None: ...
+    def set_link(self, owner: str, up: bool) -> None: ...
 
 
 def nobody_looks() -> None:
@@ -239,8 +240,8 @@ class SimStream:
 
     __slots__ = (
         "_alive", "_alive_ticket", "_closed_first", "_end_ticket", "_in", "_out", "_retry",
-        "_retry_ticket", "_syns", "_wire", "changed", "claim", "error", "heard", "held", "lingering",
-        "local", "owner", "partner", "phase", "read_shut", "remote", "tuning",
+        "_retry_ticket", "_syns", "_wire", "always_answers", "changed", "claim", "error", "heard", "held",
+        "lingering", "local", "owner", "partner", "phase", "read_shut", "remote", "tuning",
     )  # fmt: skip
 
     def __init__(
@@ -252,6 +253,7 @@ class SimStream:
         self.changed: Callable[[], None] = nobody_looks
         self.phase = StreamPhase.SYN_SENT
         self.error = ""
+        self.always_answers = False  # so no partner has to ask whether it lives
         self.held = True  # a program, or an accept queue, still has it
         self.lingering = False  # in TIME_WAIT
         self.read_shut = False
@@ -511,7 +513,8 @@ class SimStream:
     def _start_keep_alive(self) -> None:
         self._wire.cancel(self._alive_ticket)
         self._alive_ticket = None
-        if self.tuning.keep_alive and self.phase is StreamPhase.OPEN:
+        is_asked = self.partner is None or not self.partner.always_answers
+        if self.tuning.keep_alive and self.phase is StreamPhase.OPEN and is_asked:
             self._alive = KeepAlive(self.tuning.keep_alive, self.heard)
             self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
 
@@ -523,6 +526,13 @@ class SimStream:
             self.give_up("ETIMEDOUT")
         elif verdict is TimerVerdict.ASK:
             self._carry(Flag.PROBE)
+
+    def fall_silent(self) -> None:
+        """Answer nothing from now on; the partner begins to ask."""
+        self.always_answers = False
+        self._wire.set_link(self.owner, False)
+        if self.partner is not None:
+            self.partner._start_keep_alive()
 
     # -- the end -------------------------------------------------------------------------------------
 

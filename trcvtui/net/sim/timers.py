@@ -70,6 +70,14 @@ class Agenda:
                 act()
         self.now = now
 
+    @property
+    def due(self) -> int | None:
+        """Return when the next thing is to be done, None where nothing is."""
+        while self._heap and self._heap[0][2].act is None:
+            heapq.heappop(self._heap)
+            self._cancelled -= 1
+        return self._heap[0][0] if self._heap else None
+
     def __len__(self) -> int:
         """Return how many entries are kept."""
         return len(self._heap)

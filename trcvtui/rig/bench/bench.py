@@ -300,6 +300,17 @@ class Bench:
         peer = self.peers.get(name)
         return peer.last_port if peer else None
 
+    @property
+    def network(self) -> SimKernel:
+        """Return the simulated network, for who plays partners in it."""
+        assert self._sim is not None
+        return self._sim
+
+    def quiet_until(self) -> int | None:
+        """Return when time alone changes something, as `Runtime.quiet_until`; a program waits for scans."""
+        is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
+        return self.runtime.quiet_until() if is_alone else self.now
+
     # -- time ---------------------------------------------------------------------------------------
 
     def step(self, now: int | None = None) -> None:

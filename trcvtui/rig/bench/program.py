@@ -48,10 +48,11 @@ class Program:
     def __init__(self, steps: Sequence[words.Step], bench: Programmed) -> None:
         self._bench = bench
         self._course = self._play(steps)
+        self.is_over = False
 
     def go_on(self) -> None:
         """Do what is due before the next scan."""
-        next(self._course, None)
+        self.is_over = next(self._course, self) is self
 
     def _play(self, steps: Sequence[words.Step]) -> Iterator[None]:
         """Play the steps; each time this yields, one scan passes."""

@@ -20,6 +20,7 @@ from trcvtui.project.project import (
     MessageDecl,
     PeerDecl,
     SequenceDecl,
+    WatchDecl,
 )
 from trcvtui.records import dataclass, field
 from trcvtui.rig.commands.counters_and_checksums import Fill
@@ -37,6 +38,7 @@ AddedDecl = (
     | MessageDecl
     | SequenceDecl
     | CertificateDecl
+    | WatchDecl
 )
 
 

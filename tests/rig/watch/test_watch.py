@@ -1,0 +1,444 @@
+"""`trcvtui watch`: a capture shows in shadows what a live block showed."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.capture.wire import (
+    ACK,
+    FIN,
+    NS,
+    PARTNER,
+    PLC,
+    RST,
+    SYN,
+    answer,
+    capture,
+    handshake,
+    tcp,
+    udp,
+)  # fmt: skip
+from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.cli import main
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.file import load_project
+from trcvtui.rig import clock
+from trcvtui.rig.bench.bench import Bench
+
+Record = dict[str, Any]
+COOKED = 113
+STATIC = """
+dialect = "baosky"
+[[connect]]
+name = "C1"
+ActiveEstablished = {active}
+LocalAddress = "127.0.0.1"
+LocalPort = {local}
+RemoteAddress = "{remote}"
+RemotePort = {port}
+[[data]]
+name = "d"
+type = "ARRAY[0..11] OF BYTE"
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+data = "d"
+{more}
+"""
+
+
+def project(tmp_path: Path, more: str = "", **keys: object) -> Path:
+    path = tmp_path / "bench.toml"
+    defaults = {"active": "false", "local": 2000, "remote": "0.0.0.0", "port": 0}
+    path.write_text(STATIC.format(more=more, **(defaults | keys)), encoding="utf-8")
+    return path
+
+
+class Watched:
+    """What one run of `watch` has printed."""
+
+    def __init__(self, printed: str) -> None:
+        self.records: list[Record] = [json.loads(line) for line in printed.splitlines()]
+        self.last = self.records[-1]
+        self.notes = [r["note"] for r in self.records if "conversation" in r]
+
+    def of(self, instance: str) -> list[Record]:
+        return [r for r in self.records if r.get("instance") == instance]
+
+    def jobs(self, instance: str) -> list[tuple[str, int]]:
+        return [(r["STATUS"], r["RCVD_LEN"]) for r in self.of(instance) if r["DONE"] or r["ERROR"]]
+
+
+class Watch:
+    """Runs `watch` on packets."""
+
+    def __init__(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.path = tmp_path / "c.pcapng"
+        self._capsys = capsys
+
+    def __call__(self, packets: list[bytes], *words: str, step_ms: int = 60) -> Watched:
+        self.path.write_bytes(capture(packets, step_ns=step_ms * 1_000_000))
+        return self.file(self.path, *words)
+
+    def file(self, path: Path, *words: str) -> Watched:
+        self._capsys.readouterr()
+        assert main(["watch", str(path), *words, "--format", "jsonl"]) == 0
+        return Watched(self._capsys.readouterr().out)
+
+
+@pytest.fixture
+def watch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Watch:
+    return Watch(tmp_path, capsys)
+
+
+def stream(*sizes: int, seq: int = 101) -> Iterator[bytes]:
+    """Yield the segments of a partner, each answered by the PLC."""
+    for size in sizes:
+        yield tcp(bytes(range(size)), seq, 501)
+        seq += size
+        yield answer(seq=501, ack=seq)
+
+
+def test_fin_after_7_of_12_bytes_shows_80a6_then_80c5(watch: Watch, tmp_path: Path) -> None:
+    end = [tcp(seq=120, ack=501, flags=FIN | ACK), answer(seq=501, ack=121, flags=FIN | ACK)]
+    seen = watch([*handshake(), *stream(12, 7), *end], "--project", str(project(tmp_path)))
+    assert [each for each in seen.jobs("R1") if each[0] != "80A1"] == [("7008", 12), ("80A6", 0), ("80C5", 0)]
+
+
+def test_scan_1_is_the_first_packet_and_each_record_has_its_time(watch: Watch) -> None:
+    seen = watch([*handshake(), *stream(12)], step_ms=100)
+    done = next(r for r in seen.of("C1_TO_PLC") if r["DONE"])
+    assert (done["scan"], done["t_ms"]) == (31, 300.0)  # the bytes are the fourth packet
+    assert (NS, done["time"]) == (1_700_000_000_000_000_000, "2023-11-14T22:13:20.300000Z")
+
+
+def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -> None:
+    said = [tcp(b"hello", 101, 501), answer(b"yes", 501, 106), tcp(seq=106, ack=504)]
+    seen = watch([*handshake(), *said])
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 5)
+    assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
+
+
+def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
+    packets = [*handshake(), *stream(12), answer(bytes(12), 501, 113), tcp(seq=113, ack=513)]
+    seen = watch(packets, "--plc", "10.0.0.9")
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 12)
+    bench = project(tmp_path, active="true", local=0, remote="10.0.0.5", port=2000)
+    seen = watch(packets, "--plc", "10.0.0.9", "--project", str(bench))
+    assert [r["STATUS"] for r in seen.of("R1")][-3:] == ["7006", "7008", "7006"]
+    assert not any(r["ERROR"] and r["STATUS"] != "80A1" for r in seen.of("R1"))
+
+
+def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
+    refused = [tcp(seq=100, flags=SYN), answer(ack=101, flags=RST | ACK)]
+    late = [tcp(seq=700, flags=SYN), answer(seq=800, ack=701, flags=SYN | ACK), tcp(seq=701, ack=801)]
+    seen = watch([*refused, *late, answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500)
+    assert [word for word, _ in seen.jobs("C1_TO_PLC")][-2:] == ["80A0", "7008"]
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
+
+
+def test_missing_bytes_are_a_hole_that_is_told_before_the_shadow_goes_on(
+    watch: Watch, tmp_path: Path
+) -> None:
+    first, _, _, *rest = stream(12, 5, 7, 12)
+    packets = [*handshake(), first, *rest, answer(seq=501, ack=137)]
+    seen = watch(packets, "--project", str(project(tmp_path)))
+    dones = [(r["RCVD_LEN"], r.get("note")) for r in seen.of("R1") if r["DONE"]]
+    assert dones == [(12, None), (12, "? missing in the capture"), (12, None)]
+    at = seen.records.index(next(r for r in seen.records if "conversation" in r))
+    assert "? 5 bytes missing in the capture, to the PLC end, from byte 12" in seen.notes
+    assert at < seen.records.index(next(r for r in seen.of("R1") if "note" in r))
+
+
+def test_a_conversation_that_begins_in_the_middle_is_said_to(watch: Watch) -> None:
+    seen = watch([*stream(12, 12)], "--plc", "10.0.0.5")
+    assert seen.notes == ["begins in the middle"]
+    assert [size for _, size in seen.jobs("C1_TO_PLC")][-1] in (12, 24)
+
+
+def two_calls(second_at: int) -> list[bytes]:
+    """Return a conversation, and one of another port of the partner before the packet of that number."""
+    other = (PARTNER[0], PARTNER[1] + 1)
+    first = [*handshake(), *stream(12), tcp(seq=113, ack=501, flags=FIN | ACK), answer(seq=501, ack=114)]
+    second = [
+        tcp(seq=900, flags=SYN, source=other),
+        tcp(seq=300, ack=901, flags=SYN | ACK, source=PLC, target=other),
+        tcp(seq=901, ack=301, source=other),
+        tcp(b"abcd", seq=901, ack=301, source=other),
+    ]
+    return [*first[:second_at], *second, *first[second_at:]]
+
+
+def test_the_next_conversation_of_a_plc_end_goes_to_the_same_shadow(watch: Watch) -> None:
+    seen = watch(two_calls(7))
+    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12, 4]
+    assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
+
+
+def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> None:
+    seen = watch(two_calls(4))
+    assert seen.last["unassigned"] == [{"id": "C2", "why": "it overlaps C1"}]
+    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12]
+
+
+def test_udp_is_listed_as_unassigned(watch: Watch) -> None:
+    assert watch([udp(b"abc")]).last["unassigned"] == [{"id": "C1", "why": "UDP"}]
+
+
+ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'
+
+
+@pytest.mark.parametrize(
+    ("row", "is_watched"),
+    [
+        (ROW.format("10.0.0.5:2000", ""), True),
+        (ROW.format("10.0.0.5", 'partner = "10.0.0.9"'), True),
+        (ROW.format("10.0.0.5:2001", ""), False),
+        (ROW.format("10.0.0.5", 'partner = "10.0.0.8"'), False),
+    ],
+)
+def test_a_watch_row_says_which_line_a_connect_looks_on(
+    watch: Watch, tmp_path: Path, row: str, is_watched: bool
+) -> None:
+    seen = watch([*handshake(), *stream(12)], "--project", str(project(tmp_path, row, local=3000)))
+    assert (seen.jobs("R1")[-1:] == [("7008", 12)]) == is_watched
+
+
+def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path) -> None:
+    bench = project(tmp_path)
+    text = 'program = """\nrun 21\nset R1 EN_R=1\n"""\n' + bench.read_text()
+    bench.write_text(text, encoding="utf-8")
+    seen = watch([*handshake(), *stream(12)], "--project", str(bench))
+    assert seen.jobs("R1") == [("7008", 12)]
+    assert next(r for r in seen.of("R1") if r["DONE"])["scan"] > 21
+
+
+def test_hours_of_silence_cost_no_scans_and_change_nothing(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Keep-alive is on; the shadow that waits for the next partner waits as well."""
+    scans: list[int] = []
+    usual = Bench.step
+    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
+    end = [tcp(seq=125, ack=501, flags=FIN | ACK), answer(seq=501, ack=126, flags=FIN | ACK)]
+    seen = watch([*handshake(), *stream(12, 12), *end], step_ms=3_600_000)
+    assert len(scans) < 100
+    dones = [(r["scan"], r["RCVD_LEN"]) for r in seen.of("C1_TO_PLC") if r["DONE"]]
+    assert dones == [(3 * 360_000 + 1, 12), (5 * 360_000 + 1, 12)]
+
+
+def test_skipped_scans_are_as_if_each_had_passed(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = random.Random(5)
+    packets = [*handshake(), *stream(*[chance.randrange(1, 30) for _ in range(40)])]
+    bench = str(project(tmp_path, "LEN = 5"))
+    fast = watch(packets, "--project", bench, step_ms=377).records
+    monkeypatch.setattr("trcvtui.rig.bench.bench.Bench.quiet_until", lambda self: self.now)
+    assert watch(packets, "--project", bench, step_ms=377).records == fast
+
+
+def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
+    chance = random.Random(11)
+    for _ in range(30):
+        packets = [
+            chance.choice([tcp, answer])(
+                chance.randbytes(chance.randrange(40)),
+                chance.randrange(500),
+                chance.randrange(500),
+                chance.choice([ACK, ACK, SYN, FIN | ACK, RST, SYN | ACK]),
+                chance.choice([0, 8192]),
+            )
+            for _ in range(chance.randrange(1, 60))
+        ]
+        assert set(watch(packets).last) == {"assigned", "unassigned", "left_out"}
+
+
+# -- real sockets ------------------------------------------------------------------------------------------
+
+SENDER = """
+import socket, sys
+line = socket.create_connection((sys.argv[1], int(sys.argv[2])))
+line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+for word in sys.stdin:
+    line.sendall(bytes.fromhex(word))
+    print("sent", flush=True)
+line.close()
+"""
+PIECES = (5, 7, 12, 24, 3, 4, 17, 7)  # 79 bytes: six jobs of 12, then FIN after 7
+
+
+class Capturing:
+    """dumpcap on loopback, and a sender that is a process of its own."""
+
+    def __init__(self, path: Path, address: str, port: int) -> None:
+        words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", str(path)]
+        self._dump = subprocess.Popen(words, stderr=subprocess.PIPE)
+        assert self._dump.stderr is not None
+        if not any(line.startswith(b"File:") for line in self._dump.stderr):
+            pytest.skip("dumpcap may not capture here")
+        self._path = path
+        self.sender = subprocess.Popen(
+            [sys.executable, "-c", SENDER, address, str(port)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def send(self, data: bytes) -> None:
+        assert self.sender.stdin is not None and self.sender.stdout is not None
+        self.sender.stdin.write(data.hex() + "\n")
+        self.sender.stdin.flush()
+        assert self.sender.stdout.readline() == "sent\n"
+
+    def end(self) -> list[Packet]:
+        """Close the connection; return the packets, FINs of both ends or the RST among them."""
+        self.sender.communicate()
+        while True:
+            packets = self._packets()
+            if sum(bool(packet.data[-1:] and _flags(packet.data) & (FIN | RST)) for packet in packets) >= 1:
+                break
+        self._dump.terminate()
+        self._dump.communicate()
+        return self._packets()
+
+    def _packets(self) -> list[Packet]:
+        if not self._path.exists() or not self._path.stat().st_size:
+            return []
+        with open_capture(str(self._path)) as reader:
+            return list(reader)
+
+
+def _flags(frame: bytes) -> int:
+    return frame[14 + (40 if frame[12:14] == b"\x86\xdd" else 20) + 13]
+
+
+def live_jobs(tmp_path: Path, pieces: tuple[int, ...]) -> tuple[list[tuple[int, int]], list[Packet]]:
+    """Return what a live TRCV_C of 12 bytes showed, and the packets that came to it."""
+    if shutil.which("dumpcap") is None:
+        pytest.skip("dumpcap is not installed")
+    bench = Bench(load_project(project(tmp_path, "EN_R = true\nCONT = true", local=0)), "live")
+    edges: list[StatusEdge] = []
+    began = clock.now_ns()
+
+    def scan() -> None:
+        bench.step(clock.now_ns() - began)
+        bench.runtime.settle()
+        edges.extend(bench.runtime.changed)
+
+    while (port := bench.runtime.listening_port("C1")) is None:
+        scan()
+    wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
+    connection = next(iter(bench.runtime._connections.values()))
+    total, text = 0, random.Random(3).randbytes(sum(pieces))
+    for size in pieces:
+        wire.send(text[total : total + size])
+        total += size
+        while connection.bytes_received < total:
+            scan()
+    packets = wire.end()
+    while not edges or edges[-1].outputs.status != 0x7002:
+        scan()
+    bench.close()
+    return [
+        _job(edge) for edge in edges if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
+    ], packets
+
+
+def _job(edge: StatusEdge) -> tuple[int, int]:
+    return edge.outputs.status, edge.outputs.rcvd_len or 0
+
+
+def _is_said(edge: StatusEdge) -> bool:
+    return edge.outputs.status != 0x80A1  # EN_R is 1 before the connection stands: a matter of some scans
+
+
+def written(path: Path, packets: list[Packet], link_type: int = ETHERNET) -> Path:
+    blocks = [packet_block(0, packet.ns, packet.data) for packet in packets]
+    path.write_bytes(b"".join((section_block("tests"), interface_block(link_type, "t"), *blocks)))
+    return path
+
+
+def tagged(packet: Packet) -> Packet:
+    return packet._replace(data=packet.data[:12] + b"\x81\x00\x00\x07" + packet.data[12:])
+
+
+def cooked(packet: Packet) -> Packet:
+    return packet._replace(data=b"\0\0\0\1\0\6" + packet.data[6:12] + b"\0\0" + packet.data[12:])
+
+
+def reordered(packets: list[Packet]) -> list[Packet]:
+    """Return the packets with each third one after the next."""
+    found = list(packets)
+    for at in range(4, len(found) - 5, 3):
+        found[at], found[at + 1] = (
+            found[at + 1]._replace(ns=found[at].ns), found[at]._replace(ns=found[at + 1].ns),
+        )  # fmt: skip
+    return found
+
+
+def twice(packets: list[Packet]) -> list[Packet]:
+    return [each for packet in packets for each in (packet, packet)]
+
+
+@pytest.mark.live
+def test_a_capture_of_real_sockets_shows_what_the_live_block_showed(watch: Watch, tmp_path: Path) -> None:
+    jobs, packets = live_jobs(tmp_path, PIECES)
+    assert [size for word, size in jobs] == [12] * 6 + [0, 0] and [hex(word) for word, _ in jobs[-2:]] == [
+        "0x80a6", "0x80c5",
+    ]  # fmt: skip
+    bench = str(project(tmp_path))
+    rewritten = {
+        "as it was": (packets, ETHERNET),
+        "vlan": ([*map(tagged, packets)], ETHERNET),
+        "cooked": ([*map(cooked, packets)], COOKED),
+        "reordered": (reordered(packets), ETHERNET),
+        "twice": (twice(packets), ETHERNET),
+    }
+    for name, (changed, link_type) in rewritten.items():
+        path = written(tmp_path / "w.pcapng", changed, link_type)
+        seen = watch.file(path, "--project", bench, "--plc", "127.0.0.1").jobs("R1")
+        assert [(int(word, 16), size) for word, size in seen if word != "80A1"] == jobs, name
+
+
+@pytest.mark.live
+def test_a_packet_that_the_capture_lost_is_a_hole_in_its_job_alone(watch: Watch, tmp_path: Path) -> None:
+    jobs, packets = live_jobs(tmp_path, PIECES)
+    of_data = [n for n, packet in enumerate(packets) if len(packet.data) - 66 == 24]
+    path = written(tmp_path / "w.pcapng", packets[: of_data[0]] + packets[of_data[0] + 1 :])
+    seen = watch.file(path, "--project", str(project(tmp_path)), "--plc", "127.0.0.1")
+    dones = [(r["RCVD_LEN"], "note" in r) for r in seen.of("R1") if r["DONE"]]
+    assert dones == [(12, False)] * 2 + [(12, True)] * 2 + [(12, False)] * 2
+    assert len(jobs) == 8
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
+def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: Path, address: str) -> None:
+    for tool in ("dumpcap", "socat"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    kind = "TCP6-LISTEN:0,bind=[::1]" if ":" in address else "TCP-LISTEN:0,bind=127.0.0.1"
+    listener = subprocess.Popen(
+        ["socat", "-d", "-d", "-u", kind, "-"], stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert listener.stderr is not None
+    said = next(line for line in listener.stderr if b"listening on" in line)
+    wire = Capturing(tmp_path / "real.pcapng", address, int(said.decode().rpartition(":")[2]))
+    for size in PIECES:
+        wire.send(bytes(size))
+    wire.end()
+    listener.communicate()
+    seen = watch.file(tmp_path / "real.pcapng")
+    assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
+    assert seen.last["left_out"] == {}

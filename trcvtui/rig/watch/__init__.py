@@ -1,0 +1,1 @@
+"""Conversations of others, played to shadow instances on the simulated network."""

@@ -1,0 +1,247 @@
+"""`trcvtui watch`: a capture put through shadow instances, as JSON lines.
+
+The capture is read twice: first who talks to whom, then what they said when, scan by scan.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+from trcvtui.capture.command import capture_notes, in_time_order
+from trcvtui.capture.pcap import open_capture
+from trcvtui.capture.reassembly import (
+    Conversation,
+    ConversationEvent,
+    Conversations,
+    EventKind,
+    WireDirection,
+)
+from trcvtui.errors import Problem, UserError
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.scenario.report import JsonLines, outputs_record
+from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.rig.watch.player import PlayedEnd, Shadows
+from trcvtui.rig.watch.shadows import ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
+
+MISSING: Final = "? missing in the capture"
+MOST_LISTED: Final = 1000  # conversations in the last line
+UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class WatchLines:
+    """The records of the shadows, and what is said of conversations between them."""
+
+    def __init__(self, write: Callable[[str], object], interval_ns: int, first_ns: int) -> None:
+        self._lines = JsonLines(write, interval_ns)
+        self._interval_ns = interval_ns
+        self._first_ns = first_ns
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Write one line for each instance that changed; `lacking` are those whose job lacks bytes."""
+        for edge in changed:
+            of_job = edge.instance in lacking and (edge.outputs.done or edge.outputs.error)
+            self._say(scan, outputs_record(edge) | ({"note": MISSING} if of_job else {}))
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Write what is said of a conversation; `ns` counts from the first packet."""
+        self._say(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
+
+    def _say(self, scan: int, record: dict[str, object]) -> None:
+        ns = self._first_ns + (scan - 1) * self._interval_ns
+        self._lines.line(scan, {"time": _utc(ns), **record})
+
+    def end(self, record: dict[str, object]) -> None:
+        """Write the last line."""
+        self._lines.write(record)
+
+
+def _utc(ns: int) -> str:
+    try:
+        moment = _EPOCH + timedelta(microseconds=ns // 1000)
+    except OverflowError:  # a capture may claim any time
+        return f"{ns} ns after 1970-01-01T00:00:00Z"
+    return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+class _Running:
+    """A conversation while it is played: its ends by direction, and what the wire has shown of it."""
+
+    def __init__(self, ends: list[tuple[WireDirection, PlayedEnd]]) -> None:
+        self.ends = ends
+        self.probes = 0
+
+
+class CapturePlayer:
+    """Plays the events of a capture to the shadows of a plan."""
+
+    def __init__(
+        self, plan: ShadowPlan, found: Sequence[Conversation], first_ns: int, lines: WatchLines
+    ) -> None:
+        self._first_ns, self._lines, self._plan = first_ns, lines, plan
+        self._last_ns = {each.number: each.last_ns for each in found}
+        self.shadows = Shadows(fresh_bench(plan.project, "sim"), lines.scan)
+        self._running: dict[int, _Running] = {}
+        self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> who has it
+        calls = {part.connect for parts in plan.parts.values() for part in parts if not part.calls}
+        self.shadows.network.wire.played.update({name: [] for name in calls})
+
+    def take(self, event: ConversationEvent) -> None:
+        """Let time pass up to an event, and do what it says."""
+        number = event.conversation.number
+        if number not in self._plan.parts or number in self._plan.unassigned:
+            return
+        ns = max(event.ns - self._first_ns, 0)
+        if event.kind in _OF_NO_PARTNER:
+            return
+        self.shadows.go_to(ns)
+        running = self._running.get(number)
+        if running is None and event.conversation.begins_with_syn and event.kind in _BEFORE:
+            if event.kind is EventKind.RST:
+                self._refuse(event)
+            return
+        if running is None:
+            running = self._begin(ns, event.conversation)
+        if running is None:
+            return
+        self._tell_hole(ns, event)
+        for says, end in running.ends:
+            self._play(event, event.direction is says, end, running)
+
+    def _begin(self, ns: int, conversation: Conversation) -> _Running | None:
+        """Give a conversation its CONNECTs; None: it is not built yet, or another one has them."""
+        if not conversation.begins_with_syn:
+            self._lines.note(ns, conversation.number, "begins in the middle")
+        parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
+        for part in parts:
+            holder = self._at.get(part.connect)
+            if holder is not None and not holder[1].has_ended:
+                if self._last_ns[holder[0]] >= ns + self._first_ns:
+                    why = f"it overlaps C{holder[0]}"
+                    self._plan.unassigned[conversation.number] = why
+                    self._lines.note(ns, conversation.number, f"unassigned: {why}")
+                    return None
+                holder[1].end(reset=True)  # its end is not in the capture
+        plc, partner = ends_of(guess, conversation)
+        ends = []
+        for part in parts:
+            says = plc if part.plays_plc else partner
+            end = PlayedEnd(self.shadows, part.connect, end_of(says.address), part.calls)
+            self._at[part.connect] = conversation.number, end
+            ends.append((says, end))
+        running = self._running[conversation.number] = _Running(ends)
+        return running
+
+    def _refuse(self, event: ConversationEvent) -> None:
+        """Let those who were called refuse, as the wire shows it."""
+        is_plc = event.direction is self._plc_of(event.conversation)
+        for part in self._plan.parts[event.conversation.number]:
+            if not part.calls and part.plays_plc == is_plc:
+                self.shadows.network.wire.refuse(part.connect)
+
+    def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
+        if event.kind is EventKind.MISSING:
+            says = event.conversation.number, event.direction
+            way = "to" if says[1] is not self._plc_of(event.conversation) else "from"
+            text = f"? {event.size} bytes missing in the capture, {way} the PLC end, from byte {event.at}"
+            self._lines.note(ns, says[0], text)
+
+    def _plc_of(self, conversation: Conversation) -> WireDirection:
+        return ends_of(self._plan.guesses[conversation.number], conversation)[0]
+
+    def _play(self, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running) -> None:
+        if end.has_ended:
+            return
+        end.begin()
+        if is_own:
+            running.probes = 0
+        match event.kind:
+            case EventKind.BYTES if is_own:
+                end.send(event.data)
+            case EventKind.MISSING if is_own:
+                end.leave_out(event.size)
+            case EventKind.FIN if is_own:
+                end.end(reset=False)
+            case EventKind.RST:
+                end.end(reset=True)
+            case EventKind.KEEP_ALIVE if not is_own:
+                running.probes += 1
+                if running.probes > UNANSWERED:
+                    end.fall_silent()
+
+    def close(self) -> dict[str, object]:
+        """Let time pass up to the last packet, and the shadows settle; return the last line."""
+        self.shadows.go_to(max(self._last_ns.values(), default=self._first_ns) - self._first_ns)
+        self.shadows.settle()
+        self.shadows.bench.close()
+        rows = [
+            {"id": f"C{number}", "shadows": [part.connect for part in parts]}
+            for number, parts in self._plan.parts.items()
+            if number not in self._plan.unassigned
+        ]
+        left_out = {f"C{n}": end.left_out for n, end in self._at.values() if end.left_out}
+        return {
+            "assigned": rows[:MOST_LISTED],
+            "unassigned": [
+                {"id": f"C{number}", "why": why}
+                for number, why in [*sorted(self._plan.unassigned.items())][:MOST_LISTED]
+            ],
+            "left_out": left_out,
+        }
+
+
+_BEFORE: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})  # of a connection that is built
+_OF_NO_PARTNER: Final = frozenset(
+    {EventKind.RETRANSMISSION, EventKind.DIFFERENT_COPY, EventKind.SILENCE, EventKind.WINDOW_OPENS,
+     EventKind.ZERO_WINDOW, EventKind.WINDOW_PROBE}
+)  # fmt: skip
+
+
+def _read(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
+    """Take all packets of a capture."""
+    if len(paths) == 1:
+        with open_capture(paths[0]) as reader:
+            found.take_all(reader, reader.link_types)
+            troubles += [reader.trouble] if reader.trouble else []
+    else:
+        for packet, link_type in in_time_order(paths, troubles):
+            found.take(packet, link_type)
+    found.close()
+
+
+def watch_lines(
+    paths: Sequence[str],
+    project: Path | None,
+    plc: str | None,
+    dialect: str | None,
+    write: Callable[[str], object],
+) -> Iterator[str]:
+    """Write the records of the shadows; yield what there is to say beside; raise UserError for bad input."""
+    found, troubles = Conversations(), list[Problem]()
+    loaded = None if project is None else load_bench(project)
+    _read(paths, found, troubles)
+    if troubles and not found.packets:
+        raise UserError(troubles)
+    if loaded is not None:
+        plan = plan_of_project(found.all, loaded, plc)
+    else:
+        plan = plan_ad_hoc(found.all, plc, dialect or "baosky")
+    first_ns = found.first_ns or 0
+    interval = min(task.interval_ns for task in plan.project.tasks)
+    lines = WatchLines(write, interval, first_ns)
+    player = CapturePlayer(plan, found.all, first_ns, lines)
+    again = Conversations(player.take)
+    _read(paths, again, [])
+    lines.end(player.close())
+    yield from capture_notes(found, troubles)
+
+
+def watch(paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None) -> None:
+    """Write JSON lines to stdout, and to stderr what could not be read."""
+    for line in watch_lines(paths, project, plc, dialect, sys.stdout.write):
+        sys.stderr.write(line + "\n")

@@ -1,0 +1,254 @@
+"""What partners did, done again in the simulated network when they did it; scans pass between.
+
+Rule 1: a scan sees what happened up to its time. Scans that change nothing are counted, not run.
+Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
+Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
+would make the partner wait. Where nobody ever takes them they are left out, and that is told.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from trcvtui.net.events import BytesReceived
+from trcvtui.net.results import Endpoint
+from trcvtui.net.sim.stream import SimStream, StreamPhase
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig.bench.bench import Bench
+
+MOST_UNREAD: Final = 128 << 10  # bytes of one partner that a shadow has not read
+MOST_FILLED: Final = 1 << 20  # of missing bytes, a place is kept for so many
+QUIET: Final = 3  # scans without a change, after which none comes by itself
+PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
+SETTLING: Final = 1000  # scans at most after the last event
+_WASTE: Final = memoryview(bytearray(1 << 16))
+
+
+class Shadows:
+    """A bench whose partners are played; `on_scan` gets what changed in each scan, and whose bytes lack some.
+
+    `guess_from`: the first scan in which the conversation would have gone on otherwise, None: it would not.
+    """
+
+    def __init__(
+        self, bench: Bench, on_scan: Callable[[int, Sequence[StatusEdge], frozenset[str]], None]
+    ) -> None:
+        self.bench = bench
+        self.network = bench.network
+        self.guess_from: int | None = None
+        self.waiting: list[PlayedEnd] = []
+        self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
+        self._on_scan = on_scan
+        self._interval = bench.runtime.interval_ns
+        self._quiet = 0
+        self._lacking: set[str] = set()  # instances whose job has a place without bytes
+
+    def go_to(self, ns: int) -> None:
+        """Let the scans before this time pass; then it is the time of the network."""
+        while (due := self.bench.runtime.scans * self._interval) < ns:
+            if self.network.take_news() or self._quiet < QUIET or not self._skip(due, ns):
+                self.step()
+        self.network.advance(max(ns, self.network.now_ns))
+
+    def settle(self) -> None:
+        """Let scans pass until nothing changes: the capture is over."""
+        for _ in range(SETTLING):
+            if not self.network.take_news() and self._quiet >= QUIET:
+                return
+            self.step()
+
+    def _skip(self, due: int, ns: int) -> bool:
+        """Count the scans in which nothing happens; return whether there was one."""
+        until = self.bench.quiet_until()
+        limit = ns if until is None else min(until, ns)
+        if self.waiting:
+            limit = min(limit, *(end.gives_up_at for end in self.waiting))
+        if limit <= due:
+            return False
+        reached = self.network.pass_time(limit)
+        scans = -(-reached // self._interval) - due // self._interval
+        self.bench.runtime.skip(max(scans, 0))
+        return scans > 0
+
+    def step(self) -> None:
+        """Let one scan pass."""
+        runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
+        for end in tuple(self.waiting):
+            end.go_on()
+        seq = ledger.last_seq
+        self.bench.step()
+        self.network.take_news()
+        changed = runtime.changed
+        is_quiet = not changed and ledger.last_seq == seq
+        self._quiet = self._quiet + 1 if is_quiet else 0
+        if self.holes or self._quiet == QUIET:
+            runtime.settle()
+            self._quiet = self._quiet if ledger.last_seq == seq else 0
+        if self.holes:
+            self._see_holes(seq)
+        if changed:
+            lacking = frozenset(self._lacking)
+            self._on_scan(runtime.scans, changed, lacking)
+            self._lacking -= {e.instance for e in changed if e.outputs.done or e.outputs.error}
+
+    def _see_holes(self, seq: int) -> None:
+        for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
+            if not isinstance(event, BytesReceived) or event.connection not in self.holes:
+                continue
+            holes, end = self.holes[event.connection], event.offset + event.size
+            if holes and holes[0][0] < end:
+                self._lacking.add(event.instance)
+            while holes and holes[0][1] <= end:
+                holes.popleft()
+        self.holes = {connect: holes for connect, holes in self.holes.items() if holes}
+
+    def is_guess(self) -> None:
+        """Note that from this scan on the partner would perhaps have done something else."""
+        if self.guess_from is None:
+            self.guess_from = self.bench.runtime.scans + 1
+
+
+class PlayedEnd:
+    """One end of one conversation, as a CONNECT meets it. It `calls`, or is called by the CONNECT.
+
+    `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nobody to talk to.
+    """
+
+    def __init__(self, shadows: Shadows, connect: str, own: Endpoint, calls: bool) -> None:
+        self.connect = connect
+        self.left_out = 0
+        self.is_over = False
+        self.has_ended = False  # in the capture
+        self.gives_up_at = 0
+        self._shadows = shadows
+        self._own = own
+        self._calls = calls
+        self._is_begun = False
+        self._stream: SimStream | None = None
+        self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
+        self._kept = 0  # bytes of these
+        self._sent = 0
+
+    def begin(self) -> None:
+        """Build the connection, as soon as the shadow is ready for it."""
+        if not self._is_begun:
+            self._is_begun = True
+            self._shadows.holes.pop(self.connect, None)
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._connect()
+            if self._stream is None:
+                self._shadows.waiting.append(self)
+
+    def go_on(self) -> None:
+        """Look again whether the shadow is ready."""
+        self._connect()
+        gives_up = self._stream is None and self._shadows.network.now_ns >= self.gives_up_at
+        if (self._stream is not None or gives_up) and self in self._shadows.waiting:
+            self._shadows.waiting.remove(self)
+        if gives_up:
+            self.left_out += self._kept
+            self._acts.clear()
+            self.is_over = True
+
+    def _connect(self) -> None:
+        wire, runtime = self._shadows.network.wire, self._shadows.bench.runtime
+        if self._calls:
+            port = runtime.listening_port(self.connect)
+            config = self._shadows.bench.project.connect(self.connect)
+            if port is None or config is None:
+                return
+            stream = wire.call(self._own, Endpoint(config.local.address, port))
+            if stream is None or stream.phase is not StreamPhase.OPEN:
+                return
+        else:
+            stream = wire.answer(self.connect)
+            if stream is None:
+                return
+        self._stream = stream
+        stream.changed = self._drain
+        while self._acts:
+            self._acts.popleft()()
+
+    def _drain(self) -> None:
+        stream = self._stream
+        while stream is not None and stream.unread:
+            stream.read(_WASTE, len(_WASTE))
+
+    def _do(self, act: Callable[[], None], size: int = 0) -> None:
+        if not self._is_begun:
+            self.begin()
+        if self._stream is not None:
+            act()
+        elif not self.is_over and self._kept + size <= MOST_UNREAD:
+            self._kept += size
+            self._acts.append(act)
+        else:
+            self.left_out += size
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        self._do(lambda: self._send(data), len(data))
+
+    def leave_out(self, size: int) -> None:
+        """Keep a place for bytes that nobody knows, so that what follows stands where it stood."""
+        self._do(lambda: self._leave_place(min(size, MOST_FILLED)))
+
+    def _leave_place(self, size: int) -> None:
+        if not self.is_over:
+            self._shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + size))
+            self._send(bytes(size))
+
+    def _send(self, data: bytes) -> None:
+        stream, rest = self._stream, memoryview(data)
+        assert stream is not None
+        self._sent += len(data)
+        while rest:
+            part = rest[: max(MOST_UNREAD - self._unread(stream), 0)]
+            got = stream.write(part) if part else 0
+            if not isinstance(got, int):  # the shadow has ended the connection
+                self._give_up(len(rest))
+                return
+            rest = rest[got:]
+            if rest and not self._wait_for_room(stream):
+                self._give_up(len(rest))
+                return
+
+    def _give_up(self, size: int) -> None:
+        self.left_out += size
+        self._shadows.is_guess()
+
+    @staticmethod
+    def _unread(stream: SimStream) -> int:
+        path, partner = stream.path(), stream.partner
+        return path.unacked + path.unsent + (partner.unread if partner is not None else 0)
+
+    def _wait_for_room(self, stream: SimStream) -> bool:
+        """Let scans pass until the shadow has read something; return False where it reads nothing."""
+        unread = self._unread(stream)
+        for _ in range(QUIET + 1):
+            self._shadows.step()
+            if self._unread(stream) < unread:
+                return True
+        return False
+
+    def end(self, reset: bool) -> None:
+        """End the connection: with FIN, or RST."""
+        self.has_ended = True
+        self._do(self._reset if reset else self._finish)
+
+    def _finish(self) -> None:
+        if self._stream is not None and not self.is_over:
+            self._stream.shut(both=False)
+        self.is_over = True
+
+    def _reset(self) -> None:
+        if self._stream is not None:
+            self._stream.abort()
+        self.is_over = True
+
+    def fall_silent(self) -> None:
+        """Answer nothing any more."""
+        if self._stream is not None:
+            self._stream.fall_silent()

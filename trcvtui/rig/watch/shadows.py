@@ -1,0 +1,290 @@
+"""Which conversation goes to which CONNECT: those of a project, or ad-hoc ones that take whatever comes.
+
+Rule 1: who calls and who listens follows the wire; what a CONNECT says of it, and of its ends, is set aside.
+Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final
+
+from trcvtui.blocks.pins import Direction
+from trcvtui.blocks.table import block_row
+from trcvtui.capture.command import PlcEnd, PlcGuess, guess_plc, parse_plc
+from trcvtui.capture.reassembly import Conversation, WireDirection
+from trcvtui.errors import mistake
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.project.file import read_project
+from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.records import NamedTuple, replace
+from trcvtui.rig.bench.program import read_program
+from trcvtui.rig.commands import words
+from trcvtui.rig.scenario.scenario import start_steps
+
+MOST_AD_HOC: Final = 256  # PLC ends with ad-hoc shadows
+NEVER_NS: Final = 1 << 62
+STAND_IN: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
+ON: Final = ("EN_R", "CONT")  # 1 where nothing sets them
+AD_HOC_TYPE: Final = "ARRAY[0..65534] OF BYTE"
+
+
+class Part(NamedTuple):
+    """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does he call it."""
+
+    connect: str
+    plays_plc: bool
+    calls: bool
+
+
+class ShadowPlan(NamedTuple):
+    """The project of the shadows; by number of a conversation its parts, or why it has none."""
+
+    project: Project
+    parts: dict[int, tuple[Part, ...]]
+    unassigned: dict[int, str]
+    guesses: dict[int, PlcGuess]
+
+
+def ends_of(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
+    """Return the directions of the PLC end and of its partner, in another reading of the same capture."""
+    there, back = conversation.there, conversation.back
+    is_there = guess.says.conversation.there is guess.says
+    return (there, back) if is_there else (back, there)
+
+
+def _plc_listens(conversation: Conversation, guess: PlcGuess) -> bool:
+    return conversation.listener in (None, guess.says)
+
+
+def _guesses(
+    found: Iterable[Conversation], given: PlcEnd | None, ports: frozenset[int], why_not: dict[int, str]
+) -> dict[int, tuple[Conversation, PlcGuess]]:
+    """Return the conversations that can be played, with their PLC ends."""
+    usable = {}
+    for each in found:
+        guess = guess_plc(each, given, ports)
+        if each.protocol != "tcp":
+            why_not[each.number] = "UDP"
+        elif given is not None and guess.why != "--plc":
+            why_not[each.number] = "it is not of this PLC"
+        else:
+            usable[each.number] = each, guess
+    return usable
+
+
+# -- without a project ---------------------------------------------------------------------------------------
+
+
+def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) -> ShadowPlan:
+    """Return a plan with two TRCV_Cs for each PLC end: what goes to it, and what comes from it."""
+    base = read_project(
+        {"dialect": dialect, "data": [{"name": "bytes", "type": AD_HOC_TYPE}]}, "--dialect", Path()
+    )
+    unassigned: dict[int, str] = {}
+    usable = _guesses(found, None if plc is None else parse_plc(plc), frozenset(), unassigned)
+    names: dict[tuple[object, ...], str] = {}
+    parts: dict[int, tuple[Part, ...]] = {}
+    connects: list[ConnectConfig] = []
+    said = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or _begins_late(each)}
+    for number, (each, guess) in usable.items():
+        key, listens = _key(each, guess), _plc_listens(each, guess)
+        if key not in said:
+            unassigned[number] = "no connection was built"
+            continue
+        if key not in names and len(names) == MOST_AD_HOC:
+            unassigned[number] = f"there are {MOST_AD_HOC} PLC ends before it"
+            continue
+        if key not in names:
+            names[key] = f"C{number}"
+            ends = guess.says.address, guess.says.other.address
+            connects.append(_connect(f"C{number}", not listens, *ends))
+            connects.append(_connect(f"C{number}_BACK", listens, *ends[::-1], is_free=True))
+        name = names[key]
+        parts[number] = Part(name, False, listens), Part(f"{name}_BACK", True, not listens)
+    return ShadowPlan(_with_instances(base, connects), parts, unassigned, _only_guesses(usable))
+
+
+def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
+    """Return what is alike in the conversations of one PLC end."""
+    if _plc_listens(conversation, guess):
+        return "listens", guess.says.address
+    return "calls", guess.says.address[0], guess.says.other.address
+
+
+def _begins_late(conversation: Conversation) -> bool:
+    return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
+
+
+def _only_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:
+    return {number: guess for number, (_, guess) in usable.items()}
+
+
+def _local_address(packed: bytes) -> str:
+    address = ip_address(packed)
+    usable = address.version == 4 and not (
+        address.is_loopback or address.is_multicast or address.is_unspecified
+    )
+    return str(address) if usable else STAND_IN
+
+
+def end_of(end: tuple[bytes, int]) -> Endpoint:
+    """Return an end of a capture as the simulated network has it."""
+    address = ip_address(end[0])
+    return Endpoint(str(address) if address.version == 4 else f"[{address}]", end[1])
+
+
+def _connect(
+    name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
+) -> ConnectConfig:
+    """Return a CONNECT at an end of the capture; `is_free`: any port will do, several stand at one end."""
+    local = _local_address(own[0])
+    port = 0 if active or is_free or local == STAND_IN else own[1]
+    return ConnectConfig(
+        name,
+        active,
+        Endpoint(local, port),
+        end_of(partner).address if active else ANY_ADDRESS,
+        partner[1] if active else 0,
+        any_local=True,
+    )
+
+
+def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
+    """Return a project with an ad-hoc TRCV_C on each CONNECT."""
+    known = {pin.name for pin in base.pins("TRCV_C") if pin.direction is Direction.IN}
+    inputs = tuple([(pin, True) for pin in (*ON, "ADHOC") if pin in known])
+    data, instances = [], []
+    for config in connects:
+        number, _, back = config.name.partition("_")
+        name = f"{number}_FROM_PLC" if back else f"{number}_TO_PLC"
+        data.append(replace(base.data[0], name=f"{name}_data"))
+        instances.append(InstanceDecl(name, "TRCV_C", config.name, data[-1].name, "MAIN", inputs))
+    rules = replace(base.rules, buffers=NEVER_NS, queue=NEVER_NS)
+    return _on_a_network(
+        replace(
+            base,
+            path=Path("watch"),
+            connection_limit=NEVER_NS,
+            rules=rules,
+            connects=tuple(connects),
+            data=tuple(data),
+            instances=tuple(instances),
+        )
+    )
+
+
+# -- of a project --------------------------------------------------------------------------------------------
+
+
+def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
+    """Return a plan with the CONNECTs of a project: those of its [[watch]] rows, else the one that fits."""
+    ports = frozenset(c.local.port for c in project.connects if c.local.port and not c.active)
+    given = None if plc is None else parse_plc(plc)
+    unassigned: dict[int, str] = {}
+    rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
+    usable = _guesses(found, given, ports, unassigned)
+    parts: dict[int, tuple[Part, ...]] = {}
+    taken: dict[str, ConnectConfig] = {}
+    for number, (each, guess) in tuple(usable.items()):
+        name = None
+        for end, partner, row in rows if given is None else ():
+            of_row = guess_plc(each, end)
+            if of_row.why == "--plc" and _is_at(of_row.says.other.address, partner):
+                name, guess = row.connect, replace_why(of_row, f"[[watch]] {row.name}")
+                usable[number] = each, guess
+                break
+        listens = _plc_listens(each, guess)
+        if name is None and (given is not None or not rows):
+            name = _only_one(project, guess, listens, given is not None)
+        if name is None:
+            unassigned[number] = "no CONNECT of the project fits it, or several do"
+            continue
+        if name not in taken:
+            taken[name] = _following(project, name, guess, listens)
+        if taken[name].active == listens:
+            unassigned[number] = f"{name} has the other role in a conversation before it"
+            continue
+        parts[number] = (Part(name, False, listens),)
+    connects = tuple([taken.get(config.name, config) for config in project.connects])
+    set_by = _pins_set(project)
+    instances = tuple([_switched_on(project, each, set_by) for each in project.instances])
+    made = replace(project, peers=(), connects=connects, instances=instances)
+    return ShadowPlan(_on_a_network(made), parts, unassigned, _only_guesses(usable))
+
+
+def replace_why(guess: PlcGuess, why: str) -> PlcGuess:
+    """Return a guess with another reason."""
+    return PlcGuess(guess.says, guess.confidence, why)
+
+
+def _is_at(address: tuple[bytes, int], end: PlcEnd | None) -> bool:
+    return end is None or (end.address == address[0] and end.port in (None, address[1]))
+
+
+def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
+    """Return the CONNECT that fits the ends; with `--plc` also the only one that there is."""
+    receiving = {i.connect for i in project.instances if block_row(i.block).receives}
+    known = [c for c in project.connects if c.name in receiving and not c.is_datagram]
+    port = guess.says.address[1] if listens else guess.says.other.address[1]
+    of_port = [
+        c for c in known if port == (c.remote_port if c.active else c.local.port) and c.active != listens
+    ]
+    of_role = [c for c in known if c.active != listens]
+    for fits in (of_port, of_role, known) if is_given else (of_port,):
+        if len(fits) == 1:
+            return fits[0].name
+        if fits and fits is of_port:
+            return None
+    return None
+
+
+def _following(project: Project, name: str, guess: PlcGuess, listens: bool) -> ConnectConfig:
+    """Return a CONNECT with the ends that the wire shows."""
+    config = project.connect(name)
+    if config is None:
+        raise mistake(f"{project.path}: watch", f"'{name}'", "a CONNECT of the project")
+    made = _connect(name, not listens, guess.says.address, guess.says.other.address, is_free=True)
+    return replace(
+        config,
+        active=made.active,
+        local=made.local,
+        remote_address=made.remote_address,
+        remote_port=made.remote_port,
+        remote_name="",
+        any_local=True,
+    )
+
+
+def _pins_set(project: Project) -> set[tuple[str, str]]:
+    """Return the pins that `start` or `program` write."""
+    written: set[tuple[str, str]] = set()
+    for step in (*start_steps(project), *read_program(project)):
+        match step.command:
+            case words.Set(instance, pins):
+                written |= {(instance, pin) for pin, _ in pins}
+            case words.Pulse(instance, pin):
+                written.add((instance, pin))
+    return written
+
+
+def _switched_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, str]]) -> InstanceDecl:
+    """Return an instance with EN_R and CONT on, where nothing sets them."""
+    known = {pin.name for pin in project.pins(decl.block) if pin.direction is Direction.IN}
+    given = {name for name, _ in decl.inputs}
+    on = [(pin, True) for pin in ON if pin in known - given and (decl.name, pin) not in set_by]
+    return replace(decl, inputs=(*decl.inputs, *on))
+
+
+def _on_a_network(project: Project) -> Project:
+    """Return a project whose simulated PLC has the addresses that it needs, and calls as long as it takes."""
+    own = tuple(dict.fromkeys((STAND_IN, *(config.local.address for config in project.connects))))
+    policy = replace(project.rules.policy, attempt_limit_ns=NEVER_NS)
+    return replace(
+        project,
+        rules=replace(project.rules, policy=policy),
+        sim=replace(project.sim, addresses=own, not_ethernet=(), latency_ns=0, fragment=False),
+    )

@@ -119,6 +119,23 @@ def test_frames_stand_there_with_their_members_and_those_that_were_dropped() -> 
     assert "byte type carton value 0 DINT number 101 4 REAL weight 2.5" in said
 
 
+REMARKS = {
+    "byte-order-swapped": "in scan 53, 0.520 s .* members look swapped: in big-endian voltage = 230.5",
+    "en-r-dropped": "in scan 751, 7.500 s .* EN_R fell in scan 672 with 10 of 24 bytes",
+    "four-bytes-short": "in scan 3051, 30.500 s .* LEN or DATA is 4 bytes too large for this sender",
+    "packed-sender": "in scan 206, 2.050 s .* in packed Weight has 10 bytes, as what came",
+    "udt-mismatch": "in scan 23, 0.220 s .* in natural8 AxisReport has 24 bytes, as what came",
+}
+
+
+@pytest.mark.parametrize("story", REMARKS)
+def test_what_was_wrong_with_frames_on_the_way_is_told_although_no_error_came(story: str) -> None:
+    _, entries = recorded(SCENARIOS / "stories" / f"{story}.toml")
+    said = plain(told(entries))
+    assert "passed, no ERROR, 1 remark on frames" in said
+    assert re.search(REMARKS[story], said)
+
+
 def test_sent_frames_and_an_expectation_that_failed_are_told(tmp_path: Path) -> None:
     scenario = tmp_path / "S.toml"
     project = CONFIGS / "passive-sender.toml"
@@ -323,7 +340,7 @@ async def test_a_browser_runs_nothing_of_it_shows_it_dark_and_light_and_prints_i
     assert main(["report", str(file), "--out", str(out)]) == 0
     number = sum(elements(out.read_text()).found.values())
     async with chromium(tmp_path, out.as_uri()) as tab, asyncio.timeout(PATIENCE_S):
-        while not await tab.is_true("document.readyState == 'complete'"):
+        while not await tab.is_true("location.protocol == 'file:' && document.readyState == 'complete'"):
             await asyncio.sleep(0.05)
         assert await tab.is_true("document.title.startsWith('<script>')"), "a script has run"
         assert await tab.is_true(f"document.querySelectorAll('*').length == {number}")

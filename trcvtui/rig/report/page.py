@@ -139,6 +139,8 @@ class _Told:
         at = sum(map(bool, counts))
         found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"
         is_bad = at > 0
+        remarks = sum(len(each.remarks) for each in self._notes.instances.values())
+        found += f", {count(remarks, 'remark')} on frames" if remarks else ""
         if verdict is not None:
             is_bad = not verdict.passed
             failed = count(len(verdict.failures), "expectation")
@@ -236,11 +238,13 @@ class _Told:
             )
             head = f"{when}: {self._status(last.outputs.status, last.block)}, since scan {last.since_scan}"
             yield _card(head, self._notes.advice[name], is_bad=last.outputs.error)
-        for card in notes.errors.values():
+        for card in (*notes.errors.values(), *notes.remarks.values()):
             edge, at = card.first.edge, card.first.at
             often = f", {times(card.times)} up to scan {card.last.scan}" if card.times > 1 else ""
+            if card.times > 1 and not edge.outputs.error:
+                often = f", seen up to scan {card.last.scan}"
             head = f"{self._status(edge.outputs.status, edge.block)} in scan {at.scan}, {_seconds(at.t_ns)} s"
-            yield _card(head + often, card.advice, is_bad=True)
+            yield _card(head + often, card.advice, is_bad=edge.outputs.error)
         if notes.edges.count:
             yield f"<h3>STATUS, {count(notes.edges.count, 'edge')}</h3>\n"
             yield from self._edges(notes)

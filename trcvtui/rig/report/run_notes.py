@@ -6,10 +6,12 @@ line gets columns of twice the width whenever it is full.
 
 from __future__ import annotations
 
+import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, Generic, TypeVar, cast
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartDropped, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
@@ -27,10 +29,13 @@ from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.snapshots import EngineTiming
 
 T = TypeVar("T")
+K = TypeVar("K")
 EDGES, FRAMES = 1600, 400  # in a report, of all instances together
 MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
-MOST_ERRORS: Final = 100  # unlike each other
+MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance
+EACH: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
 MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
+_NUMBERS: Final = re.compile(r"[\d.]+")
 COLUMNS: Final = 1000  # of the time line, at most
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
 NOT_SEEN: Final = Cause(Why.SEQUENCE, "")
@@ -108,8 +113,8 @@ class EventTold(NamedTuple):
     detail: str = ""
 
 
-class ErrorCard(NamedTuple):
-    """One cause of ERROR at an instance: its first edge with what was known then, how often, until when."""
+class CardTold(NamedTuple):
+    """A cause of ERROR at an instance, or a remark on a frame: what was known, how often, until when."""
 
     first: EdgeTold
     advice: Advice
@@ -124,7 +129,9 @@ class InstanceNotes:
         self.edges: FirstAndLast[EdgeTold] = FirstAndLast(edges)
         self.error_edges: FirstAndLast[tuple[int, EdgeTold]] = FirstAndLast(edges)
         self.frames: FirstAndLast[FrameTold] = FirstAndLast(frames)
-        self.errors: dict[tuple[int, str], ErrorCard] = {}
+        self.errors: dict[tuple[int, str], CardTold] = {}
+        self.remarks: dict[str, CardTold] = {}  # by its words without their numbers
+        self.delivered = self.looked_until = 0  # frames; up to which one each is looked at
         self.dropped = 0  # frames that were begun and never whole
         self.lane = TimeLane(width_ns)
         self.part = b""  # of the job that runs
@@ -244,6 +251,10 @@ class RunNotes:
         if told.edge.outputs.error:
             notes.error_edges.add((notes.edges.count, told))
             self._fresh.append(told)
+        elif told.edge.condition == Condition.RECEIVED:
+            notes.delivered += 1
+            if notes.delivered <= notes.looked_until or notes.delivered % EACH == 1:
+                self._fresh.append(told)
 
     def _received(self, at: Moment, event: JobEnded | FrameEnded | PartDropped) -> None:
         """Take what a job or a framer has delivered, or had to drop."""
@@ -255,7 +266,9 @@ class RunNotes:
         elif isinstance(event, PartDropped):
             reason = event.reason
         content, notes.part = self._data(event.instance, event.size) if done else notes.part, b""
-        notes.dropped += not done and event.size > 0
+        if not done and event.size:
+            notes.dropped += 1
+            notes.looked_until = notes.delivered + 2
         if done or event.size:
             told = FrameTold(at, False, job, event.size, content[: event.size], "" if done else reason)
             notes.frames.add(told)
@@ -278,15 +291,22 @@ class RunNotes:
     # -- why --------------------------------------------------------------------------------------------
 
     def _explain(self, told: EdgeTold) -> None:
-        """Keep what is known in the scan of an ERROR; of one that came before, that it came again."""
+        """Keep what is known in the scan of an ERROR, or of a frame that was looked at."""
         notes, edge = self._of(told.edge.instance), told.edge
-        key = edge.outputs.status, because(edge.cause, edge.block)
-        known = notes.errors.get(key)
-        if known is not None:
-            notes.errors[key] = known._replace(times=known.times + 1, last=told.at)
-        elif len(notes.errors) < MOST_ERRORS:
+        if not edge.outputs.error:
             advice = self._card_of(edge.instance, self._picture(edge.instance))
-            notes.errors[key] = ErrorCard(told, advice, 1, told.at)
+            if advice.checks:
+                words = _NUMBERS.sub("", advice.checks[0])
+                _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
+            return
+        key = edge.outputs.status, because(edge.cause, edge.block)
+        _keep(
+            notes.errors,
+            key,
+            told,
+            lambda: self._card_of(edge.instance, self._picture(edge.instance)),
+            MOST_ERRORS,
+        )
 
     def _card_of(self, name: str, picture: BenchUpdate) -> Advice:
         """Return what the card of an instance says after the last scan; without payload no values."""
@@ -317,3 +337,12 @@ class RunNotes:
             kernel=bench.kernel_name,
             facts=tuple((each.name, self._statistics.facts(each.name, each.connect)) for each in declared),
         )
+
+
+def _keep(cards: dict[K, CardTold], key: K, told: EdgeTold, advise: Callable[[], Advice], most: int) -> None:
+    """Keep a card; of one that is there, that it came again."""
+    known = cards.get(key)
+    if known is not None:
+        cards[key] = known._replace(times=known.times + 1, last=told.at)
+    elif len(cards) < most:
+        cards[key] = CardTold(told, advise(), 1, told.at)

@@ -27,13 +27,14 @@ from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
 from trcvtui.net.kernel import (
     Accepted,
+    DirectRead,
     Handle,
     Kernel,
     LocalAddress,
     SocketOptions,
 )
 from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
-from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import Opening, SerialPort
 
 T = TypeVar("T")
@@ -264,8 +265,32 @@ class _SeamKernel:
         into[: len(data)] = data
         return got
 
-    def direct_read(self, handle: Handle) -> None:
-        """Return None: each byte is to be seen."""
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        """Return one that tells what it reads; None in a replay, which reads by `recv`."""
+        direct = None if self._seam.answers else self._inner.direct_read(handle)
+        if direct is None:
+            return None
+        seam, owner = self._seam, self._owner(handle)
+
+        def told(into: bytearray | memoryview, size: int) -> tuple[int, bytes]:
+            seam.wire(owner, "recv", handle, (len(into),), size, b"")
+            return size, bytes(into[:size])
+
+        def read(into: bytearray | memoryview) -> int:
+            size = direct.read(into)
+            if size == len(into):
+                seam.ask(owner, "recv", (handle, size), lambda: told(into, size))
+            return size
+
+        def read_on(into: memoryview, size: int) -> int:
+            whole = direct.read_on(into, size)
+            seam.ask(owner, "recv", (handle, len(into)), lambda: told(into, whole))
+            return whole
+
+        def unasked(size: int) -> None:
+            seam.ask(owner, "recv", (handle, size), lambda: (WOULD_BLOCK, b""))
+
+        return DirectRead(read, read_on, direct.failed, unasked)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         self._buffer = data

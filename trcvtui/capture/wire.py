@@ -12,7 +12,7 @@ from typing import Final, cast
 
 from trcvtui.capture.journal import Seam, WireCall
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.kernel import Accepted, Handle, Kernel, KernelLoss, LocalAddress
+from trcvtui.net.kernel import Accepted, DirectRead, Handle, Kernel, KernelLoss, LocalAddress
 from trcvtui.net.layers.layer_kernel import ReadyKernel
 from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, WouldBlock, is_loopback, octets
 from trcvtui.records import NamedTuple
@@ -77,8 +77,9 @@ class _Tap:
     def datagram_socket(self, owner: str) -> Handle | Fault:
         return self._mine(owner, self._inner.datagram_socket(owner))
 
-    def direct_read(self, handle: Handle) -> None:
-        """Return None: each byte is to be seen."""
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        """Return that of the kernel, if the seam is next: it tells what was read."""
+        return self._inner.direct_read(handle) if self._is_next else None
 
     def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
         if not isinstance(made, Fault):

@@ -75,12 +75,14 @@ class DirectRead:
     """How to read a handle that the last poll saw, without the checks of `recv`.
 
     `read` fills a buffer and returns the count; 0, or an OSError that `failed` is given: ask `recv`.
-    `read_on` goes on after a short read and returns how many bytes there are now.
+    `read_on` goes on after a short read and returns how many bytes there are now. `unasked` hears of a `recv`
+    of so many bytes that nobody has to make, since nothing has come.
     """
 
     read: Callable[[bytearray | memoryview], int]
     read_on: Callable[[memoryview, int], int]
     failed: Callable[[OSError], None]
+    unasked: Callable[[int], None] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,6 +130,8 @@ class Lane:
         if buffers.used >= buffers.count:
             return None
         buffers.used += 1
+        if self._direct.unasked is not None:
+            self._direct.unasked(self._need)
         self._number = number = self._number + 1
         ledger.last_seq += 1
         connect = self._name, self._incarnation, self._first

@@ -282,7 +282,9 @@ def _report(args: SimpleNamespace) -> int:
 
     from trcvtui.rig.report.command import report_file
 
-    return report_file(_path(args.file), Path(args.out), not args.no_payload)
+    project = None if args.project is None else _path(args.project)
+    shadows = project, args.plc, args.dialect
+    return report_file(_path(args.file), Path(args.out), not args.no_payload, shadows)
 
 
 def _race(args: SimpleNamespace) -> int:
@@ -557,6 +559,7 @@ def _add_report(parser: ArgumentRows) -> None:
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
     parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
+    _add_shadows(parser)
 
 
 def _add_race(parser: ArgumentRows) -> None:
@@ -578,12 +581,16 @@ def _add_conversations(parser: ArgumentRows) -> None:
 
 def _add_watch(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_watch)
-    parser.last_words = _dialect_names
     parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
+    _add_shadows(parser)
+    parser.add_argument("--format", choices=("jsonl",), help="without a screen")
+
+
+def _add_shadows(parser: ArgumentRows) -> None:
+    parser.last_words = _dialect_names
     parser.add_argument("--project", metavar="PROJECT.toml", help="whose instances look on")
     parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
     parser.add_argument("--dialect", metavar="NAME", help="of the ad-hoc TRCV_Cs; default: baosky")
-    parser.add_argument("--format", choices=("jsonl",), help="without a screen")
 
 
 def _add_status(parser: ArgumentRows) -> None:
@@ -628,7 +635,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "record": ("keep what a bench does, without a screen", _add_record_command),
     "replay": ("a recording run again", _add_replay),
     "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
-    "report": ("a recording as one HTML page for a colleague", _add_report),
+    "report": ("a recording or a capture as one HTML page", _add_report),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
     "watch": ("put a capture through shadow instances", _add_watch),

@@ -20,8 +20,8 @@ from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import on_the_screen, recorded
 from trcvtui.capture.journal import Answered, Entry, blocks, entries_of
 from trcvtui.cli import main
-from trcvtui.rig.report.command import look_at
-from trcvtui.rig.report.page import ReportSource, page
+from trcvtui.rig.report.command import look_at, recording_source
+from trcvtui.rig.report.page import page
 from trcvtui.rig.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, TimeLane
 
 SCENARIOS = CONFIGS / "scenarios"
@@ -62,8 +62,7 @@ def elements(text: str) -> Elements:
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
     """Return the page of a journal."""
     run, notes, verdict, stopped = look_at(entries_of(blocks(entries), "R"), "R", has_payload)
-    source = ReportSource("R.pcapng", 1, "00")
-    return "".join(page(source, run.begins, notes, verdict, stopped))
+    return "".join(page(recording_source(run, notes, verdict, stopped, "R", "00"), notes, verdict))
 
 
 def plain(text: str) -> str:
@@ -319,7 +318,40 @@ def test_a_report_is_written_for_its_owner_alone_and_replaces_nothing_but_a_repo
         assert line.startswith(f"--out {target}: found ")
     assert other.read_bytes() == before and file.read_bytes() == capture
     assert main(["report", str(out), "--out", str(tmp_path / "Y.html")]) == 2
-    assert "no recording of trcvtui" in capsys.readouterr().err and not (tmp_path / "Y.html").exists()
+    assert (
+        "expected a capture: pcapng or pcap" in capsys.readouterr().err and not (tmp_path / "Y.html").exists()
+    )
+
+
+# -- of a capture ----------------------------------------------------------------------------------------
+
+
+def test_a_capture_is_told_as_its_shadows_show_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = recording(tmp_path, SCENARIOS / "stories" / "en-r-dropped.toml"), tmp_path / "X.html"
+    project = str(CONFIGS / "stories" / "en_r_dropped.toml")
+    words = ["report", str(file), "--out", str(out), "--plc", "127.0.0.1:32768", "--project", project]
+    assert main(words) == 0
+    said = plain(out.read_text())
+    assert "a capture, put through shadow instances" in said and "PLC end" in said
+    assert "16#7008 Frame received in scan 701, 7.000 s" in said and "stream is shifted" in said
+    assert "C1 tcp 127.0.0.1:32768 127.0.0.1:32769 syn rst-plc 178 0 0 C1" in said
+    assert "0 DINT number 101 4 REAL weight 2.5" in said
+    before = out.read_bytes()
+    assert main(words) == 0 and out.read_bytes() == before
+
+
+def test_a_copy_to_hand_on_is_a_capture_with_shadows_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, copy, out = recording(tmp_path), tmp_path / "C.pcapng", tmp_path / "X.html"
+    assert main(["recording", "strip", str(file), str(copy), "--no-payload"]) == 0
+    copy.write_bytes(copy.read_bytes()[:-7])
+    capsys.readouterr()
+    assert main(["report", str(copy), "--out", str(out), "--no-payload"]) == 0
+    assert "read up to there" in capsys.readouterr().err
+    text = out.read_text()
+    assert "C1_TO_PLC" in plain(text) and "5 of 8" not in plain(text)
+    assert not {"script", "img"} & elements(text).found.keys()
 
 
 # -- in a browser ----------------------------------------------------------------------------------------

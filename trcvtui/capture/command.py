@@ -141,7 +141,7 @@ def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterat
     found.close()
     if troubles and not found.packets:
         raise UserError(troubles)
-    rows = (_row(found, one, given) for one in found.all)
+    rows = (conversation_row(found, one, given) for one in found.all)
     yield from _as_json(rows) if form == "json" else _as_table(rows)
     for line in capture_notes(found, troubles):
         sys.stderr.write(line + "\n")
@@ -159,7 +159,10 @@ def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str
         yield f"{trouble}; read up to there"
 
 
-def _row(found: Conversations, conversation: Conversation, given: PlcEnd | None) -> dict[str, object]:
+def conversation_row(
+    found: Conversations, conversation: Conversation, given: PlcEnd | None
+) -> dict[str, object]:
+    """Return what is told of a conversation, as JSON has it."""
     guess = guess_plc(conversation, given)
     partner = guess.says.other
     end = "open"

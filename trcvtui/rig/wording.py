@@ -87,3 +87,14 @@ def size_text(size: float) -> str:
     if size < 1000:
         return f"{size:.0f} B"
     return f"{size / 1000:.1f} KB" if size < 1_000_000 else f"{size / 1_000_000:.1f} MB"
+
+
+def utc_text(ns: int) -> str:
+    """Return ns since 1970 as `2000-01-01T00:00:00.000000Z`."""
+    from datetime import UTC, datetime, timedelta  # only who tells of another clock waits for it
+
+    try:
+        moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=ns // 1000)
+    except OverflowError:  # a file may claim any time
+        return f"{ns} ns after 1970-01-01T00:00:00Z"
+    return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")

@@ -1,4 +1,4 @@
-"""`trcvtui report`: a recording run again, and told on one page."""
+"""`trcvtui report`: a recording run again, or a capture put through shadows, told on one page."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.history.records import Moment
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.report.page import MARK, ReportSource, page
-from trcvtui.rig.report.run_notes import EventTold, FirstAndLast, RunNotes
+from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.scenario.runner import Runner, Verdict
+from trcvtui.rig.wording import count
 
 WHOLE, ENDS_EARLY = 0, 1
 SHOWS: Final = "shows"  # the call of an instance that tells its outputs
-MOST_EVENTS: Final = 150
 
 
 class _NotedScans:
@@ -94,26 +94,72 @@ def look_at(
     return run, notes, verdict, stopped
 
 
-def report_file(path: Path, out: Path, has_payload: bool) -> int:
-    """Write the page of a recording; return 0, or 1 where the recording ends before its run does."""
+def recording_source(
+    run: RunAgain, notes: RunNotes, verdict: Verdict | None, stopped: str, file: str, digest: str
+) -> ReportSource:
+    """Return what the page says of a recording."""
+    begins = run.begins
+    files = [(_last(name), str(len(data)), sha256(data).hexdigest()) for name, data in begins.files]
+    return ReportSource(
+        verdict.scenario if verdict is not None else _last(begins.path),
+        f"run again from the recording, {count(notes.seen.scan, 'scan')}: the same",
+        stopped,
+        begins.wall_ns,
+        f"simulated network, seed {begins.seed}" if begins.kernel == "sim" else "real network",
+        f"{file}, a recording of trcvtui {begins.program}",
+        digest,
+        (*files, *((_last(name), "", known) for name, known in begins.digests)),
+    )
+
+
+def _last(path: str) -> str:
+    """Return the name of a file without its folders: they say who made it, and nothing else."""
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
+def report_file(
+    path: Path, out: Path, has_payload: bool, shadows: tuple[Path | None, str | None, str | None]
+) -> int:
+    """Write the page of a file; return 0, or 1 where a recording ends before its run does.
+
+    What is no recording of ours is a capture; so is a recording where `shadows` (project, PLC end, dialect)
+    are chosen.
+    """
     where = f"--out {out}"
-    recording = Recording(path)
     _refuse_other(out, where)
-    run, notes, verdict, stopped = look_at(recording.entries(), path.name, has_payload)
-    stopped = recording.stopped or stopped
-    digest = sha256()
-    with open_to_read(path) as file:
-        while piece := file.read(1 << 20):
-            digest.update(piece)
-        source = ReportSource(path.name, file.tell(), digest.hexdigest())
+    digest, size = sha256(), 0
+    try:
+        with open_to_read(path) as file:
+            while piece := file.read(1 << 20):
+                digest.update(piece)
+                size += len(piece)
+    except (OSError, ValueError) as failed:
+        raise mistake(str(path), reason_of(failed), "a recording or a capture that can be read") from None
+    named = f"{path.name}, {size} bytes"
+    recording = None if any(shadows) else _recording(path)
+    verdict = None
+    if recording is None:
+        from trcvtui.rig.report.capture_page import capture_page  # a recording needs none of it
+
+        source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
+    else:
+        run, notes, verdict, stopped = look_at(recording.entries(), path.name, has_payload)
+        lines = [recording.stopped or stopped]
+        seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
+        source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
+        lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
     with replacing(out, where, is_own=True, mode=0o600) as file:
-        seen = stopped.replace(str(path), path.name)  # no folder of this machine on the page
-        for part in page(source, run.begins, notes, verdict, seen):
+        for part in page(source, notes, verdict):
             file.write(part.encode())
-    for line in (stopped, f"{path} {HOLDS_SECRETS}" if recording.has_secrets else ""):
-        if line:
-            sys.stderr.write(f"{line}\n")
-    return ENDS_EARLY if stopped else WHOLE
+    sys.stderr.write("".join(f"{line}\n" for line in lines if line))
+    return ENDS_EARLY if source.stopped else WHOLE
+
+
+def _recording(path: Path) -> Recording | None:
+    try:
+        return Recording(path)
+    except UserError:
+        return None
 
 
 def _refuse_other(out: Path, where: str) -> None:

@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from datetime import UTC, datetime, timedelta
-from hashlib import sha256
 from html import escape
 from typing import Final, TypeVar
 
 from trcvtui import __version__
-from trcvtui.capture.journal import RunBegins
 from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import one_line
 from trcvtui.plc.ledger import StatusEdge
@@ -37,7 +34,7 @@ from trcvtui.rig.report.run_notes import (
     TimeLane,
 )
 from trcvtui.rig.scenario.runner import Verdict
-from trcvtui.rig.wording import count, times
+from trcvtui.rig.wording import count, times, utc_text
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
 
@@ -57,6 +54,9 @@ SHAPES: Final = (  # what a column has seen, its class, its top and height: an E
     (DONE, "done", 5, 9),
     (ERROR, "error", 1, 16),
 )
+CONVERSATION: Final = (
+    "id", "protocol", "PLC end", "partner", "begin", "end", "bytes to", "from PLC", "missing", "shadows",
+)  # fmt: skip
 STYLE: Final = """
 :root{color-scheme:light dark;--ink:#1b1f24;--soft:#57606a;--line:#c6ccd3;--back:#f4f6f8;--paper:#fff;
 --up:#0b62c4;--busy:#8a6100;--done:#18702f;--error:#c01c28}
@@ -91,41 +91,43 @@ pre{white-space:pre-wrap;font-size:7.5pt;border:1px solid var(--line)}}
 
 
 class ReportSource(NamedTuple):
-    """The file that a report is made of."""
+    """What a report is made of. `seen`: by which way, where it was seen to its end; else `stopped` says why.
 
-    name: str
-    size: int
+    `files` (name, bytes, SHA-256) and `conversations` (by the titles of CONVERSATION) are rows of tables.
+    """
+
+    title: str
+    seen: str
+    stopped: str
+    begin_ns: int
+    network: str
+    file: str
     sha256: str
+    files: tuple[Sequence[str], ...] = ()
+    conversations: tuple[Sequence[str], ...] = ()
 
 
-def page(
-    source: ReportSource,
-    begins: RunBegins,
-    notes: RunNotes,
-    verdict: Verdict | None,
-    stopped: str,
-) -> Iterator[str]:
-    """Yield the document; `stopped`: why the run was not seen to its end, "" where it was."""
-    told = _Told(notes)
-    title = verdict.scenario if verdict is not None else _last(begins.path)
+def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
+    """Yield the document."""
+    told, title = _Told(source, notes), _text(source.title)
     yield MARK.decode()
     yield '<html lang="en"><head><meta charset="utf-8">'
     yield f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
     yield '<meta name="viewport" content="width=device-width"><meta name="robots" content="noindex">'
-    yield f"<title>{_text(title)}</title><style>{STYLE}</style></head>\n<body><h1>{_text(title)}</h1>\n"
-    yield from told.verdict(verdict, stopped)
-    yield from told.facts(source, begins)
+    yield f"<title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n"
+    yield from told.verdict(verdict)
+    yield from told.facts()
     yield from told.time_line()
     yield from told.instances()
-    yield from told.around(begins)
+    yield from told.around()
     yield "</body></html>\n"
 
 
 class _Told:
     """The parts of the page."""
 
-    def __init__(self, notes: RunNotes) -> None:
-        self._notes = notes
+    def __init__(self, source: ReportSource, notes: RunNotes) -> None:
+        self._source, self._notes = source, notes
         self._project = notes.bench.project
         self._has_payload = notes.has_payload
         names = [name for name, each in notes.instances.items() if each.edges.count]
@@ -133,7 +135,7 @@ class _Told:
 
     # -- above -------------------------------------------------------------------------------------------
 
-    def verdict(self, verdict: Verdict | None, stopped: str) -> Iterator[str]:
+    def verdict(self, verdict: Verdict | None) -> Iterator[str]:
         """Yield how it ended: the expectations, the ERRORs, whether the run was seen whole."""
         counts = [each.error_edges.count for each in self._notes.instances.values()]
         at = sum(map(bool, counts))
@@ -145,11 +147,11 @@ class _Told:
             is_bad = not verdict.passed
             failed = count(len(verdict.failures), "expectation")
             found = f"passed, {found}" if verdict.passed else f"FAILED: {failed} did not hold; {found}"
-        seen, until = self._notes.seen.scan, self._notes.until.scan
+        seen, until, stopped = self._notes.seen.scan, self._notes.until.scan, self._source.stopped
         if stopped:
             found = f"up to scan {until}: {found}" if until else "nothing of the run could be seen"
         yield f'<p class="verdict{" bad" * (is_bad or bool(stopped))}">{_text(found)}</p>\n'
-        told = f"run again from the recording, {count(seen, 'scan')}: the same"
+        told = self._source.seen
         if stopped:
             told = f"{count(seen, 'scan')} of the run could be run again, no more: {stopped}"
         yield f'<p class="soft">{_text(told)}</p>\n'
@@ -168,16 +170,16 @@ class _Told:
             found = f"found: {failure.found}" if self._has_payload else ""
             yield f'<div class="card bad"><b>{_text(line)}</b><p>{_text(found)}</p></div>\n'
 
-    def facts(self, source: ReportSource, begins: RunBegins) -> Iterator[str]:
+    def facts(self) -> Iterator[str]:
         """Yield where all of it comes from."""
-        scans, each = count(self._notes.until.scan, "scan"), self._notes.bench.runtime.interval_ns / 1e6
-        kernel = f"simulated network, seed {begins.seed}" if begins.kernel == "sim" else "real network"
+        source, scans = self._source, count(self._notes.until.scan, "scan")
+        each = self._notes.bench.runtime.interval_ns / 1e6
         yield _definitions(
-            ("begin", _utc(begins.wall_ns)),
+            ("begin", utc_text(source.begin_ns)),
             ("length", f"{_seconds(self._notes.until.t_ns)} s, {scans}, one each {each:g} ms"),
             ("PLC", f"{self._project.dialect.title}, {self._project.model}"),
-            ("network", kernel),
-            ("recording", f"{source.name}, {source.size} bytes, made by trcvtui {begins.program}"),
+            ("network", source.network),
+            ("file", source.file),
             ("its SHA-256", source.sha256),
             ("report", f"trcvtui {__version__}"),
         )
@@ -294,8 +296,11 @@ class _Told:
 
     # -- around ------------------------------------------------------------------------------------------
 
-    def around(self, begins: RunBegins) -> Iterator[str]:
-        """Yield connections, events and settings."""
+    def around(self) -> Iterator[str]:
+        """Yield conversations, events and settings."""
+        if self._source.conversations:
+            yield "<h2>Conversations</h2>\n"
+            yield _table(CONVERSATION, self._source.conversations, "......nnn.")
         told = sorted((each for _, each in self._notes.events), key=lambda e: (e.at.scan, not e.subject))
         if told:
             yield f"<h2>Connections, peers and commands, {count(self._notes.events.count, 'event')}</h2>\n"
@@ -304,14 +309,9 @@ class _Told:
             yield _table(("scan", "at s", "who", "what", "more"), rows, "nn...")
         yield "<h2>Settings at the end</h2>\n"
         yield f"<pre>{_lines(self._settings())}</pre>\n"
-        digests = [*((name, str(len(data)), sha256(data).hexdigest()) for name, data in begins.files)]
-        digests += [(name, "", digest) for name, digest in begins.digests]
-        if digests:
-            named = (
-                (name.replace("\\", "/").rpartition("/")[2], size, digest) for name, size, digest in digests
-            )
+        if self._source.files:
             yield "<h2>Files of the run</h2>\n"
-            yield _table(("file", "bytes", "SHA-256"), named, ".n.")
+            yield _table(("file", "bytes", "SHA-256"), self._source.files, ".n.")
 
     def _event(self, told: EventTold) -> Sequence[str]:
         what = told.what if told.subject else self._line(told.what)
@@ -360,11 +360,6 @@ def _text(text: str) -> str:
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(map(_text, lines))
-
-
-def _last(path: str) -> str:
-    """Return the name of a file without its folders: they say who made it, and nothing else."""
-    return path.replace("\\", "/").rpartition("/")[2]
 
 
 def _definitions(*rows: tuple[str, str]) -> str:
@@ -424,14 +419,6 @@ def _value(value: object) -> str:
 
 def _seconds(ns: int) -> str:
     return f"{ns / 1e9:.3f}"
-
-
-def _utc(ns: int) -> str:
-    try:
-        begin = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=ns // 1000)
-    except OverflowError:  # a file may claim any time
-        return f"{ns} ns after 1970-01-01T00:00:00Z"
-    return begin.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _drawn(lanes: Sequence[tuple[str, TimeLane]], end_ns: int) -> Iterator[str]:

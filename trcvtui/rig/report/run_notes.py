@@ -30,6 +30,7 @@ from trcvtui.rig.snapshots import EngineTiming
 
 T = TypeVar("T")
 K = TypeVar("K")
+MOST_EVENTS: Final = 150  # at each end of the list
 EDGES, FRAMES = 1600, 400  # in a report, of all instances together
 MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
 MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from trcvtui.capture.command import capture_notes, in_time_order
 from trcvtui.capture.pcap import open_capture
@@ -27,11 +26,23 @@ from trcvtui.rig.scenario.report import JsonLines, outputs_record
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.rig.watch.player import PlayedEnd, Shadows
 from trcvtui.rig.watch.shadows import ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
+from trcvtui.rig.wording import utc_text
 
 MISSING: Final = "? missing in the capture"
 MOST_LISTED: Final = 1000  # conversations in the last line
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
-_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class ShadowLines(Protocol):
+    """Who is told what shadows show."""
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Take what changed in a scan; `lacking` are those whose job lacks bytes."""
+        ...
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Take what is said of a conversation; `ns` counts from the first packet."""
+        ...
 
 
 class WatchLines:
@@ -54,19 +65,11 @@ class WatchLines:
 
     def _say(self, scan: int, record: dict[str, object]) -> None:
         ns = self._first_ns + (scan - 1) * self._interval_ns
-        self._lines.line(scan, {"time": _utc(ns), **record})
+        self._lines.line(scan, {"time": utc_text(ns), **record})
 
     def end(self, record: dict[str, object]) -> None:
         """Write the last line."""
         self._lines.write(record)
-
-
-def _utc(ns: int) -> str:
-    try:
-        moment = _EPOCH + timedelta(microseconds=ns // 1000)
-    except OverflowError:  # a capture may claim any time
-        return f"{ns} ns after 1970-01-01T00:00:00Z"
-    return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
 class _Running:
@@ -81,7 +84,7 @@ class CapturePlayer:
     """Plays the events of a capture to the shadows of a plan."""
 
     def __init__(
-        self, plan: ShadowPlan, found: Sequence[Conversation], first_ns: int, lines: WatchLines
+        self, plan: ShadowPlan, found: Sequence[Conversation], first_ns: int, lines: ShadowLines
     ) -> None:
         self._first_ns, self._lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
@@ -174,10 +177,14 @@ class CapturePlayer:
                 if running.probes > UNANSWERED:
                     end.fall_silent()
 
-    def close(self) -> dict[str, object]:
-        """Let time pass up to the last packet, and the shadows settle; return the last line."""
+    def play(self, paths: Sequence[str]) -> None:
+        """Play a capture to its last packet, and let the shadows settle."""
+        _read(paths, Conversations(self.take), [])
         self.shadows.go_to(max(self._last_ns.values(), default=self._first_ns) - self._first_ns)
         self.shadows.settle()
+
+    def close(self) -> dict[str, object]:
+        """End it; return the last line."""
         self.shadows.bench.close()
         rows = [
             {"id": f"C{number}", "shadows": [part.connect for part in parts]}
@@ -214,14 +221,10 @@ def _read(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -
     found.close()
 
 
-def watch_lines(
-    paths: Sequence[str],
-    project: Path | None,
-    plc: str | None,
-    dialect: str | None,
-    write: Callable[[str], object],
-) -> Iterator[str]:
-    """Write the records of the shadows; yield what there is to say beside; raise UserError for bad input."""
+def plan_capture(
+    paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
+) -> tuple[ShadowPlan, Conversations, list[Problem]]:
+    """Return the shadows of a capture, what is in it, what could not be read; raise UserError."""
     found, troubles = Conversations(), list[Problem]()
     loaded = None if project is None else load_bench(project)
     _read(paths, found, troubles)
@@ -231,12 +234,23 @@ def watch_lines(
         plan = plan_of_project(found.all, loaded, plc)
     else:
         plan = plan_ad_hoc(found.all, plc, dialect or "baosky")
+    return plan, found, troubles
+
+
+def watch_lines(
+    paths: Sequence[str],
+    project: Path | None,
+    plc: str | None,
+    dialect: str | None,
+    write: Callable[[str], object],
+) -> Iterator[str]:
+    """Write the records of the shadows; yield what there is to say beside; raise UserError for bad input."""
+    plan, found, troubles = plan_capture(paths, project, plc, dialect)
     first_ns = found.first_ns or 0
     interval = min(task.interval_ns for task in plan.project.tasks)
     lines = WatchLines(write, interval, first_ns)
     player = CapturePlayer(plan, found.all, first_ns, lines)
-    again = Conversations(player.take)
-    _read(paths, again, [])
+    player.play(paths)
     lines.end(player.close())
     yield from capture_notes(found, troubles)
 

@@ -27,8 +27,9 @@ _WASTE: Final = memoryview(bytearray(1 << 16))
 
 
 class Shadows:
-    """A bench whose partners are played; `on_scan` gets what changed in each scan, and whose bytes lack some.
+    """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
 
+    It is called after each scan that changed or told anything.
     `guess_from`: the first scan in which the conversation would have gone on otherwise, None: it would not.
     """
 
@@ -88,7 +89,7 @@ class Shadows:
             self._quiet = self._quiet if ledger.last_seq == seq else 0
         if self.holes:
             self._see_holes(seq)
-        if changed:
+        if not is_quiet:
             lacking = frozenset(self._lacking)
             self._on_scan(runtime.scans, changed, lacking)
             self._lacking -= {e.instance for e in changed if e.outputs.done or e.outputs.error}

@@ -287,7 +287,7 @@ def test_of_a_recording_without_secrets_the_outputs_are_told_as_its_journal_says
     assert (
         "up to scan 552: 9 ERRORs at 1 instance" in said and "scans 1 to 552: what the journal says" in said
     )
-    assert "541 5.400 16#80E1" in said and "In scan 0: 16#0000" in said
+    assert "541 5.400 16#80E1" in said and "In scan 0" not in said
 
 
 def test_a_run_that_goes_on_otherwise_is_told_as_the_journal_says_from_there_on() -> None:

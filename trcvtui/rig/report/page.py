@@ -234,7 +234,7 @@ class _Told:
 
     def _instance(self, notes: InstanceNotes, name: str) -> Iterator[str]:
         last = self._notes.last(name)
-        if last is not None and name in self._notes.advice:
+        if last is not None and self._notes.seen.scan and name in self._notes.advice:
             when = (
                 "At the end" if self._notes.seen == self._notes.until else f"In scan {self._notes.seen.scan}"
             )

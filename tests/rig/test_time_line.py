@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import pytest
@@ -28,12 +29,26 @@ def journal() -> tuple[Entry, ...]:
     return tuple(recorded(LINK_DOWN)[1])
 
 
+class InMemory:
+    """A journal that needs no file; its blocks have no places."""
+
+    def __init__(self, entries: tuple[Entry, ...]) -> None:
+        self._entries = entries
+
+    def entries(self, first: int = 0) -> Iterator[Entry]:
+        assert not first
+        return iter(self._entries)
+
+    def index(self) -> tuple[()]:
+        return ()
+
+
 class Stood:
     """A time line that is given all the work it needs after each line."""
 
     def __init__(self, at: str = "1", entries: tuple[Entry, ...] | None = None) -> None:
         given = journal() if entries is None else entries
-        self.line = TimeLine(lambda: iter(given), "a recording", read_at(at, "--at"))
+        self.line = TimeLine(InMemory(given), "a recording", read_at(at, "--at"))
         self.settle()
 
     def settle(self) -> None:

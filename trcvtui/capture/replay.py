@@ -198,6 +198,10 @@ class _SeamKernel:
         self._recv = seam.call("recv", self._do_recv, self._owners, label)
         self._send = seam.call("send", self._do_send, self._owners, label)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a keyframe keeps: between two calls nobody reads the buffer."""
+        return self.__dict__ | {"_buffer": memoryview(b"")}
+
     def _plain(self, name: str) -> Callable[..., Any]:
         return self._seam.call(name, getattr(self._inner, name, None), self._owners, self._label)
 

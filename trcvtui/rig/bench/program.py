@@ -5,8 +5,7 @@ Rule: it writes what a program can write, inputs and DATA; whatever else happens
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import repeat
+from collections.abc import Sequence
 from typing import Final, Protocol
 
 from trcvtui.errors import Problem, UserError
@@ -47,37 +46,38 @@ class Program:
 
     def __init__(self, steps: Sequence[words.Step], bench: Programmed) -> None:
         self._bench = bench
-        self._course = self._play(steps)
+        self._steps = steps
+        self._at = 0  # the step that is next, or under way
+        self._left: int | None = None  # scans that the one under way lets pass yet
         self.is_over = False
 
     def go_on(self) -> None:
         """Do what is due before the next scan."""
-        self.is_over = next(self._course, self) is self
-
-    def _play(self, steps: Sequence[words.Step]) -> Iterator[None]:
-        """Play the steps; each time this yields, one scan passes."""
-        for step in steps:
-            match step.command:
-                case words.RunScans(scans):
-                    yield from repeat(None, scans)
-                case words.RunFor(ns):
-                    yield from repeat(None, self._scans_in(ns))
-                case words.Wait(condition, within_ns):
-                    yield from self._until(condition, within_ns)
-                    if not holds(self._bench, condition):
-                        self._give_up(step, condition)
-                        return
-                case command:
-                    self._bench.do(command)
-
-    def _until(self, condition: words.Condition, within_ns: int) -> Iterator[None]:
-        for _ in range(self._scans_in(within_ns)):
-            if holds(self._bench, condition):
+        while self._at < len(self._steps):
+            if self._passes(self._steps[self._at]):
                 return
-            yield
+            self._at, self._left = self._at + 1, None
+        self.is_over = True
+
+    def _passes(self, step: words.Step) -> bool:
+        """Do a step, or go on with it; return whether a scan passes first."""
+        match step.command:
+            case words.RunScans(scans):
+                most = scans
+            case words.RunFor(ns) | words.Wait(_, ns):
+                most = ns // self._bench.runtime.interval_ns
+            case command:
+                self._bench.do(command)
+                return False
+        awaited = step.command.condition if isinstance(step.command, words.Wait) else None
+        if awaited is not None and holds(self._bench, awaited):
+            return False
+        left = most if self._left is None else self._left
+        self._left = left - 1
+        if left <= 0 and awaited is not None:
+            self._give_up(step, awaited)
+        return left > 0
 
     def _give_up(self, step: words.Step, condition: words.Condition) -> None:
         self._bench.note("program", f"gave up at `{step.line}`", found(self._bench, condition))
-
-    def _scans_in(self, ns: int) -> int:
-        return ns // self._bench.runtime.interval_ns
+        self._at = len(self._steps)

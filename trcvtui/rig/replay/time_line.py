@@ -1,6 +1,6 @@
 """A recording on the screen: a bench that stands at a scan of it, and moves by lines instead of the clock.
 
-Rule 1: what is shown has run again from the recording; a scan before it is reached from the first one.
+Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
 Rule 2: all work is done in slices; between two of them the newest line says where to go.
 Rule 3: nothing here changes a bench: who asks for that is told so.
 """
@@ -11,13 +11,12 @@ import gc
 import signal
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.capture.journal import Entry
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.tables import shown
 from trcvtui.records import replace
@@ -26,6 +25,7 @@ from trcvtui.rig.bench_update import BareUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.replay.keyframes import EntriesFrom, Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.snapshots import EngineTiming, Position
 from trcvtui.udt.literals import parse_time
@@ -38,6 +38,7 @@ FASTEST: Final = "fastest"
 END: Final = 1 << 62  # a scan that no recording has
 PIECES: Final = 1000  # of the run: in which of them an ERROR comes
 SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
+LEAST_SEEN: Final = 500  # scans before the one that is shown: what panes tell of earlier
 PLAY_S: Final = 0.02  # between two looks at the clock while it plays
 AT_LINES: Final = "a scan, T#.., +1, -1, end, edge +1 INSTANCE or error +1"
 
@@ -65,13 +66,14 @@ def read_at(text: str, where: str) -> int | Search:
 class Survey:
     """The whole run seen once, in slices: the time of each scan, where STATUS changes, where ERRORs come."""
 
-    def __init__(self, run: RunAgain) -> None:
+    def __init__(self, run: RunAgain, seen: Callable[[RunAgain], None]) -> None:
         self.times = array("q")  # ns, of each scan
         self.errors = array("q")  # scans in which an ERROR comes
         self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
         self.trouble = ""  # why the recording ends before the run
         self.is_over = False
         self._run: RunAgain | None = run
+        self._seen = seen
         self._marks = (0, 0), b""
 
     @property
@@ -100,6 +102,7 @@ class Survey:
             self.edges.setdefault(edge.instance, array("q")).append(self.last)
         if any(edge.outputs.error for edge in changed):
             self.errors.append(self.last)
+        self._seen(run)
         return True
 
     def found(self, search: Search, start: int) -> int | None:
@@ -190,13 +193,14 @@ class ReplayController(Controller):
 
 
 class TimeLine:
-    """Where a replay stands and where it goes. `entries` gives the journal from its beginning, each time."""
+    """Where a replay stands and where it goes."""
 
-    def __init__(self, entries: Callable[[], Iterator[Entry]], where: str, at: int | Search = 1) -> None:
-        self._entries, self._where = entries, where
-        self.survey = Survey(RunAgain(entries(), where))
-        self.controller = self._begun()
-        self._coming: ReplayController | None = None  # on its way to a scan before
+    def __init__(self, journal: Journal, where: str, at: int | Search = 1) -> None:
+        self._journal, self._where = journal, where
+        self._keyframes = Keyframes(journal)
+        self.survey = Survey(self._run_at(0), self._keyframes.seen)
+        self.controller = ReplayController(self._run_at(0), self._obey)
+        self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
         self._wanted = 1
         self._search: Search | None = None
         self._speed = SPEEDS.index(1.0)
@@ -204,8 +208,11 @@ class TimeLine:
         self._note = ""
         self._go(at)
 
-    def _begun(self) -> ReplayController:
-        return ReplayController(RunAgain(self._entries(), self._where), self._obey)
+    def _run_at(self, scan: int) -> RunAgain:
+        """Return the run as it stood at a keyframe, 0: before the first scan."""
+        if scan:
+            return self._keyframes.run_at(scan)
+        return RunAgain(EntriesFrom(self._journal), self._where)
 
     # -- lines -----------------------------------------------------------------------------------------
 
@@ -288,7 +295,15 @@ class TimeLine:
         return self._since is not None
 
     def _goal(self) -> int:
+        """Return where it goes now; what is not known yet is waited for, unless each scan is passed."""
+        is_unknown = self._wanted > self.survey.last and not self.survey.is_over
+        if is_unknown and not self._passes_each:
+            return self.controller.at
         return min(self._wanted, self.survey.last)
+
+    @property
+    def _passes_each(self) -> bool:
+        return self.plays or bool(self.controller.armed)
 
     def _look(self) -> None:
         """Find out what is wanted now: by the clock while it plays, by what is looked for."""
@@ -323,11 +338,12 @@ class TimeLine:
 
     def _move(self, until: int) -> bool:
         """Let scans run again until the wanted one; return whether any had to."""
-        goal = self._goal()
-        if goal >= self.controller.at:
+        goal, at = self._goal(), self.controller.at
+        start = self._keyframes.before(0 if self._passes_each else goal - LEAST_SEEN)
+        if start <= at <= goal:
             self._coming = None
-        elif self._coming is None or self._coming.at > goal:
-            self._coming = self._begun()
+        elif self._coming is None or not start <= self._coming.at <= goal:
+            self._coming = ReplayController(self._run_at(start), self._obey)
         moving = self._coming or self.controller
         has_moved = moving.at < goal
         while moving.at < goal and clock.now_ns() < until:
@@ -350,7 +366,7 @@ class TimeLine:
             self._time_at(controller.at),
             survey.times[-1] if survey.times else 0,
             survey.is_over,
-            self._goal() if self._search is None else END,
+            self._wanted if self._search is None else END,
             _speed_text(SPEEDS[self._speed]),
             len(survey.errors),
             survey.marks(),
@@ -386,7 +402,7 @@ def replay_main(channel: Channel, path: Path, at: str) -> None:
 
     try:
         try:
-            time_line = TimeLine(Recording(path).entries, str(path), read_at(at, "--at"))
+            time_line = TimeLine(Recording(path), str(path), read_at(at, "--at"))
             channel.send(time_line.controller.bench.project)
             _serve(channel, time_line)
         except UserError as wrong:

@@ -1,0 +1,104 @@
+"""R3: a recording on the screen: how long opening takes, and going to a scan anywhere in what was seen.
+
+A keyframe stands at each 2,000 scans however long the run is, so a part of an hour costs as the whole of it.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
+from pathlib import Path
+from time import process_time
+from typing import Final
+
+from benchmarks.figures import Effort, Figure, spread
+from trcvtui.capture.recording import Recording
+from trcvtui.rig import clock
+from trcvtui.rig.bench_update import UpdateRequest
+from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.replay.time_line import SLICE_NS, TimeLine
+from trcvtui.rig.scenario.command import run_files
+
+SCANS: Final = 12_000  # and some more, until all are connected
+INSTANCES: Final = 8
+PLACES: Final = 12
+PART: Final = """
+[[data]]
+name = "rx{n}"
+type = "ARRAY[0..31] OF BYTE"
+[[connect]]
+name = "C{n}"
+LocalAddress = "127.0.0.1"
+[[instance]]
+name = "X{n}"
+block = "TRCV_C"
+connect = "C{n}"
+data = "rx{n}"
+[[peer]]
+name = "P{n}"
+active = true
+remote = "@C{n}"
+"""
+STEPS: Final = (
+    "set X{n} CONT=1 EN_R=1\nrun 3",
+    "peer P{n} connect",
+    f"peer P{{n}} send random 32 seed={{n}} repeat={SCANS // 10} every=T#100ms",
+)
+
+
+def measure(_: Effort) -> Iterator[Figure]:
+    """Yield what opening takes, and the longest way to one of several scans."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = _recorded(Path(folder))
+        opened: list[TimeLine] = []
+        yield Figure.of("opening, s", spread([_cost(lambda: opened.append(_opened(path)))]))
+        line = opened[0]
+        seen = _cost(lambda: _work(line))
+        draw = random.Random(3)
+        ways = [_cost(lambda: _go(line, draw.randint(1, SCANS))) for _ in range(PLACES)]
+        note = f"median {spread(ways).median:.2f}; {SCANS} scans were seen in {seen:.1f} s, beside the screen"
+        yield Figure("to any scan that was seen, s: the longest", f"{max(ways):.2f}", max(ways), note=note)
+
+
+def _recorded(folder: Path) -> Path:
+    """Return a recording of instances that get ten frames a second each."""
+    steps = (f"{step.format(n=n)}\n" for step in STEPS for n in range(INSTANCES))
+    script = "".join(steps) + f"run {SCANS}"
+    parts = "".join(PART.format(n=n) for n in range(INSTANCES))
+    project = folder / "frames.toml"
+    head = f'[scenario]\nname = "frames"\nsteps = """\n{script}\n"""\n'
+    project.write_text(f'dialect = "baosky"\n{parts}{head}')
+    path = folder / "frames.pcapng"
+    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+        assert run_files([project], "sim", "text", None, (), record=RecordTo(path)) == 0
+    return path
+
+
+def _opened(path: Path) -> TimeLine:
+    line = TimeLine(Recording(path), str(path))
+    while not line.controller.at:
+        line.work(clock.now_ns() + SLICE_NS)
+    line.collect(UpdateRequest())
+    return line
+
+
+def _work(line: TimeLine) -> None:
+    while line.work(clock.now_ns() + SLICE_NS):
+        pass
+
+
+def _go(line: TimeLine, scan: int) -> None:
+    line.take(1, f"at {scan}")
+    _work(line)
+    line.collect(UpdateRequest())
+    assert line.controller.at == scan
+
+
+def _cost(act: Callable[[], None]) -> float:
+    """Return the processor time of one call."""
+    began = process_time()
+    act()
+    return process_time() - began

@@ -302,10 +302,8 @@ def _conversations(args: SimpleNamespace) -> int:
 def _watch(args: SimpleNamespace) -> int:
     from trcvtui.rig.watch.command import watch
 
-    if args.format is None:
-        raise mistake("trcvtui watch", "no --format", "--format jsonl")
     project = None if args.project is None else _path(args.project)
-    watch([_given(file) for file in args.files], project, args.plc, args.dialect)
+    watch([_given(file) for file in args.files], project, args.plc, args.dialect, args.format)
     return GOOD
 
 
@@ -583,7 +581,7 @@ def _add_watch(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_watch)
     parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
     _add_shadows(parser)
-    parser.add_argument("--format", choices=("jsonl",), help="without a screen")
+    parser.add_argument("--format", choices=("jsonl",), help="default: text")
 
 
 def _add_shadows(parser: ArgumentRows) -> None:

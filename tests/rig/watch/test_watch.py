@@ -33,6 +33,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.watch.command import MISSING
 
 Record = dict[str, Any]
 COOKED = 113
@@ -262,6 +263,171 @@ def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
             for _ in range(chance.randrange(1, 60))
         ]
         assert set(watch(packets).last) == {"assigned", "unassigned", "left_out"}
+
+
+# -- odd and hostile captures ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that grows by one with each scan that is run."""
+    scans: list[int] = []
+    usual = Bench.step
+    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
+    return scans
+
+
+def dones(seen: Watched, instance: str = "R1") -> list[tuple[int, str | None]]:
+    return [(r["RCVD_LEN"], r.get("note")) for r in seen.of(instance) if r["DONE"]]
+
+
+def test_order_and_copies_of_segments_change_no_job(watch: Watch, tmp_path: Path) -> None:
+    one, two, three = (tcp(bytes([n] * 12), 101 + 12 * n, 501) for n in range(3))
+    all_there = answer(seq=501, ack=137)
+    shared = [*handshake(), one, one, three, two, two, three, all_there, one, all_there]
+    assert dones(watch(shared, "--project", str(project(tmp_path)))) == [(12, None)] * 3
+
+
+def test_a_connection_without_an_end_is_over_when_its_ends_connect_again(
+    watch: Watch, tmp_path: Path
+) -> None:
+    """The second one has the same ports; what the first one had begun is lost with it."""
+    again = [*handshake(7000, 9000), tcp(b"a" * 12, 7001, 9001), answer(seq=9001, ack=7013)]
+    seen = watch([*handshake(), *stream(12, 5), *again], "--project", str(project(tmp_path)))
+    assert dones(seen) == [(12, None)] * 2
+    assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
+    assert [word for word, _ in seen.jobs("R1")][-2:] == ["80AA", "7008"]
+
+
+def test_a_capture_that_ends_within_a_job_leaves_it_waiting(watch: Watch, tmp_path: Path) -> None:
+    seen = watch([*handshake(), *stream(12, 5)], "--project", str(project(tmp_path)))
+    assert dones(seen) == [(12, None)]
+    assert seen.of("R1")[-1]["STATUS"] == "7006"
+    assert seen.last["left_out"] == {}
+
+
+def test_a_capture_that_begins_and_ends_within_jobs_says_so(watch: Watch, tmp_path: Path) -> None:
+    seen = watch([*stream(7, 12, 12, seq=40)], "--project", str(project(tmp_path)), "--plc", "10.0.0.5")
+    assert seen.notes == ["begins in the middle"]
+    assert dones(seen) == [(12, None)] * 2
+
+
+def test_a_hole_of_two_gigabytes_costs_few_scans_and_frames_begin_where_they_began(
+    watch: Watch, tmp_path: Path, steps: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A place is kept for some of it; whole jobs are left out."""
+    monkeypatch.setattr("trcvtui.rig.watch.player.MOST_FILLED", 12_000)
+    hole = 2**31 - 20_000
+    after = 125 + hole
+    late = [tcp(b"b" * 12, after, 501), answer(seq=501, ack=after + 12), tcp(b"b" * 12, after + 12, 501)]
+    seen = watch([*handshake(), *stream(12, 12), *late], "--project", str(project(tmp_path)))
+    left_out = seen.last["left_out"]["C1"]
+    assert f"? {hole} bytes missing in the capture, to the PLC end, from byte 24" in seen.notes
+    assert left_out % 12 == 0 and hole - 13_000 < left_out < hole
+    kept = (hole - left_out) // 12
+    assert dones(seen) == [(12, None)] * 2 + [(12, MISSING)] * kept + [(12, None)] * 2
+    assert len(steps) < 4 * kept
+
+
+def test_a_connect_that_looks_on_nothing_waits_without_a_word(
+    watch: Watch, tmp_path: Path, steps: list[int]
+) -> None:
+    other = """
+[[connect]]
+name = "C2"
+ActiveEstablished = true
+RemoteAddress = "10.0.0.7"
+RemotePort = 2000
+[[instance]]
+name = "R2"
+block = "TRCV_C"
+connect = "C2"
+data = "d"
+EN_R = true
+CONT = true
+"""
+    path = project(tmp_path, other)
+    seen = watch([*handshake(), *stream(12)], "--project", str(path), step_ms=3_600_000)
+    assert dones(seen) == [(12, None)] and not seen.of("R2")
+    assert len(steps) < 200
+
+
+def test_silence_in_which_a_program_waits_is_run_up_to_a_bound_that_is_told(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trcvtui.rig.watch.player.MOST_QUIET", 500)
+    bench = project(tmp_path)
+    bench.write_text('program = """\nrun 100000000\n"""\n' + bench.read_text(), encoding="utf-8")
+    seen = watch([*handshake(), *stream(12)], "--project", str(bench), step_ms=3_600_000)
+    assert dones(seen) == [(12, None)]
+    done = next(r for r in seen.of("R1") if r["DONE"])
+    assert done["time"].startswith("2023-11-15T01:13:20") and seen.last["not_run"] > 1_000_000
+
+
+def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.CaptureFixture[str]) -> None:
+    watch.path.write_bytes(capture([*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]))
+    assert main(["watch", str(watch.path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(
+        line.startswith("2023-11-14T22:13:20.") and line.endswith("C1_TO_PLC  7008  DONE 12 B")
+        for line in lines
+    )
+    assert any("C1_TO_PLC  80AA!  the partner reset" in line for line in lines)
+    assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 is unassigned: UDP"]
+
+
+def odd_capture(chance: random.Random) -> bytes:
+    """Return a capture of some conversations, with packets lost, doubled, moved, changed, at any time."""
+    packets: list[bytes] = []
+    for _ in range(chance.randrange(1, 4)):
+        source, one, two = (PARTNER[0], PARTNER[1] + chance.randrange(2)), *chance.sample(range(2**32), 2)
+        for flags in (SYN, *chance.choices((ACK, ACK, ACK, ACK, FIN | ACK, RST), k=chance.randrange(12))):
+            data = chance.randbytes(chance.randrange(40)) if flags == ACK else b""
+            packets.append(tcp(data, one, two, flags, source=source))
+            one += len(data) + (flags & (SYN | FIN) > 0)
+            packets.append(tcp(b"", two, one, ACK | flags & (SYN | FIN), source=PLC, target=source))
+            two += flags & (SYN | FIN) > 0
+    for _ in range(chance.randrange(4)):
+        at, other = chance.randrange(len(packets)), chance.randrange(len(packets))
+        match chance.randrange(5):
+            case 0:
+                packets[at], packets[other] = packets[other], packets[at]
+            case 1:
+                packets.insert(at, packets[other])
+            case 2:
+                packets[at] = packets[at][: other + 1]
+            case 3:
+                packets[at] = bytes(byte ^ (chance.random() < 0.02) << 5 for byte in packets[at])
+            case 4:
+                packets[at:] = packets[at + 1 :] or packets[:1]
+    leap = chance.choice((10**6, 10**10, 10**16, 10**17))
+    text = bytearray(capture(packets, step_ns=leap))
+    for _ in range(chance.choice((0, 0, 0, 3))):
+        text[chance.randrange(len(text))] = chance.randrange(256)
+    return bytes(text if chance.random() < 0.8 else text[: chance.randrange(len(text))])
+
+
+def test_odd_captures_end_with_a_last_line_or_with_one_line_of_stderr(
+    watch: Watch, tmp_path: Path, steps: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever they hold: no traceback, and as many scans as there are events, not hours."""
+    benches = tmp_path / "p", tmp_path / "a"
+    for path in benches:
+        path.mkdir()
+    passive = ["--project", str(project(benches[0]))]
+    active = ["--project", str(project(benches[1], active="true", local=0, remote="10.0.0.5", port=2000))]
+    ways = [[], ["--plc", PLC[0]], ["--plc", PARTNER[0], *active], passive, active]
+    for seed in range(60):
+        chance = random.Random(seed)
+        watch.path.write_bytes(odd_capture(chance))
+        del steps[:]
+        code = main(["watch", str(watch.path), *chance.choice(ways), "--format", "jsonl"])
+        printed, told = capsys.readouterr()
+        assert len(steps) < 40_000
+        if code == 0:
+            assert {"assigned", "unassigned", "left_out"} <= json.loads(printed.splitlines()[-1]).keys()
+        else:
+            assert (code, len(told.splitlines())) == (2, 1)
 
 
 # -- real sockets ------------------------------------------------------------------------------------------

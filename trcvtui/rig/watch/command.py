@@ -1,4 +1,4 @@
-"""`trcvtui watch`: a capture put through shadow instances, as JSON lines.
+"""`trcvtui watch`: a capture put through shadow instances, as lines of text or of JSON.
 
 The capture is read twice: first who talks to whom, then what they said when, scan by scan.
 """
@@ -6,7 +6,9 @@ The capture is read twice: first who talks to whom, then what they said when, sc
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -19,8 +21,9 @@ from trcvtui.capture.reassembly import (
     EventKind,
     WireDirection,
 )
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import NamedTuple
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.scenario.report import JsonLines, outputs_record
 from trcvtui.rig.scenario.scenario import load_bench
@@ -45,11 +48,26 @@ class ShadowLines(Protocol):
         ...
 
 
+class Played(NamedTuple):
+    """By number of a conversation: its CONNECTs, why it has none, how many bytes never reached a shadow.
+
+    `not_run`: scans of silence of which nobody knows whether they change something.
+    """
+
+    assigned: dict[int, list[str]]
+    unassigned: dict[int, str]
+    left_out: dict[int, int]
+    not_run: int
+
+
 class WatchLines:
     """The records of the shadows, and what is said of conversations between them."""
 
-    def __init__(self, write: Callable[[str], object], interval_ns: int, first_ns: int) -> None:
-        self._lines = JsonLines(write, interval_ns)
+    def __init__(
+        self, write: Callable[[str], object], form: str | None, interval_ns: int, first_ns: int
+    ) -> None:
+        self._write = write
+        self._lines = None if form is None else JsonLines(write, interval_ns)
         self._interval_ns = interval_ns
         self._first_ns = first_ns
 
@@ -65,11 +83,46 @@ class WatchLines:
 
     def _say(self, scan: int, record: dict[str, object]) -> None:
         ns = self._first_ns + (scan - 1) * self._interval_ns
-        self._lines.line(scan, {"time": utc_text(ns), **record})
+        if self._lines is not None:
+            self._lines.line(scan, {"time": utc_text(ns), **record})
+        else:
+            self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_words(record)))}\n")
 
-    def end(self, record: dict[str, object]) -> None:
+    def end(self, played: Played) -> None:
         """Write the last line."""
-        self._lines.write(record)
+        if self._lines is None:
+            for number, connects in islice(played.assigned.items(), MOST_LISTED):
+                self._write(f"C{number} was played to {', '.join(connects)}\n")
+            for number, why in islice(played.unassigned.items(), MOST_LISTED):
+                self._write(f"C{number} is unassigned: {why}\n")
+            for number, size in played.left_out.items():
+                self._write(f"C{number}: {size} bytes never reached a shadow\n")
+            if played.not_run:
+                self._write(f"{played.not_run} scans of silence were not run\n")
+            return
+        assigned = islice(played.assigned.items(), MOST_LISTED)
+        unassigned = islice(played.unassigned.items(), MOST_LISTED)
+        record: dict[str, object] = {
+            "assigned": [{"id": f"C{number}", "shadows": connects} for number, connects in assigned],
+            "unassigned": [{"id": f"C{number}", "why": why} for number, why in unassigned],
+            "left_out": {f"C{number}": size for number, size in played.left_out.items()},
+        }
+        self._lines.write(record | ({"not_run": played.not_run} if played.not_run else {}))
+
+
+def _words(record: Mapping[str, object]) -> Iterator[str]:
+    """Yield what a line of text says of a record."""
+    if "conversation" in record:
+        yield f"{record['conversation']}: {record['note']}"
+        return
+    yield f"{record['instance']}  {record['STATUS']}{'!' if record['ERROR'] else ''}"
+    if record["DONE"]:
+        yield f"DONE {record['RCVD_LEN']} B" if record.get("RCVD_LEN") else "DONE"
+    cause = record.get("cause")
+    if isinstance(cause, Mapping):
+        yield str(cause["text"])
+    if "note" in record:
+        yield str(record["note"])
 
 
 class _Running:
@@ -88,11 +141,19 @@ class CapturePlayer:
     ) -> None:
         self._first_ns, self._lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
-        self.shadows = Shadows(fresh_bench(plan.project, "sim"), lines.scan)
+        used = {part.connect for parts in plan.parts.values() for part in parts}
+        self._shown = {each.name for each in plan.project.instances if each.connect in used}
+        self.shadows = Shadows(fresh_bench(plan.project, "sim"), self._show)
         self._running: dict[int, _Running] = {}
+        self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
         self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> who has it
-        calls = {part.connect for parts in plan.parts.values() for part in parts if not part.calls}
-        self.shadows.network.wire.played.update({name: [] for name in calls})
+        calls = [config.name for config in plan.project.connects if config.active]
+        self.shadows.network.wire.played.update({name: [] for name in calls})  # nobody else answers
+
+    def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        shown = [edge for edge in changed if edge.instance in self._shown]
+        if shown:
+            self._lines.scan(scan, shown, lacking)
 
     def take(self, event: ConversationEvent) -> None:
         """Let time pass up to an event, and do what it says."""
@@ -130,6 +191,8 @@ class CapturePlayer:
                     self._lines.note(ns, conversation.number, f"unassigned: {why}")
                     return None
                 holder[1].end(reset=True)  # its end is not in the capture
+            if holder is not None:
+                self._let_go(*holder)
         plc, partner = ends_of(guess, conversation)
         ends = []
         for part in parts:
@@ -139,6 +202,13 @@ class CapturePlayer:
             ends.append((says, end))
         running = self._running[conversation.number] = _Running(ends)
         return running
+
+    def _let_go(self, number: int, end: PlayedEnd) -> None:
+        if end.left_out:
+            self._left_out[number] += end.left_out
+            end.left_out = 0
+        running = self._running[number]
+        running.ends = [each for each in running.ends if each[1] is not end]
 
     def _refuse(self, event: ConversationEvent) -> None:
         """Let those who were called refuse, as the wire shows it."""
@@ -183,23 +253,19 @@ class CapturePlayer:
         self.shadows.go_to(max(self._last_ns.values(), default=self._first_ns) - self._first_ns)
         self.shadows.settle()
 
-    def close(self) -> dict[str, object]:
-        """End it; return the last line."""
+    def close(self) -> Played:
+        """End it; return what became of the conversations."""
         self.shadows.bench.close()
-        rows = [
-            {"id": f"C{number}", "shadows": [part.connect for part in parts]}
+        for holder in self._at.values():
+            self._let_go(*holder)
+        unassigned = self._plan.unassigned
+        assigned = {
+            number: [part.connect for part in parts]
             for number, parts in self._plan.parts.items()
-            if number not in self._plan.unassigned
-        ]
-        left_out = {f"C{n}": end.left_out for n, end in self._at.values() if end.left_out}
-        return {
-            "assigned": rows[:MOST_LISTED],
-            "unassigned": [
-                {"id": f"C{number}", "why": why}
-                for number, why in [*sorted(self._plan.unassigned.items())][:MOST_LISTED]
-            ],
-            "left_out": left_out,
+            if number not in unassigned
         }
+        left_out = dict(sorted(self._left_out.items()))
+        return Played(assigned, dict(sorted(unassigned.items())), left_out, self.shadows.not_run)
 
 
 _BEFORE: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})  # of a connection that is built
@@ -242,20 +308,23 @@ def watch_lines(
     project: Path | None,
     plc: str | None,
     dialect: str | None,
+    form: str | None,
     write: Callable[[str], object],
 ) -> Iterator[str]:
     """Write the records of the shadows; yield what there is to say beside; raise UserError for bad input."""
     plan, found, troubles = plan_capture(paths, project, plc, dialect)
     first_ns = found.first_ns or 0
     interval = min(task.interval_ns for task in plan.project.tasks)
-    lines = WatchLines(write, interval, first_ns)
+    lines = WatchLines(write, form, interval, first_ns)
     player = CapturePlayer(plan, found.all, first_ns, lines)
     player.play(paths)
     lines.end(player.close())
     yield from capture_notes(found, troubles)
 
 
-def watch(paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None) -> None:
-    """Write JSON lines to stdout, and to stderr what could not be read."""
-    for line in watch_lines(paths, project, plc, dialect, sys.stdout.write):
+def watch(
+    paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
+) -> None:
+    """Write lines to stdout, JSON where `form` says so, and to stderr what could not be read."""
+    for line in watch_lines(paths, project, plc, dialect, form, sys.stdout.write):
         sys.stderr.write(line + "\n")

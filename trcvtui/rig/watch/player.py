@@ -19,10 +19,11 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
 MOST_UNREAD: Final = 128 << 10  # bytes of one partner that a shadow has not read
-MOST_FILLED: Final = 1 << 20  # of missing bytes, a place is kept for so many
+MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
 QUIET: Final = 3  # scans without a change, after which none comes by itself
+MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
-SETTLING: Final = 1000  # scans at most after the last event
+SETTLING: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
 _WASTE: Final = memoryview(bytearray(1 << 16))
 
 
@@ -41,24 +42,37 @@ class Shadows:
         self.guess_from: int | None = None
         self.waiting: list[PlayedEnd] = []
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
+        self.not_run = 0  # scans of which nobody knows that they change nothing
+        self.room = MOST_FILLED  # for missing bytes
+        self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
+        self._works_on = {each.name: each.connect for each in bench.project.instances}
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
+        self._jobs = 0  # that had bytes
         self._lacking: set[str] = set()  # instances whose job has a place without bytes
 
     def go_to(self, ns: int) -> None:
         """Let the scans before this time pass; then it is the time of the network."""
         while (due := self.bench.runtime.scans * self._interval) < ns:
-            if self.network.take_news() or self._quiet < QUIET or not self._skip(due, ns):
+            if self.network.take_news() or self._quiet < QUIET:
                 self.step()
+            elif not self._skip(due, ns):
+                if self._quiet < MOST_QUIET:
+                    self.step()
+                    continue
+                left = -(-ns // self._interval) - due // self._interval
+                self.bench.runtime.skip(left)
+                self.not_run += left
         self.network.advance(max(ns, self.network.now_ns))
 
     def settle(self) -> None:
         """Let scans pass until nothing changes: the capture is over."""
-        for _ in range(SETTLING):
-            if not self.network.take_news() and self._quiet >= QUIET:
-                return
+        left = SETTLING
+        while left and (self.network.take_news() or self._quiet < QUIET):
+            jobs = self._jobs
             self.step()
+            left = left - 1 if self._jobs == jobs else SETTLING
 
     def _skip(self, due: int, ns: int) -> bool:
         """Count the scans in which nothing happens; return whether there was one."""
@@ -93,6 +107,10 @@ class Shadows:
             lacking = frozenset(self._lacking)
             self._on_scan(runtime.scans, changed, lacking)
             self._lacking -= {e.instance for e in changed if e.outputs.done or e.outputs.error}
+            for edge in changed:
+                if edge.outputs.done and edge.outputs.rcvd_len:
+                    self._jobs += 1
+                    self.last_job[self._works_on[edge.instance]] = edge.outputs.rcvd_len
 
     def _see_holes(self, seq: int) -> None:
         for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
@@ -190,16 +208,27 @@ class PlayedEnd:
 
     def send(self, data: bytes) -> None:
         """Send bytes."""
+        self._shadows.room += len(data)
         self._do(lambda: self._send(data), len(data))
 
     def leave_out(self, size: int) -> None:
         """Keep a place for bytes that nobody knows, so that what follows stands where it stood."""
-        self._do(lambda: self._leave_place(min(size, MOST_FILLED)))
+        self._do(lambda: self._leave_place(size))
 
     def _leave_place(self, size: int) -> None:
-        if not self.is_over:
-            self._shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + size))
-            self._send(bytes(size))
+        if self.is_over:
+            return
+        shadows, place = self._shadows, size
+        if size > shadows.room:  # whole jobs of it are left out, so that frames begin where they began
+            job = shadows.last_job.get(self.connect, 1)
+            left_out = -(-(size - shadows.room) // job) * job
+            place = size - left_out if left_out <= size else size % job
+            self.left_out += size - place
+        shadows.room -= place
+        if not place:
+            return
+        shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + place))
+        self._send(bytes(place))
 
     def _send(self, data: bytes) -> None:
         stream, rest = self._stream, memoryview(data)

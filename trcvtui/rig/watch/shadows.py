@@ -209,9 +209,11 @@ def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | 
             unassigned[number] = f"{name} has the other role in a conversation before it"
             continue
         parts[number] = (Part(name, False, listens),)
-    connects = tuple([taken.get(config.name, config) for config in project.connects])
+    connects = tuple([taken.get(config.name) or _set_aside(config) for config in project.connects])
     set_by = _pins_set(project)
-    instances = tuple([_switched_on(project, each, set_by) for each in project.instances])
+    instances = tuple(
+        [_switched_on(project, each, set_by) if each.connect in taken else each for each in project.instances]
+    )
     made = replace(project, peers=(), connects=connects, instances=instances)
     return ShadowPlan(_on_a_network(made), parts, unassigned, _only_guesses(usable))
 
@@ -254,6 +256,17 @@ def _following(project: Project, name: str, guess: PlcGuess, listens: bool) -> C
         local=made.local,
         remote_address=made.remote_address,
         remote_port=made.remote_port,
+        remote_name="",
+        any_local=True,
+    )
+
+
+def _set_aside(config: ConnectConfig) -> ConnectConfig:
+    """Return a CONNECT that looks on nothing: it waits for ever, and has no errors."""
+    return replace(
+        config,
+        local=Endpoint(STAND_IN, 0),
+        remote_address=STAND_IN if config.active else config.remote_address,
         remote_name="",
         any_local=True,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import itertools
 import json
 import os
 import random
@@ -32,6 +33,7 @@ from tests.capture.wire import (
 )
 from trcvtui.capture import pcap
 from trcvtui.capture.command import conversations_of, guess_plc, parse_plc
+from trcvtui.capture.packets import MOST_FRAGMENTED, Unread
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
 from trcvtui.cli import main
@@ -264,7 +266,61 @@ def test_ipv4_options_are_read_and_fragments_are_told(
     assert main(["conversations", str(path), "--format", "json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)[0]["to_plc"]["bytes"] == 3
-    assert "1 IP fragments, which are not put together" in said.err
+    assert "1 IP fragments without the rest of their packets" in said.err
+
+
+def cut(packet: bytes, number: int, *places: int) -> list[bytes]:
+    """Return an IP packet as fragments that begin at 0 and at these bytes of its content."""
+    is_six = packet[0] >> 4 == 6
+    head, content = (packet[:40], packet[40:]) if is_six else (packet[:20], packet[20:])
+    found = []
+    for begin, end in itertools.pairwise((0, *places, len(content))):
+        piece, more = content[begin:end], end < len(content)
+        if is_six:
+            extra = struct.pack(">BBHI", head[6], 0, begin | more, number)
+            changed = head[:4] + struct.pack(">HB", len(piece) + 8, 44) + head[7:]
+        else:
+            extra = b""
+            fields = struct.pack(">HHH", 20 + len(piece), number, more << 13 | begin // 8)
+            changed = head[:2] + fields + head[8:]
+        found.append(changed + extra + piece)
+    return found
+
+
+@pytest.mark.parametrize("ends", [(PLC, PARTNER), (("fd00::5", 2000), ("fd00::9", 51000))])
+def test_fragments_are_put_together_in_any_order(ends: tuple[tuple[str, int], tuple[str, int]]) -> None:
+    plc, partner = ends
+    text = bytes(range(90))
+    whole = tcp(text, 101, 501, source=partner, target=plc)
+    after = tcp(b"end", 191, 501, source=partner, target=plc)
+    begin = tcp(seq=100, flags=SYN, source=partner, target=plc)
+    for order in itertools.permutations(range(3)):
+        pieces = cut(whole, 7, 8, 48)
+        assert to_plc(listen([begin, *(pieces[n] for n in order), pieces[0], after])) == text + b"end"
+
+
+def test_an_ethernet_frame_of_fragments_keeps_its_mac() -> None:
+    found = Conversations()
+    frames = [bytes(6) + b"\0\x1b\x1b123" + b"\x08\0" + one for one in cut(udp(bytes(40)), 3, 24)]
+    for packet in CaptureReader(io.BytesIO(capture(frames, pcap.ETHERNET)).read, "F"):
+        found.take(packet, pcap.ETHERNET)
+    assert (found.all[0].there.bytes, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
+    assert not found.unread
+
+
+def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> None:
+    chance, found = random.Random(2), Conversations()
+    for n in range(3000):
+        one, two = cut(udp(chance.randbytes(400)), n, 8 * chance.randrange(1, 9))
+        odd = bytearray(two if chance.random() < 0.5 else one)
+        odd[6:8] = chance.randbytes(2)
+        found.take(pcap.Packet(n * 10**9, 0, bytes(odd), len(odd), (), 0), pcap.RAW_IP)
+        found.take(pcap.Packet(n * 10**9, 0, one, len(one), (), 0), pcap.RAW_IP)
+        assert len(found._fragments._packets) <= MOST_FRAGMENTED
+    late = cut(udp(b"0123456789"), 9, 8)
+    for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
+        found.take(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
+    assert found.unread[Unread.FRAGMENT] > 3000
 
 
 @pytest.mark.parametrize("seed", range(40))

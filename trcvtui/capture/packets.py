@@ -16,6 +16,9 @@ _VLAN_TYPES: Final = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _IP_ALONE: Final = (pcap.RAW_IP, pcap.IPV4, pcap.IPV6, 12, 14)  # 12, 14: raw IP as the BSDs number it
 _MOVED_BY_8: Final = (0, 43, 60, 135)  # IPv6: hop by hop, routing, destination, mobility
 _FRAGMENT: Final = 44
+MOST_FRAGMENTED: Final = 64  # packets that wait for fragments
+MOST_FRAGMENTS: Final = 1024  # of one packet
+FRAGMENTS_WAIT_NS: Final = 30_000_000_000
 _AUTHENTICATION: Final = 51
 _IP_V4: Final = struct.Struct(">BBHHHBBH4s4s").unpack_from
 _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
@@ -26,7 +29,7 @@ class Unread(Enum):
     """Why a packet is none of TCP and UDP."""
 
     OTHER = "others"
-    FRAGMENT = "IP fragments, which are not put together"
+    FRAGMENT = "IP fragments without the rest of their packets"
     CUT = "packets cut off before their ports"
 
 
@@ -39,6 +42,75 @@ class Carried(NamedTuple):
     ports: bytes  # source and target, as in the packet
     at: int
     end: int  # as the wire had it: the packet may be cut before
+
+
+class Fragment(NamedTuple):
+    """A piece of an IP packet: `at` which byte of its content; `head`: what stands before the whole one.
+
+    `of`: what the pieces of one packet have in common; `length_at`: where in the head the length stands,
+    which counts `counted` bytes of the head, too.
+    """
+
+    of: tuple[bytes, ...]
+    at: int
+    is_last: bool
+    head: bytes
+    length_at: int
+    counted: int
+    content: bytes
+
+
+class _Pieces:
+    """What has come of one packet: the first copy of each piece by its place; its size, None: not known."""
+
+    def __init__(self, ns: int) -> None:
+        self.first_ns = ns
+        self.content: dict[int, bytes] = {}
+        self.size: int | None = None
+        self.first: Fragment | None = None
+
+    def whole(self) -> bytes | None:
+        """Return the packet; None: a piece is missing, or it is larger than a packet can be."""
+        first, size = self.first, self.size
+        if first is None or size is None or sum(map(len, self.content.values())) < size:
+            return None
+        content = bytearray()
+        for at, piece in sorted(self.content.items()):
+            if at > len(content):
+                return None
+            content += piece[len(content) - at :]
+        if len(content) != size or size + first.counted > 0xFFFF:
+            return None
+        head = bytearray(first.head)
+        head[first.length_at : first.length_at + 2] = (size + first.counted).to_bytes(2, "big")
+        return bytes(head + content)
+
+
+class Fragments:
+    """Puts IP packets together; those that wait, and their pieces, are bounded."""
+
+    def __init__(self) -> None:
+        self._packets: dict[tuple[bytes, ...], _Pieces] = {}
+
+    def put(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
+        """Take a piece; return the packet that is whole with it, and of how many pieces."""
+        pieces = self._packets.get(piece.of)
+        if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
+            self._packets.pop(piece.of, None)
+            if len(self._packets) == MOST_FRAGMENTED:
+                del self._packets[next(iter(self._packets))]
+            pieces = self._packets[piece.of] = _Pieces(ns)
+        if len(pieces.content) < MOST_FRAGMENTS:
+            pieces.content.setdefault(piece.at, piece.content)
+        if piece.is_last:
+            pieces.size = piece.at + len(piece.content)
+        if not piece.at:
+            pieces.first = piece
+        whole = pieces.whole()
+        if whole is None:
+            return None
+        del self._packets[piece.of]
+        return whole, len(pieces.content)
 
 
 def ip_start(link_type: int, data: bytes) -> int:
@@ -65,8 +137,8 @@ def _past_vlans(data: bytes, at: int) -> int:
             return at if kind in _IP_TYPES else -1
 
 
-def carried_by(link_type: int, data: bytes, length: int) -> Carried | Unread:
-    """Return the TCP or UDP of a packet of which the wire had `length` bytes."""
+def carried_by(link_type: int, data: bytes, length: int) -> Carried | Fragment | Unread:
+    """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
     at = ip_start(link_type, data)
     if at < 0:
         return Unread.OTHER
@@ -78,33 +150,58 @@ def carried_by(link_type: int, data: bytes, length: int) -> Carried | Unread:
         return Unread.CUT
 
 
-def _in_version_4(data: bytes, at: int, length: int) -> Carried | Unread:
-    first, _, total, _, fragment, _, protocol, _, source, target = _IP_V4(data, at)
+def _in_version_4(data: bytes, at: int, length: int) -> Carried | Fragment | Unread:
+    first, _, total, number, fragment, _, protocol, _, source, target = _IP_V4(data, at)
     if protocol not in (TCP, UDP):
         return Unread.OTHER
-    if fragment & 0x3FFF:
-        return Unread.FRAGMENT
     start = at + (first & 15) * 4
     if first & 15 < 5:
         return Unread.OTHER
-    _PORTS(data, start)
     # A total of 0: the sender's network card had yet to cut it into packets.
-    return Carried(protocol, source, target, data[start : start + 4], start, at + total if total else length)
+    end = at + total if total else length
+    if fragment & 0x3FFF:
+        of = source, target, number.to_bytes(2, "big"), bytes((protocol,))
+        head = data[: at + 6] + b"\0\0" + data[at + 8 : start]
+        return _piece(of, (fragment & 0x1FFF) * 8, not fragment & 0x2000, head, at + 2, start - at, data, end)
+    _PORTS(data, start)
+    return Carried(protocol, source, target, data[start : start + 4], start, end)
 
 
-def _in_version_6(data: bytes, at: int, length: int) -> Carried | Unread:
+def _piece(
+    of: tuple[bytes, ...],
+    at: int,
+    is_last: bool,
+    head: bytes,
+    length_at: int,
+    counted: int,
+    data: bytes,
+    end: int,
+    more: int = 0,
+) -> Fragment | Unread:
+    """Return a piece of a packet that begins `more` bytes after its head in `data`."""
+    content = data[len(head) + more : end]
+    return Fragment(of, at, is_last, head, length_at, counted, content) if end <= len(data) else Unread.CUT
+
+
+def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | Unread:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
+    said_at = at + 6  # where it stands which header follows
     while protocol not in (TCP, UDP):
         if protocol == _FRAGMENT:
-            if struct.unpack_from(">H", data, start + 2)[0] & 0xFFF9:
-                return Unread.FRAGMENT
-            protocol, start = data[start], start + 8
+            fragment = struct.unpack_from(">H", data, start + 2)[0]
+            if fragment & 0xFFF9:
+                of = source, target, data[start + 4 : start + 8]
+                head = data[:said_at] + data[start : start + 1] + data[said_at + 1 : start]
+                return _piece(
+                    of, fragment & 0xFFF8, not fragment & 1, head, at + 4, start - at - 40, data, end, more=8
+                )
+            protocol, said_at, start = data[start], start, start + 8
         elif protocol in _MOVED_BY_8:
-            protocol, start = data[start], start + 8 + data[start + 1] * 8
+            protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 8
         elif protocol == _AUTHENTICATION:
-            protocol, start = data[start], start + 8 + data[start + 1] * 4
+            protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
             return Unread.OTHER
     _PORTS(data, start)

@@ -15,7 +15,7 @@ from enum import Enum
 from itertools import islice
 from typing import Final
 
-from trcvtui.capture.packets import TCP, UDP, Unread, carried_by, macs_of
+from trcvtui.capture.packets import TCP, UDP, Fragment, Fragments, Unread, carried_by, macs_of
 from trcvtui.capture.pcap import ETHERNET, Packet
 from trcvtui.records import NamedTuple
 
@@ -144,6 +144,7 @@ class Conversations:
         self.first_ns: int | None = None
         self.packets = 0
         self._told = told
+        self._fragments = Fragments()
         self._flows: dict[bytes, WireDirection] = {}  # addresses and ports of the sender and the receiver
         self._kept: deque[deque[tuple[int, bytes]]] = deque()  # whose oldest piece goes next
         self._kept_cost = 0
@@ -219,6 +220,9 @@ class Conversations:
         if self.first_ns is None:
             self.first_ns = packet.ns
         found = carried_by(link_type, data, packet.length)
+        if isinstance(found, Fragment):
+            self._take_fragment(packet, link_type, found)
+            return
         if isinstance(found, Unread):
             self.unread[found] += 1
             return
@@ -259,6 +263,16 @@ class Conversations:
         direction.told_ack = ack
         for one in (direction, direction.other):
             one.is_steady = one.is_usual()
+
+    def _take_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
+        self.unread[Unread.FRAGMENT] += 1
+        whole = self._fragments.put(piece, packet.ns)
+        if whole is None:
+            return
+        data, count = whole
+        self.unread[Unread.FRAGMENT] -= count
+        self.unread += Counter()  # what is 0 is not told
+        self._take_unusual(packet._replace(data=data, length=len(data)), link_type)
 
     def _open(
         self,

@@ -296,7 +296,13 @@ def _race(args: SimpleNamespace) -> int:
 def _conversations(args: SimpleNamespace) -> int:
     from trcvtui.capture.command import conversations_of
 
-    return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format))
+    ports = frozenset[int]()
+    if args.project is not None:
+        from trcvtui.rig.scenario.scenario import load_bench
+        from trcvtui.rig.watch.shadows import ports_of
+
+        ports = ports_of(load_bench(_path(args.project)))
+    return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format, ports))
 
 
 def _watch(args: SimpleNamespace) -> int:
@@ -573,6 +579,7 @@ def _add_race(parser: ArgumentRows) -> None:
 def _add_conversations(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_conversations)
     parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
+    parser.add_argument("--project", metavar="PROJECT.toml", help="on whose ports a PLC listens")
     parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 

@@ -361,7 +361,8 @@ def test_conversations_above_the_limit_are_told(
     path.write_bytes(capture([tcp(flags=SYN, source=("10.0.0.9", n)) for n in range(1, 9)]))
     assert main(["conversations", str(path)]) == 0
     said = capsys.readouterr()
-    assert len(said.out.splitlines()) == 4 and "5 packets of conversations after number 3" in said.err
+    assert [line[:2] for line in said.out.splitlines() if line[0] != " "] == ["ID", "C1", "C2", "C3"]
+    assert "5 packets of conversations after number 3" in said.err
 
 
 # -- the command -----------------------------------------------------------------------------------------
@@ -416,6 +417,39 @@ def test_a_vendor_s_mac_tells_the_plc_end(tmp_path: Path, capsys: pytest.Capture
     (row,) = rows_of(path, capsys=capsys)
     assert row["plc"] == "10.0.0.9:51000"
     assert row["plc_guess"] == {"confidence": 0.9, "why": "MAC of Siemens"}
+
+
+def test_the_ports_of_a_project_tell_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Seen from its first packet, the other end might be it."""
+    path, bench = tmp_path / "one", tmp_path / "p.toml"
+    path.write_bytes(capture([answer(b"a", 501, 101), tcp(b"b", 101, 502)]))
+    bench.write_text(
+        'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 51000\n',
+        "utf-8",
+    )
+    (row,) = rows_of(path, "--project", str(bench), capsys=capsys)
+    assert row["plc"] == "10.0.0.9:51000"
+    assert row["plc_guess"] == {"confidence": 0.8, "why": "port 51000 of the project"}
+    assert rows_of(path, capsys=capsys)[0]["plc"] == "10.0.0.5:2000"
+
+
+def test_the_text_stays_in_80_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "one"
+    path.write_bytes(capture([*handshake(), tcp(b"abc", 101, 501), tcp(b"abc", 101, 501), answer(ack=110)]))
+    assert main(["conversations", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "ID  PLC END        PARTNER END     AT      FOR     TO PLC  FROM PLC",
+        "C1  10.0.0.5:2000  10.0.0.9:51000  0.000s  0.005s  3 B     0 B",
+        "    tcp, syn to open; PLC end 60% sure: it listens: the SYN went there",
+        "    to PLC, bytes of 2 segments: 3 sent again, 6 missing",
+    ]
+    far = tuple((f"2001:1111:2222:3333:4444:5555:6666:77{n}", 65535) for n in (77, 88))
+    whole = tcp(bytes(1400), 1, 1, source=far[0], target=far[1])
+    path.write_bytes(capture([whole, *handshake()], step_ns=10**13))
+    assert main(["conversations", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80 and sum(line.startswith("C") for line in lines) == 2
+    assert far[0][0] in " ".join(lines) and far[1][0] in " ".join(lines)
 
 
 def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:

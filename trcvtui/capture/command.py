@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush
 from ipaddress import ip_address
-from typing import Final
+from typing import Any, Final
 
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
@@ -31,11 +31,8 @@ _MACS: Final = {
     "WAGO": "0030DE",
 }
 VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
-_TITLES: Final = (
-    "ID", "PROTOCOL", "PLC END", "PARTNER END", "SURE", "AT", "FOR", "BEGIN", "END",
-    "BYTES TO PLC", "SEGMENTS", "SENT AGAIN", "MISSING", "BYTES FROM PLC",
-    "SEGMENTS", "SENT AGAIN", "MISSING", "WHY",
-)  # fmt: skip
+_TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
+WIDTH: Final = 80  # columns of text
 
 
 class PlcEnd(NamedTuple):
@@ -127,7 +124,9 @@ def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, in
             troubles.append(reader.trouble)
 
 
-def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterator[str]:
+def conversations_of(
+    paths: Sequence[str], plc: str | None, form: str, plc_ports: frozenset[int] = frozenset()
+) -> Iterator[str]:
     """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
     given = None if plc is None else parse_plc(plc)
     found, troubles = Conversations(), list[Problem]()
@@ -141,7 +140,7 @@ def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterat
     found.close()
     if troubles and not found.packets:
         raise UserError(troubles)
-    rows = (conversation_row(found, one, given) for one in found.all)
+    rows = (conversation_row(found, one, given, plc_ports) for one in found.all)
     yield from _as_json(rows) if form == "json" else _as_table(rows)
     for line in capture_notes(found, troubles):
         sys.stderr.write(line + "\n")
@@ -160,10 +159,13 @@ def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str
 
 
 def conversation_row(
-    found: Conversations, conversation: Conversation, given: PlcEnd | None
-) -> dict[str, object]:
+    found: Conversations,
+    conversation: Conversation,
+    given: PlcEnd | None,
+    plc_ports: frozenset[int] = frozenset(),
+) -> dict[str, Any]:
     """Return what is told of a conversation, as JSON has it."""
-    guess = guess_plc(conversation, given)
+    guess = guess_plc(conversation, given, plc_ports)
     partner = guess.says.other
     end = "open"
     if conversation.end is not None:
@@ -199,7 +201,7 @@ def address_text(end: tuple[bytes, int]) -> str:
     return f"{address}:{end[1]}" if address.version == 4 else f"[{address}]:{end[1]}"
 
 
-def _as_json(rows: Iterator[dict[str, object]]) -> Iterator[str]:
+def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
     before = "["
     for row in rows:
         yield before + json.dumps(row)
@@ -207,23 +209,42 @@ def _as_json(rows: Iterator[dict[str, object]]) -> Iterator[str]:
     yield "]" if before == "," else "[]"
 
 
-def _as_table(rows: Iterator[dict[str, object]]) -> Iterator[str]:
-    table = [_TITLES, *(tuple(_cells(row)) for row in rows)]
-    if len(table) == 1:
+def _as_table(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
+    """Yield a line for each conversation, two where its ends are long, and below it what is said of it."""
+    found = [(_cells(row), _remarks(row)) for row in rows]
+    if not found:
         return
-    widths = [max(len(cells[n]) for cells in table) for n in range(len(_TITLES))]
-    for cells in table:
-        yield "  ".join(text.ljust(width) for text, width in zip(cells, widths, strict=True)).rstrip()
+    widths = [max(len(title), *(len(cells[n]) for cells, _ in found)) for n, title in enumerate(_TITLES)]
+    lines, used = [[0]], widths[0]
+    for n, width in enumerate(widths[1:], 1):
+        if used + 2 + width > WIDTH:
+            lines.append([])
+            used = 2
+        lines[-1].append(n)
+        used += 2 + width
+    for cells, remarks in ((_TITLES, ()), *found):
+        for number, columns in enumerate(lines):
+            text = "  ".join(cells[n].ljust(widths[n]) for n in columns)
+            yield ("    " * (number > 0) + text).rstrip()
+        yield from remarks
 
 
-def _cells(row: dict[str, object]) -> Iterator[str]:
-    guess: object = {}
-    for name, value in row.items():
-        if name == "plc_guess" and isinstance(value, dict):
-            guess = value["why"]
-            yield f"{value['confidence']:.0%}"
-        elif isinstance(value, dict):
-            yield from (str(count) for count in value.values())
-        else:
-            yield f"{value:.3f}s" if isinstance(value, float) else str(value)
-    yield str(guess)
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    times = (f"{row[name]:.3f}s" for name in ("t_s", "duration_s"))
+    sizes = (f"{row[name]['bytes']} B" for name in ("to_plc", "from_plc"))
+    return row["id"], row["plc"], row["partner"], *times, *sizes
+
+
+def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
+    """Return how it began and ended, how sure it is who is who, and what was not as it should be."""
+    guess = row["plc_guess"]
+    begun = f"    {row['protocol']}, {row['begin']} to {row['end']}; "
+    told = [f"{begun}PLC end {guess['confidence']:.0%} sure: {guess['why']}"]
+    for name, way in (("to_plc", "to PLC"), ("from_plc", "from PLC")):
+        counts = row[name]
+        if counts["retransmitted"] or counts["missing"]:
+            told.append(
+                f"    {way}, bytes of {counts['segments']} segments: "
+                f"{counts['retransmitted']} sent again, {counts['missing']} missing"
+            )
+    return tuple(told)

@@ -180,9 +180,14 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 # -- of a project --------------------------------------------------------------------------------------------
 
 
+def ports_of(project: Project) -> frozenset[int]:
+    """Return the ports on which the PLC of a project listens."""
+    return frozenset(c.local.port for c in project.connects if c.local.port and not c.active)
+
+
 def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
     """Return a plan with the CONNECTs of a project: those of its [[watch]] rows, else the one that fits."""
-    ports = frozenset(c.local.port for c in project.connects if c.local.port and not c.active)
+    ports = ports_of(project)
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]

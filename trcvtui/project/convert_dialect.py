@@ -7,6 +7,7 @@ that it cannot describe at all is refused.
 from __future__ import annotations
 
 from trcvtui.blocks.table import known_blocks
+from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig
@@ -19,7 +20,7 @@ from trcvtui.project.descriptions import LOOPBACK
 from trcvtui.project.key_rows import around_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
-from trcvtui.project.tables import Table
+from trcvtui.project.tables import Table, expected_name, shown
 from trcvtui.records import NamedTuple, replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
@@ -30,6 +31,13 @@ class Translated(NamedTuple):
 
     project: Project
     notes: tuple[str, ...]
+
+
+def dialect_named(name: str) -> Dialect:
+    """Return the dialect that `--dialect` names."""
+    if name not in DIALECTS:
+        raise mistake("--dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
+    return DIALECTS[name]
 
 
 def in_dialect(project: Project, dialect: Dialect) -> Translated:

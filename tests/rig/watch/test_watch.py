@@ -224,6 +224,16 @@ def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path)
     assert next(r for r in seen.of("R1") if r["DONE"])["scan"] > 21
 
 
+def test_a_dialect_says_which_block_would_have_looked_on(
+    watch: Watch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packets, bench = [*handshake(), *stream(12)], str(project(tmp_path))
+    assert watch(packets, "--dialect", "s7-1500").jobs("C1_TO_PLC")[-1][0] == "0000"
+    assert watch(packets, "--project", bench, "--dialect", "s7-1500").jobs("R1") == [("0000", 12)]
+    assert main(["watch", str(watch.path), "--project", bench, "--dialect", "s7-1501"]) == 2
+    assert "--dialect: found 's7-1501'" in capsys.readouterr().err
+
+
 def test_hours_of_silence_cost_no_scans_and_change_nothing(
     watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,12 +12,10 @@ from typing import Final
 
 from trcvtui.capture.journal import Entry
 from trcvtui.capture.partners import PartnersAgain, RecordedRun
-from trcvtui.dialects import DIALECTS
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Outputs, StatusEdge
-from trcvtui.project.convert_dialect import in_dialect
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.project.tables import expected_name, shown
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.program import read_program
@@ -97,11 +95,7 @@ class _RunChanged(RunAgain):
         pins = [tuple(text.partition("=")[0].strip().split(".")) for text in self._sets]
         self._held = _Held(frozenset((p[1], p[2]) for p in pins if len(p) == 3 and p[0] == "instance"))
         if self._dialect is not None:
-            if self._dialect not in DIALECTS:
-                raise mistake(
-                    "--dialect", shown(self._dialect), expected_name(self._dialect, DIALECTS, "dialect")
-                )
-            project, notes = in_dialect(project, DIALECTS[self._dialect])
+            project, notes = in_dialect(project, dialect_named(self._dialect))
             self.notes += notes
         return replace(project, program=self._held.program(project))
 

@@ -67,7 +67,7 @@ def capture_page(
         digest,
         conversations=tuple(_conversation(one, found, plan, given) for one in found.all[:MOST_CONVERSATIONS]),
     )
-    return source, notes, list(capture_notes(found, troubles))
+    return source, notes, [*plan.notes, *capture_notes(found, troubles)]
 
 
 def _conversation(

@@ -23,9 +23,8 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, mistake, one_line
-from trcvtui.project.convert_dialect import in_dialect
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.project.tables import expected_name, shown
 from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
@@ -331,17 +330,11 @@ def race_lines(project: Project, lines: Iterable[str], names: Sequence[str]) -> 
 def _chosen(names: Sequence[str], project: Project) -> list[Dialect]:
     """Return the dialects; one name alone races against the project's own, which is then the first."""
     own = project.dialect.name
-    chosen = [_named(name) for name in ([own, *names] if len(names) == 1 else names)]
+    chosen = [dialect_named(name) for name in ([own, *names] if len(names) == 1 else names)]
     if len({dialect.name for dialect in chosen}) < max(2, len(chosen)):
         found = ", ".join(dialect.name for dialect in chosen) or "none"
         raise mistake("--dialect", found, f"two different dialects, or one besides {own}")
     return chosen
-
-
-def _named(name: str) -> Dialect:
-    if name not in DIALECTS:
-        raise mistake("--dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
-    return DIALECTS[name]
 
 
 def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = None) -> Race:

@@ -23,6 +23,7 @@ from trcvtui.capture.reassembly import (
 )
 from trcvtui.errors import Problem, UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.records import NamedTuple
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.scenario.report import JsonLines, outputs_record
@@ -292,12 +293,14 @@ def plan_capture(
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
     """Return the shadows of a capture, what is in it, what could not be read; raise UserError."""
     found, troubles = Conversations(), list[Problem]()
-    loaded = None if project is None else load_bench(project)
+    loaded, notes = None if project is None else load_bench(project), tuple[str, ...]()
+    if loaded is not None and dialect is not None:
+        loaded, notes = in_dialect(loaded, dialect_named(dialect))
     _read(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
     if loaded is not None:
-        plan = plan_of_project(found.all, loaded, plc)
+        plan = plan_of_project(found.all, loaded, plc)._replace(notes=notes)
     else:
         plan = plan_ad_hoc(found.all, plc, dialect or "baosky")
     return plan, found, troubles
@@ -319,6 +322,7 @@ def watch_lines(
     player = CapturePlayer(plan, found.all, first_ns, lines)
     player.play(paths)
     lines.end(player.close())
+    yield from plan.notes
     yield from capture_notes(found, troubles)
 
 

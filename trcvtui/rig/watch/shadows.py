@@ -47,6 +47,7 @@ class ShadowPlan(NamedTuple):
     parts: dict[int, tuple[Part, ...]]
     unassigned: dict[int, str]
     guesses: dict[int, PlcGuess]
+    notes: tuple[str, ...] = ()  # what another dialect does not have
 
 
 def ends_of(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:

@@ -14,9 +14,11 @@ from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.history.pin_waveform import WaveformCache, with_changes
 from trcvtui.rig.replay import time_line as module
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.time_line import CANNOT, TimeLine, read_at
+from trcvtui.rig.replay.time_line import TimeLine, read_at
+from trcvtui.rig.snapshots import BESIDE, CANNOT
 
 LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
 LAST, ERRORS = 394, (303, 391)
@@ -208,3 +210,45 @@ def test_the_errors_of_the_run_are_marked_in_their_places() -> None:
 def test_where_to_open_is_judged_before_anything_starts() -> None:
     with pytest.raises(UserError, match="--at: found 'soon'"):
         module.ReplayDriver(LINK_DOWN, "soon")
+
+
+def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() -> None:
+    stood = Stood()
+    update = stood.go(f"if instance.{INSTANCE}.LEN=1")
+    position = update.position
+    assert position is not None and update.answers[0].error == ""
+    assert stood.scan == position.parts_at == 91
+    said = "\n".join(position.what_if)
+    assert f"what if instance.{INSTANCE}.LEN=1" in said
+    assert "they part at scan 91" in said and "recorded:" in said and "what-if:" in said
+    assert not stood.go("if off").position.what_if  # type: ignore[union-attr]
+    assert stood.scan == 91
+
+
+def test_the_wave_of_the_other_run_ends_where_the_screen_stands() -> None:
+    stood = Stood()
+    stood.go(f"if instance.{INSTANCE}.LEN=1", "at 100")
+    name = BESIDE + INSTANCE
+    cache = WaveformCache()
+    number = stood.line.controller._bench_number
+    for scan in (100, 200):
+        stood.go(f"at {scan}")
+        ask = UpdateRequest(bench=number, waves=cache.asked((INSTANCE, name)))
+        news = [with_changes(each) for each in stood.line.collect(ask).update.waves]
+        cache.take(news, 10_000_000)
+        wave, other = cache.of(INSTANCE), cache.of(name)
+        assert wave.until_scan == other.until_scan == scan
+        assert max(other.edge_scans) <= scan
+        done, beside = wave.lane("DONE"), other.lane("DONE")
+        assert done.at(91) == 1 and beside.at(91) == 1
+        assert (done.at(93), beside.at(93)) == (0, 1)  # the second byte is a job of its own
+
+
+@pytest.mark.parametrize(
+    "line", ["if", "if x", "if instance.NOBODY.LEN=1", "if dialect nobody", "if instance.TRCV_C_1.LEN=x"]
+)
+def test_another_value_that_is_none_is_told_in_one_line(line: str) -> None:
+    stood = Stood()
+    update = stood.go(line)
+    assert "expected" in update.answers[0].error and "\n" not in update.answers[0].error
+    assert update.position is not None and not update.position.what_if

@@ -198,3 +198,19 @@ def test_the_bar_has_the_width_and_each_error_at_any_width() -> None:
         if width > 7:
             assert drawn[0] == drawn[-1] == "!" and "!" in drawn[1:-1]
     assert bar(Position(0, 0, 0, 0, False, 0, "1x", 0, b""), 5) == "█────"
+
+
+async def test_w_asks_for_another_value_and_draws_both_runs(tmp_path: Path) -> None:
+    async with on_a_recording() as looker:
+        await looker.go("W")
+        await looker.type("LEN=1\r")
+        await looker.go()
+        assert looker.scan == 91
+        assert "they part at scan 91" in looker.pane("position")
+        assert "what-if TRCV_C_1" in looker.pane("timing")
+        assert "≠" in looker.pane("position") or "█" in looker.pane("position")
+        same_as_snapshot(looker, "replay-what-if-140x45", tmp_path)
+        await looker.press("colon")
+        await looker.type("if off\r")
+        await looker.go()
+        assert "what-if" not in looker.pane("timing") and "part" not in looker.pane("position")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trcvtui.records import dataclass
 
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
@@ -182,12 +184,17 @@ class Fired:
     holds: bool = False
 
 
+CANNOT: Final = "a recording cannot be changed: W tries another value"
+BESIDE: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
+
+
 @dataclass(frozen=True, slots=True)
 class Position:
     """Where a replay stands in its recording. `last_scan` is known for sure once the recording `is_read`.
 
     `wanted` is the scan that it goes to, times are ns of the run; `marks` has 1 for each piece of the run in
-    which an ERROR comes, 0 for the others.
+    which an ERROR comes, 0 for the others. `what_if` is what there is to say of a run with another parameter;
+    it parts from the recorded one in scan `parts_at`, 0: nowhere yet.
     """
 
     scan: int
@@ -200,3 +207,5 @@ class Position:
     errors: int
     marks: bytes
     note: str = ""
+    what_if: tuple[str, ...] = ()
+    parts_at: int = 0

@@ -281,7 +281,7 @@ class BenchApp(App[None]):
     def _refuse(self) -> None:
         text = REFUSED
         if self._is_replay:
-            from trcvtui.rig.replay.time_line import CANNOT as text
+            from trcvtui.rig.snapshots import CANNOT as text
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:

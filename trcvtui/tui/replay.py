@@ -10,10 +10,9 @@ from textual import events
 from textual.binding import Binding
 from textual.widget import Widget
 
-from trcvtui.rig.replay.time_line import CANNOT
-from trcvtui.rig.snapshots import Position
+from trcvtui.rig.snapshots import CANNOT, Position
 from trcvtui.tui.formatting import count, plain
-from trcvtui.tui.main import MainScreen
+from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine
@@ -21,12 +20,22 @@ from trcvtui.udt.literals import format_time
 
 EVERYWHERE: Final = (
     ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
-    ("g", "go to"), ("+-", "speed"), ("9", "time line"), (":", "command"), ("?", "help"), ("q", "quit"),
+    ("g", "go to"), ("W", "what if"), ("+-", "speed"),
+    ("9", "time line"), (":", "command"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
-CLICKS: Final = {**ACTIONS, "!": "at('error +1')", '"': "at('error -1')", "g": "prompt('at ')", "9": "line"}
+CLICKS: Final = {
+    **ACTIONS,
+    "!": "at('error +1')",
+    '"': "at('error -1')",
+    "g": "prompt('at ')",
+    "W": "what_if",
+    "9": "line",
+}
 ROWS: Final = 2
-HERE, ERROR, PAST, COMING = "█", "!", "━", "─"
-STYLES: Final = {HERE: "key", ERROR: "error", PAST: "key", COMING: "faint"}
+TIMING: Final = 8  # the pane
+MOST_SAID: Final = 6  # lines of a what-if
+HERE, PARTS, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
+STYLES: Final = {HERE: "key", PARTS: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
 
 
 def bar(position: Position, width: int) -> str:
@@ -38,6 +47,8 @@ def bar(position: Position, width: int) -> str:
         if column == here:
             return HERE
         begin = column * pieces // width
+        if position.parts_at and column == (position.parts_at - 1) * width // last:
+            return PARTS
         has_error = 1 in position.marks[begin : max(begin + 1, (column + 1) * pieces // width)]
         return ERROR if has_error else PAST if column < here else COMING
 
@@ -55,7 +66,8 @@ class PositionLine(LineView, inherit_bindings=False):
 
     def row_count(self) -> int:
         """Return the lines that it takes."""
-        return ROWS
+        picture = self._view_model.live
+        return ROWS + (len(picture.position.what_if[:MOST_SAID]) if picture and picture.position else 0)
 
     def row_at(self, y: int) -> Row:
         """Return one of them."""
@@ -64,6 +76,9 @@ class PositionLine(LineView, inherit_bindings=False):
             return EMPTY
         if y == 0:
             return row(*_words(picture.position, picture.holding))
+        if y >= ROWS:
+            said = picture.position.what_if[y - ROWS : y - ROWS + 1]
+            return row(*((plain(line), "warn" if y == ROWS else "") for line in said))
         signs = groupby(bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
@@ -103,6 +118,7 @@ class ReplayScreen(MainScreen):
         Binding("g", "prompt('at ')", "go to a scan or time", show=False),
         Binding("plus", "speed('+')", "play faster", show=False),
         Binding("minus", "speed('-')", "play slower", show=False),
+        Binding("W", "what_if", "another value", show=False),
         Binding("9", "line", "time line", show=False),
     ]
 
@@ -110,6 +126,7 @@ class ReplayScreen(MainScreen):
         super().__init__(view_model, submit)
         self.key_line = KeyLine(EVERYWHERE, CLICKS)
         self.position = PositionLine(view_model)
+        self._position_rows = ROWS
 
     def compose(self) -> Iterator[Widget]:
         """Compose what the bench has, and the position above the prompt."""
@@ -119,7 +136,7 @@ class ReplayScreen(MainScreen):
             yield widget
 
     def _fit(self, width: int, height: int) -> None:
-        super()._fit(width, height - ROWS)
+        super()._fit(width, height - self.position.row_count())
 
     async def prepare(self) -> None:
         """Begin on the time line."""
@@ -128,6 +145,15 @@ class ReplayScreen(MainScreen):
 
     def show(self) -> None:
         """Let every pane repaint what changed."""
+        rows = self.position.row_count()
+        if rows != self._position_rows:
+            self._position_rows = rows
+            self.position.styles.height = rows
+            self._fit(*self.size)
+            if (rows > ROWS) != self.has_class(ZOOM):  # both runs over time, or all panes again
+                self._open(TIMING)
+                self.action_zoom()
+            self._arrange()
         super().show()
         self.position.show()
 
@@ -142,6 +168,10 @@ class ReplayScreen(MainScreen):
     def action_speed(self, step: str) -> None:
         """Play faster or slower."""
         self._submit(f"speed {step}")
+
+    def action_what_if(self) -> None:
+        """Ask for another value."""
+        self.action_prompt(f"if instance.{self._view_model.selected}.")
 
     def action_line(self) -> None:
         """Give the keys to the time line."""

@@ -25,14 +25,18 @@ from trcvtui.rig.bench_update import BareUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.history.pin_waveform import WaveformDelta
+from trcvtui.rig.history.received import JobHistory
+from trcvtui.rig.history.stream_index import StreamIndex
+from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.replay.keyframes import EntriesFrom, Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.snapshots import EngineTiming, Position
+from trcvtui.rig.replay.what_if import WhatIf
+from trcvtui.rig.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.udt.literals import parse_time
 
-MOVES: Final = frozenset(("at", "speed", "hold", "go", "run"))  # lines that move
+MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
 LOOKS: Final = frozenset(("trigger", "expect"))  # lines that look only
-CANNOT: Final = "a recording cannot be changed: `trcvtui replay FILE --set ..` tries another value"
 SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
 FASTEST: Final = "fastest"
 END: Final = 1 << 62  # a scan that no recording has
@@ -131,6 +135,41 @@ class Survey:
         return self._marks[1]
 
 
+class RunBeside:
+    """The run with another parameter, as far as it has run; `asked` is what was said at the prompt."""
+
+    def __init__(self, run: WhatIf, asked: str) -> None:
+        self.run, self.is_over = run, False
+        self._asked = asked
+        self._history = JobHistory(run.what_if, StreamIndex())
+        self._waves = WaveformRecorder(run.what_if, self._history)
+
+    def go_on(self, until: int) -> None:
+        """Let scans of both runs pass until this moment."""
+        while not self.is_over and clock.now_ns() < until:
+            self.is_over = not self.run.scan()
+            self._history.catch_up()
+
+    def lines(self) -> tuple[str, ...]:
+        """Return what there is to say of it."""
+        if not self.is_over:
+            return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
+        first, *rest = self.run.summary()
+        return (f"what if {self._asked}: {first}", *rest, *filter(None, [self.run.trouble]))
+
+    def wave(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
+        """Return what is new of an instance up to a scan, after its change `number`."""
+        ledger = self.run.what_if.runtime.ledger
+        asked = name.removeprefix(BESIDE)
+        news = self._waves.bare_news(asked, number, (ledger.scan, ledger.t_ns))
+        if news is None or (news.before and news.before_scan > scan):
+            return None
+        changes = tuple([change for change in news.changes if change[1] <= scan])
+        is_all = len(changes) == len(news.changes) and news.until_scan <= scan
+        until = (news.until_scan, news.until_ns) if is_all else (scan, t_ns)
+        return replace(news, instance=name, changes=changes, until_scan=until[0], until_ns=until[1])
+
+
 class ReplayController(Controller):
     """The bench of a replay as the screen sees it; `move` carries out the lines that move."""
 
@@ -140,6 +179,7 @@ class ReplayController(Controller):
         self._move = move
         self.holding = True
         self.position: Position | None = None
+        self.beside: RunBeside | None = None
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
@@ -186,6 +226,18 @@ class ReplayController(Controller):
             return super()._carry_out(line)
         return CANNOT
 
+    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
+        waves = super()._wave_news(tuple(each for each in asked if not each[0].startswith(BESIDE)), known)
+        beside, ledger = self.beside, self.bench.runtime.ledger
+        if beside is None:
+            return waves
+        others = (
+            beside.wave(name, number if known else 0, ledger.scan, ledger.t_ns)
+            for name, number in asked
+            if name.startswith(BESIDE)
+        )
+        return (*waves, *(other for other in others if other is not None))
+
     def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
         """Return what a picture is made of, with the position in the recording."""
         bare = super().collect(request, timing, most_lines)
@@ -206,6 +258,7 @@ class TimeLine:
         self._speed = SPEEDS.index(1.0)
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
+        self._beside: RunBeside | None = None
         self._go(at)
 
     def _run_at(self, scan: int) -> RunAgain:
@@ -229,6 +282,8 @@ class TimeLine:
         rest = rest.strip()
         if verb == "speed":
             return self._set_speed(rest)
+        if verb == "if":
+            return self._run_beside(rest)
         if verb == "go":
             self._stop()
             self._play()
@@ -245,6 +300,18 @@ class TimeLine:
             self._go(max(1, (self._wanted if self._wanted < END else self.controller.at) + int(rest)))
         else:
             self._go(read_at(rest, "prompt"))
+        return ""
+
+    def _run_beside(self, rest: str) -> str:
+        """Begin a run with another parameter, or end it."""
+        self._beside = None
+        verb, _, name = rest.partition(" ")
+        if rest != "off":
+            sets, dialect = ([], name.strip()) if verb == "dialect" else ([rest], None)
+            if dialect is None and "=" not in rest:
+                raise mistake("prompt", shown(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
+            run = WhatIf(self._journal.entries, self._where, sets, dialect)
+            self._beside = RunBeside(run, rest)
         return ""
 
     def _go(self, to: int | Search) -> None:
@@ -285,9 +352,20 @@ class TimeLine:
     def work(self, until: int) -> bool:
         """Move, or look through the recording, until this moment; return whether there is more to do."""
         self._look()
-        if not self._move(until) and not self.survey.is_over:
+        if self._move(until):
+            return True
+        if self._beside is not None and not self._beside.is_over:
+            self._go_on_beside(self._beside, until)
+            return True
+        if not self.survey.is_over:
             self.survey.go_on(until)
         return not self.survey.is_over or self._search is not None or self._goal() != self.controller.at
+
+    def _go_on_beside(self, beside: RunBeside, until: int) -> None:
+        """Let both runs go on; at the end go where they part."""
+        beside.go_on(until)
+        if beside.is_over and beside.run.parts_at is not None:
+            self._go(beside.run.parts_at)
 
     @property
     def plays(self) -> bool:
@@ -359,7 +437,8 @@ class TimeLine:
 
     def collect(self, request: UpdateRequest) -> BareUpdate:
         """Return what a picture is made of."""
-        survey, controller = self.survey, self.controller
+        survey, controller, beside = self.survey, self.controller, self._beside
+        controller.beside = beside
         controller.position = Position(
             controller.at,
             survey.last,
@@ -371,6 +450,8 @@ class TimeLine:
             len(survey.errors),
             survey.marks(),
             self._note or survey.trouble,
+            beside.lines() if beside is not None else (),
+            beside.run.parts_at or 0 if beside is not None else 0,
         )
         return controller.collect(request, EngineTiming(mode="replay"), request.most_lines)
 

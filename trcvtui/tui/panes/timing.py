@@ -223,7 +223,7 @@ class Timing(LineView):
     @property
     def waves(self) -> list[Waveform]:
         """Return the waves that are drawn."""
-        return [self._view_model.waves.of(name) for name in self._view_model.drawn_instances]
+        return [self._view_model.waves.of(name) for name in self._view_model.drawn_waves]
 
     @property
     def _until(self) -> int:

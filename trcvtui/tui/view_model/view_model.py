@@ -18,7 +18,7 @@ from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow
 from trcvtui.rig.history.stream_index import StreamIndex
-from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
+from trcvtui.rig.snapshots import BESIDE, Answer, Fired, PeerSnapshot
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND
@@ -270,7 +270,7 @@ class ViewModel:
         data = tuple(dict.fromkeys(each.data for each in shown if each.data))
         partial = tuple(each.name for each in shown)
         most = THAW_LINES if self._thawing else MOST_LINES
-        waves = self.waves.asked(self.drawn_instances, self.frozen_at)
+        waves = self.waves.asked(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
         return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, self.past_wanted, self.recordings_wanted
@@ -335,6 +335,13 @@ class ViewModel:
             return (self.selected,) if self.selected else ()
         others = (i.name for i in self.instances if i.connect == instance.connect and i is not instance)
         return (self.selected, *others)[:MOST_DRAWN]
+
+    @property
+    def drawn_waves(self) -> tuple[str, ...]:
+        """Return the same, and the selected one in a run with another parameter, where there is one."""
+        position = self.live.position if self.live is not None else None
+        beside = (BESIDE + self.selected,) if position is not None and position.what_if else ()
+        return (*self.drawn_instances[:1], *beside, *self.drawn_instances[1:])
 
     @property
     def connection(self) -> ConnectionSnapshot | None:

@@ -21,7 +21,8 @@ This page is made from `trcvtui/project/keys.py`.
 TAIL: Final = """
 ## `[options]`, `[constants]`
 
-`[options]` has the switches of the dialect, the points that its manual leaves open. `[constants]` has whole
+`[options]` has the switches of the dialect, the points that its manual leaves open. `black_box = "off"`
+stands there too: then nothing of a run on the screen is kept for a recording. `[constants]` has whole
 numbers that the UDTs use, such as `"GVL.MAX" = 10`.
 """
 

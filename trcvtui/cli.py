@@ -595,7 +595,7 @@ def _add_shadows(parser: ArgumentRows) -> None:
     parser.last_words = _dialect_names
     parser.add_argument("--project", metavar="PROJECT.toml", help="whose instances look on")
     parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
-    parser.add_argument("--dialect", metavar="NAME", help="default: the project's, or baosky")
+    parser.add_argument("--dialect", metavar="NAME", help="default: the project's, or the first of all")
 
 
 def _add_status(parser: ArgumentRows) -> None:

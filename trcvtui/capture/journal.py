@@ -76,6 +76,9 @@ class RunBegins(NamedTuple):
     digests: tuple[tuple[str, str], ...]
 
 
+ENDED_HERE: Final = "the recording was ended here"
+
+
 class EntriesLost(NamedTuple):
     """A gap in the journal: so many entries were not written, and why."""
 
@@ -122,6 +125,7 @@ class Seam(Protocol):
 
     tell: Callable[[Note], None]  # writes a note into the ledger
     is_busy: bool  # False in the gaps between what the bench is told to do
+    is_off: bool  # nothing is kept any more
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return the answer."""
@@ -235,6 +239,11 @@ class SeamRecorder:
         self._step = self._stepped = 0
         self.tell: Callable[[Note], None] = lambda note: None
         self._is_inside = False
+        self.is_off = False
+
+    def end(self) -> None:
+        """Keep nothing any more."""
+        self.is_off = self._is_inside = True
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Do it and keep the answer."""
@@ -275,12 +284,14 @@ class SeamRecorder:
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Keep a call of the PLC's at the wire, with the time of now."""
+        if self.is_off:
+            return
         at = self._step + self.clock() - self._stepped
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
     def told(self, note: Note) -> None:
         """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
-        if self._is_inside:
+        if self._is_inside and not self.is_off:
             self._keep(note)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, NoReturn, TypeVar, cast
 
 from trcvtui.capture.journal import (
+    ENDED_HERE,
     GAP,
     READ,
     STEP,
@@ -48,6 +49,7 @@ class Replay:
 
     answers = True
     is_busy = True
+    is_off = False
 
     def __init__(self, entries: Iterator[Entry], where: str) -> None:
         self._entries = entries
@@ -143,6 +145,11 @@ class Replay:
         """Return what was not recorded here, "" where the journal goes on or has ended."""
         front = self._front
         return f"a gap of {front.number} entries ({front.why})" if isinstance(front, EntriesLost) else ""
+
+    @property
+    def is_ended(self) -> bool:
+        """Return whether somebody has ended the recording here, while the run went on."""
+        return isinstance(self._front, EntriesLost) and self._front.why == ENDED_HERE
 
     def end(self) -> None:
         """Raise UserError where the journal goes on after the run has ended."""
@@ -258,7 +265,9 @@ class _SeamKernel:
 
     def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
         got = self._inner.recv(handle, self._buffer)
-        return (got, bytes(self._buffer[:got])) if isinstance(got, int) else (got, b"")
+        if isinstance(got, int) and not self._seam.is_off:
+            return got, bytes(self._buffer[:got])
+        return got, b""
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
@@ -282,13 +291,14 @@ class _SeamKernel:
 
         def read(into: bytearray | memoryview) -> int:
             size = direct.read(into)
-            if size == len(into):
+            if size == len(into) and not seam.is_off:
                 seam.ask(owner, "recv", (handle, size), lambda: told(into, size))
             return size
 
         def read_on(into: memoryview, size: int) -> int:
             whole = direct.read_on(into, size)
-            seam.ask(owner, "recv", (handle, len(into)), lambda: told(into, whole))
+            if not seam.is_off:
+                seam.ask(owner, "recv", (handle, len(into)), lambda: told(into, whole))
             return whole
 
         def unasked(size: int) -> None:

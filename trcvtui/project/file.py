@@ -133,6 +133,7 @@ def joined_up(
 
 TOP_KEYS: Final = ("dialect", "model", "start")
 SECTIONS: Final = ("options", "sim")
+BLACK_BOX: Final = "black_box"
 FORMS: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
 
 
@@ -305,6 +306,7 @@ class DocumentReader:
             model=model,
             connection_limit=dialect.models[model],
             options=options,
+            black_box=self.black_box,
             rules=around.rules,
             layout=around.layout,
             sim=sim,
@@ -320,13 +322,23 @@ class DocumentReader:
         return dialect.default_model
 
     def options(self, dialect: Dialect) -> dict[str, SwitchValue]:
-        raw = self.section("options")
+        raw = dict(self.section("options"))
+        self.black_box = self.read_black_box(raw.pop(BLACK_BOX, "on"))
         written = {key: value for key, value in raw.items() if not isinstance(value, Given)}
         given = {key: value.text for key, value in raw.items() if isinstance(value, Given)}
         values, wrong = read_switches(dialect, written, f"{self.where}: options")
         overriding, also_wrong = read_switches(dialect, given, "--set options")
         self.problems += [*wrong, *also_wrong]
         return values | {key: value for key, value in overriding.items() if key in given}
+
+    def read_black_box(self, written: object) -> bool:
+        """Return whether a run on the screen keeps its newest; no dialect has a word in that."""
+        is_given = isinstance(written, Given)
+        value = written.text if isinstance(written, Given) else written
+        if value not in ("on", "off"):
+            where = "--set options" if is_given else f"{self.where}: options"
+            self.problems.append(Problem(f"{where}.{BLACK_BOX}", shown(value), "on or off"))
+        return value != "off"
 
     def body(self, around: Around) -> dict[str, Any]:
         """Return the entries of all kinds by the names of their fields, and the UDTs."""

@@ -255,6 +255,7 @@ class Project:
     certificates: Certificates = field(default_factory=dict)
     combuffers: tuple[ComBufferDecl, ...] = ()
     watches: tuple[WatchDecl, ...] = ()
+    black_box: bool = True  # whether a run on the screen keeps its newest for a recording
     undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
 
     def pins(self, block: str) -> tuple[Pin, ...]:

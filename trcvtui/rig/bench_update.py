@@ -79,6 +79,7 @@ class BenchUpdate:
     armed: str = ""
     fired: Fired | None = None
     recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
+    is_recording: bool = False  # by the black box, so that `record stop` ends it
     recordings: tuple[
         tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each

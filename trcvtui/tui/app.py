@@ -307,13 +307,15 @@ class BenchApp(App[None]):
         self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
 
     def action_restart(self) -> None:
-        """Start the engine anew, after it has ended."""
+        """Record the run, or end its recording; after the engine has ended: start it anew."""
         if self.screen is not self.main:
             return
-        if self._read_only or not self.last_words:
-            self.main.prompt.complain(
-                REFUSED if self._read_only else "the engine runs: R starts it anew when it has ended"
-            )
+        if self._read_only:
+            self.main.prompt.complain(REFUSED)
+            return
+        if not self.last_words:
+            picture = self.view_model.live
+            self.submit("record stop" if picture is not None and picture.is_recording else "record")
             return
         self.last_words = ""
         self._engine.restart()
@@ -490,7 +492,9 @@ class BenchApp(App[None]):
             look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"
             yield SystemCommand(f"Theme {name}", look, partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
-        yield SystemCommand("Restart", "start an engine that has ended anew · key R", self.action_restart)
+        yield SystemCommand(
+            "Record", "record the run, end that; start an ended engine anew · key R", self.action_restart
+        )
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
 

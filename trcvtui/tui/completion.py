@@ -52,11 +52,11 @@ def _after_udt(words: list[str], project: Project) -> Iterable[str]:
 # What the screen or its engine takes (`BenchApp.submit`, `Controller.take`).
 SCREEN: Final = (
     "hold", "go", "trigger", "scenarios", "race", "export timing", "find", "mark", "save scenario",
-    "save project", "lab", "udt", "framing",
+    "save project", "save recording", "record", "record stop", "lab", "udt", "framing",
 )  # fmt: skip
 SCREEN_WORDS: Final[Mapping[str, NextWords]] = {
     "trigger": after_trigger,
-    "save": lambda words, project: ("scenario", "project") if len(words) == 1 else (),
+    "save": lambda words, project: ("scenario", "project", "recording") if len(words) == 1 else (),
     "udt": _after_udt,
     "framing": after_framing,
 }

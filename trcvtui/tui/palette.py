@@ -144,6 +144,8 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Mark", "mark: a saved session expects from here · key K", bench.main.action_mark)
     save = "save scenario session.toml"
     yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))
+    keep = "save recording session.pcapng"
+    yield SystemCommand("Save what has been up to now", keep, partial(bench.main.action_prompt, keep))
 
 
 def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:

@@ -6,6 +6,7 @@ gets a fresh one too. There is always exactly one bench.
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -43,6 +44,7 @@ from trcvtui.udt.sources import read_files
 
 if TYPE_CHECKING:
     from trcvtui.capture.journal import Seam
+    from trcvtui.rig.recording.black_box import BlackBox
 
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
 
@@ -123,7 +125,10 @@ MARK: Final = "mark"
 SAVE: Final = "save"
 UDT: Final = "udt"
 FRAMING: Final = "framing"
-SAVE_LINES: Final = "save scenario FILE, or save project [FILE] [!]"
+SAVE_LINES: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
+RECORD: Final = "record"  # begins a recording, `record stop` ends it
+RECORDING: Final = "recording"
+BOX_OFF: Final = "[options] black_box on, and the run that the screen began with, not recorded by --record"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
 PROJECT: Final = "project"
@@ -138,6 +143,11 @@ def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Benc
     return bench
 
 
+def _recording_path(name: str) -> Path:
+    path = Path(os.path.expanduser(name))
+    return path if path.suffix else path.with_suffix(".pcapng")
+
+
 class Controller:
     """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
 
@@ -147,6 +157,7 @@ class Controller:
         self.holding = False
         self.wanted = 0
         self.recorded = ""  # what the screen shall know of a recording
+        self.black_box: BlackBox | None = None
         self._trials = SplitTests()
         self._begin(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
@@ -193,6 +204,8 @@ class Controller:
                 return self._mark()
             if verb == SAVE:
                 return self._save(rest.strip())
+            if verb == RECORD:
+                return self._record(rest.strip())
             if verb == UDT:
                 return self._udt(rest)
             if verb == FRAMING:
@@ -299,9 +312,29 @@ class Controller:
         self._told = f"marked after scan {self.session.marked_at}"
         return ""
 
+    def _record(self, rest: str) -> str:
+        """Let a file have what is kept and what follows, or end it."""
+        box = self._box()
+        if rest == "stop":
+            self._told = box.stop()
+            return ""
+        from trcvtui.rig.recording.black_box import new_name
+
+        stem = self.bench.project.path.stem or "recording"
+        self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
+        return ""
+
+    def _box(self) -> BlackBox:
+        if self.black_box is None:
+            raise mistake("prompt", "no black box for this run", BOX_OFF)
+        return self.black_box
+
     def _save(self, rest: str) -> str:
         """Write the project, or what was done here as a scenario; of others' files none is written over."""
         what, _, name = rest.partition(" ")
+        if what == RECORDING and name.strip():
+            self._told = self._box().save(_recording_path(name.strip()))
+            return ""
         if what != PROJECT and (what != SCENARIO or not name.strip()):
             raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
         if self.player is not None:
@@ -464,6 +497,7 @@ class Controller:
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
             facts=kept.facts if kept else self._trigger_watch.facts(request.partial_of if known else ()),
             recorded=self.recorded,
+            is_recording=self.black_box is not None and self.black_box.is_recording,
             armed=self._trigger_watch.armed if known else "",
             fired=kept.fired if kept else None,
         )

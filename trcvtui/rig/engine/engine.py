@@ -67,8 +67,14 @@ def _run(
         from trcvtui.rig.recording.recorder import recorder_of
 
         recorder = recorder_of(record, record.target, waits=False)
+    elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
+        from trcvtui.rig.recording.recorder import black_box_recorder
+
+        recorder = black_box_recorder()
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
         project = load_bench(path, overrides)
+        if recorder is not None and recorder.box is not None and not project.black_box:
+            recorder = None
         with recorder or nullcontext():  # before anything else: its file may be refused
             channel.send(project)  # at once: the screen has its own library to import meanwhile
             from trcvtui.rig.engine.controller import fresh_bench
@@ -114,6 +120,7 @@ class Engine:
         self._channel = channel
         self._controller = Controller(bench)
         self._recorder = recorder
+        self._controller.black_box = recorder.box if recorder is not None else None
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
         self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
@@ -202,7 +209,7 @@ class Engine:
                 if self._controller.bench is not self._bench:
                     if self._recorder is not None:
                         self._recorder.close()  # the run on record is over
-                        self._recorder = None
+                        self._recorder = self._controller.black_box = None
                     self._begin(self._controller.bench)
             case UpdateRequest() as request:
                 self._request, self._asked_at = request, clock.now_ns()

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui import __version__
 from trcvtui.capture.journal import (
@@ -31,7 +31,12 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.recording.files import RecordTo, Sink
 from trcvtui.rig.wording import size_text
 
+if TYPE_CHECKING:
+    from trcvtui.rig.recording.black_box import BlackBox
+
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
+LOOK_NS: Final = 5_000_000_000  # in so long
+MOST_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
 AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
 TLS: Final = "trcvtui.net.layers.tls"
 
@@ -50,6 +55,8 @@ class RunRecorder:
         self.trouble = ""  # why nothing more is recorded
         self.size = 0  # bytes of the file, as known a second ago
         self.file = file
+        self.box: BlackBox | None = None  # where that is the sink
+        self._spent = self._looked_at = 0
         self.reads = FilesRead()
         self._new_sink = sink
         self._sink: Sink | None = None
@@ -101,6 +108,20 @@ class RunRecorder:
 
     def gap(self, bench: Bench) -> None:
         """Take what the scan has shown and left unread, once a second more; hand over what it has brought."""
+        if self.box is None:
+            self._take(bench)
+            return
+        began = clock.now_ns()
+        self._take(bench)
+        now = clock.now_ns()
+        self._spent += now - began
+        if now > self._looked_at + LOOK_NS:
+            if self._looked_at and self._spent > LOOK_NS * MOST_PERCENT // 100 and not self.box.is_recording:
+                self.box.give_up()
+                self.seam.end()
+            self._spent, self._looked_at = 0, now
+
+    def _take(self, bench: Bench) -> None:
         bench.tell_outputs()
         is_due = bench.now >= self._sample_at
         bench.runtime.sample(is_due)
@@ -167,8 +188,20 @@ class RunRecorder:
 
     def text(self) -> str:
         """Return the name of the file and its size, or why nothing is written any more."""
+        if self.box is not None:
+            return self.trouble or self.box.text
         secrets = ", with TLS secrets" if self.holds_secrets else ""
         return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
+
+
+def black_box_recorder() -> RunRecorder:
+    """Return what keeps the newest of a run in memory."""
+    from trcvtui.rig.recording.black_box import BlackBox
+
+    box = BlackBox()
+    recorder = RunRecorder(lambda: box, waits=False)
+    recorder.box = box
+    return recorder
 
 
 def recorder_of(record: RecordTo, file: Path, waits: bool) -> RunRecorder:

@@ -36,11 +36,13 @@ START: Final = "import sys; from trcvtui.rig.recording.writer import writer_main
 
 
 class WriterProcess:
-    """The sink of a run that must not wait; raise UserError where the file is refused."""
+    """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
 
-    def __init__(self, path: Path, record: RecordTo) -> None:
+    def __init__(self, path: Path, record: RecordTo, waits: bool = True) -> None:
         self.trouble = ""
-        self._path = path
+        self.path = path
+        self.is_over = False  # after `finish`: the file is whole, or `trouble` says why not
+        self._is_finishing = False
         self._block = BlockWriter(0)
         self._waiting: deque[memoryview] = deque()
         self._waiting_bytes = self._lost = 0
@@ -48,10 +50,12 @@ class WriterProcess:
         self._process = _started(path, record)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
-        refused = self._answers.readline()
+        self._is_told = True  # has he said whether he can write
+        refused = self._answers.readline() if waits else b"\n"
         if refused != b"\n":
             self._end()
             raise _told(refused, path)
+        self._is_told = waits
         self._pipe = self._stdin.fileno()
         _enlarge(self._pipe)
         if sys.platform != "win32":
@@ -81,12 +85,43 @@ class WriterProcess:
                 self._block.take(entry)
         self.go_on()
 
+    def put(self, block: bytes, entries: int = 0) -> None:
+        """Take a block that somebody else has made, of so many entries; leave it out where too much waits."""
+        if self.trouble:
+            return
+        if self._waiting_bytes > 2 * MOST_WAITING:
+            self._lost += entries
+            return
+        if self._lost:
+            self._block.take(EntriesLost(self._lost, "the writer could not follow"))
+            self._lost = 0
+            self.post()
+        self._append(block)
+
+    def _append(self, block: bytes) -> None:
+        self._waiting.append(memoryview(LENGTH.pack(len(block)) + block))
+        self._waiting_bytes += LENGTH.size + len(block)
+
+    def finish(self) -> None:
+        """Let the file end as soon as all has crossed; `go_on` finds out when it has."""
+        self._is_finishing = True
+
     def go_on(self) -> None:
         """Write what waits, as much as the pipe takes."""
         now = clock.now_ns()
-        if now > self._posted_at + POST_NS or self._block.is_full:
+        if not self._is_finishing and (now > self._posted_at + POST_NS or self._block.is_full):
             self._posted_at = now
             self.post()
+        self._cross()
+        if self._is_finishing and not self._waiting and not self.is_over:
+            with suppress(OSError):
+                self._stdin.close()
+            if self._process.poll() is not None:
+                self.is_over = True
+                said = self._end()
+                self.trouble = self.trouble or ("" if said == b"\n" else str(_told(said, self.path)))
+
+    def _cross(self) -> None:
         try:
             while self._waiting:
                 first = self._waiting[0]
@@ -103,36 +138,43 @@ class WriterProcess:
 
     def post(self) -> None:
         """Let the entries up to here cross as one block; an empty one lets the writer write to the disk."""
-        message = self._block.block()
-        self._waiting.append(memoryview(LENGTH.pack(len(message)) + message))
-        self._waiting_bytes += LENGTH.size + len(message)
-        self._block = BlockWriter(0)
+        block, self._block = self._block.block(), BlockWriter(0)
+        self._append(block)
 
     def _lose_writer(self) -> None:
         """Find out why the writer is gone."""
         self._waiting.clear()
         self._waiting_bytes = 0
-        said = self._answers.readline()  # he has closed both pipes
-        why = str(_told(said, self._path)) if said.strip() else f"{self._path}: the writer has ended"
+        said = self._said()  # he has closed both pipes
+        why = str(_told(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
         self.trouble = f"{why}; nothing more is recorded"
 
     def close(self) -> None:
         """Write what is left, and end the file."""
-        if not self.trouble:
+        if self.is_over:
+            return
+        if not self.trouble and not self._stdin.closed:
             os.set_blocking(self._pipe, True)
             self._posted_at = 0
             self.go_on()
         said = self._end()
         if not self.trouble and said != b"\n":
-            self.trouble = str(_told(said, self._path))
+            self.trouble = str(_told(said, self.path))
 
     def _end(self) -> bytes:
         """Let the process end; return his last line."""
         with suppress(OSError):
             self._stdin.close()
-        with self._answers as answers:
-            said = answers.readline()
+        with self._answers:
+            said = self._said()
         self._process.wait()
+        return said
+
+    def _said(self) -> bytes:
+        """Return what he says last; where nobody has asked before, he says first that he can write."""
+        said = self._answers.readline()
+        if not self._is_told and said == b"\n":
+            said = self._answers.readline()
         return said
 
 

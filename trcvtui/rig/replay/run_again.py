@@ -77,6 +77,9 @@ class RunAgain:
             else:
                 self.bench.step()
                 return True
+        if self.replay.is_ended:
+            self.before_close()
+            self.is_whole = True
         return False
 
     def _do(self, line: str) -> None:

@@ -21,6 +21,7 @@ from trcvtui.capture.reassembly import (
     EventKind,
     WireDirection,
 )
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import Problem, UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
@@ -302,7 +303,7 @@ def plan_capture(
     if loaded is not None:
         plan = plan_of_project(found.all, loaded, plc)._replace(notes=notes)
     else:
-        plan = plan_ad_hoc(found.all, plc, dialect or "baosky")
+        plan = plan_ad_hoc(found.all, plc, dialect or next(iter(DIALECTS)))
     return plan, found, troubles
 
 

@@ -1,0 +1,182 @@
+"""The newest of a run, always kept in memory: a file gets it, and what follows, when somebody asks.
+
+Rule 1: at most MOST_BYTES are kept; what goes is counted, and a file says how much it lacks.
+Rule 2: a process writes the files; nothing here waits for it.
+Rule 3: a box that takes too much of the time gives up (recorder.py), unless a file gets what follows.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from trcvtui.capture.journal import ENDED_HERE, BlockWriter, EntriesLost, Entry, RunBegins
+from trcvtui.errors import mistake
+from trcvtui.rig import clock
+from trcvtui.rig.recording.files import SUFFIX, RecordTo
+from trcvtui.rig.recording.writer import POST_NS, WriterProcess
+from trcvtui.rig.wording import size_text
+
+MOST_BYTES: Final = 64 << 20
+TOLD_NS: Final = 10_000_000_000
+GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
+BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
+
+
+class BlackBox:
+    """A sink that keeps the newest blocks of a run."""
+
+    trouble = ""  # of a run; a file that cannot be written leaves the run alone
+
+    def __init__(self, most: int = MOST_BYTES) -> None:
+        self._told, self._told_at = "", 0  # how the last file has ended
+        self._most = most
+        self._begins: RunBegins | None = None
+        self._block, self._entries = BlockWriter(0), 0
+        self._kept: deque[tuple[int, bytes]] = deque()  # entries of a block, its bytes
+        self._size = self._passed = 0
+        self._posted_at = 0
+        self._why_off = ""
+        self._recording: WriterProcess | None = None  # gets what follows, too
+        self._ending: list[WriterProcess] = []
+
+    def give_up(self) -> None:
+        """Keep nothing any more: it would cost the scans too much."""
+        self._why_off = GAVE_UP
+        self._kept.clear()
+        self._size = 0
+        self._block, self._entries = BlockWriter(0), 0
+
+    @property
+    def is_recording(self) -> bool:
+        """Return whether a file gets what follows."""
+        return self._recording is not None
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order."""
+        for entry in entries:
+            if isinstance(entry, RunBegins):
+                self._begins = entry
+            else:
+                self._block.take(entry)
+                self._entries += 1
+        now = clock.now_ns()
+        if self._block.is_full or now > self._posted_at + POST_NS:
+            self._posted_at = now
+            self._post()
+        self._go_on()
+
+    def _post(self) -> None:
+        if not self._entries:
+            return
+        block = self._block.block()
+        if self._recording is not None:
+            self._recording.put(block, self._entries)
+        self._kept.append((self._entries, block))
+        self._size += len(block)
+        self._block, self._entries = BlockWriter(0), 0
+        while self._size > self._most:
+            count, oldest = self._kept.popleft()
+            self._passed += count
+            self._size -= len(oldest)
+
+    def _go_on(self) -> None:
+        """Let the writers take what waits; find out how those have ended that are done."""
+        if self._recording is not None:
+            self._recording.go_on()
+            if self._recording.trouble:
+                self._tell(self._recording.trouble)
+                self._recording.close()
+                self._recording = None
+        for writer in tuple(self._ending):
+            writer.go_on()
+            if writer.is_over:
+                self._ending.remove(writer)
+                self._tell(writer.trouble or f"{writer.path.name} is written")
+
+    def _tell(self, text: str) -> None:
+        self._told, self._told_at = text, clock.now_ns()
+
+    def _writer(self, path: Path) -> WriterProcess:
+        """Return who writes a new file, which has got all that is kept; raise UserError."""
+        if self._why_off:
+            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, which keeps all")
+        if os.path.lexists(path):
+            raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
+        if not path.absolute().parent.is_dir():
+            raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
+        self._post()
+        writer = WriterProcess(path, RecordTo(path), waits=False)
+        first = BlockWriter(0)
+        if self._begins is not None:
+            first.take(self._begins)
+        if self._passed:
+            first.take(EntriesLost(self._passed, BEGINS_LATER))
+        writer.put(first.block())
+        for count, block in self._kept:
+            writer.put(block, count)
+        return writer
+
+    def save(self, path: Path) -> str:
+        """Write what is kept into a new file; return what to tell; raise UserError."""
+        self._finish(self._writer(path))
+        return f"the recording, {size_text(self._size)} of the black box, into {path.absolute()}"
+
+    def _finish(self, writer: WriterProcess) -> None:
+        """End a file while the run goes on."""
+        last = BlockWriter(0)
+        last.take(EntriesLost(0, ENDED_HERE))
+        writer.put(last.block())
+        writer.finish()
+        self._ending.append(writer)
+
+    def record(self, path: Path) -> str:
+        """Write what is kept, and what follows, into a new file; return what to tell; raise UserError."""
+        if self._recording is not None:
+            raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
+        self._recording = self._writer(path)
+        return f"recording into {path.absolute()}, from the beginning of the run as far as it is kept"
+
+    def stop(self) -> str:
+        """End the file that gets what follows; return what to tell; raise UserError where there is none."""
+        writer = self._recording
+        if writer is None:
+            raise mistake("prompt", "no recording under way", "`record [FILE]` first")
+        self._post()
+        self._recording = None
+        self._finish(writer)
+        return f"{writer.path.absolute()} is being ended"
+
+    @property
+    def text(self) -> str:
+        """Return the name of the file under way and its size, or how the last one has ended."""
+        writer = self._recording
+        if writer is None:
+            return self._told if clock.now_ns() < self._told_at + TOLD_NS else ""
+        try:
+            size = os.stat(writer.path).st_size
+        except OSError:
+            size = 0
+        return f"{writer.path.name} {size_text(size)}"
+
+    def close(self) -> None:
+        """End all files, and wait for that: the run is over."""
+        self._post()
+        if self._recording is not None:
+            self._ending.append(self._recording)
+            self._recording = None
+        for writer in self._ending:
+            writer.close()
+        self._ending.clear()
+        self._kept.clear()
+
+
+def new_name(folder: Path, stem: str) -> Path:
+    """Return the name of a new recording: STEM-1.pcapng, STEM-2.pcapng ..."""
+    number = 1
+    while os.path.lexists(path := folder / f"{stem}-{number}{SUFFIX}"):
+        number += 1
+    return path

@@ -35,7 +35,7 @@ class CallOrder:
         self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)
         self._scan_interval = scan_interval
         self._intervals = frozenset(interval for _, interval in entries)
-        self._one_task = self._intervals == {scan_interval}  # due in every scan
+        self.is_one_task = self._intervals == {scan_interval}  # due in every scan
         # CONNECT -> the places of its instances in the call order
         self._places: dict[str, list[int]] = {connect: [] for connect in connects}
         for place, (_, _, connect) in enumerate(self._entries):
@@ -87,7 +87,7 @@ class CallOrder:
         if not self._awake:
             return changed
         self._is_settled = False
-        due = None if self._one_task else self._due_intervals(turn)
+        due = None if self.is_one_task else self._due_intervals(turn)
         entries, lanes = self._entries, self._lanes
         asleep: set[str] = set()
         awake: set[str] = set()  # beside an instance that sleeps, another one on the same CONNECT
@@ -155,7 +155,7 @@ class CallOrder:
         return (instance for instance, interval, _ in self._entries if interval in due)
 
     def _due_intervals(self, turn: int) -> Set[int]:
-        if self._one_task:
+        if self.is_one_task:
             return self._intervals
         now = turn * self._scan_interval
         before = now - self._scan_interval

@@ -274,7 +274,7 @@ class Runtime:
         due: int | None = None
         for name in self._call_order.awake:
             link = self._connections.get(name) or self._ports[name]
-            if len(self._call_order.places(name)) > 1:
+            if len(self._call_order.places(name)) > 1 and not self._call_order.is_one_task:
                 return now
             for at in (link.retry_at, link.set_up.deadline):
                 if at is not None and at > now and (due is None or at < due):

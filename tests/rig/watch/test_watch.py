@@ -253,10 +253,17 @@ def test_skipped_scans_are_as_if_each_had_passed(
 ) -> None:
     chance = random.Random(5)
     packets = [*handshake(), *stream(*[chance.randrange(1, 30) for _ in range(40)])]
-    bench = str(project(tmp_path, "LEN = 5"))
-    fast = watch(packets, "--project", bench, step_ms=377).records
+    sender = '[[instance]]\nname = "S1"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "d"\n'
+    calls = {"active": "true", "local": 0, "remote": "10.0.0.5", "port": 2000}
+    ways = []
+    for name, more, keys in (("p", "", {}), ("a", "", calls), ("ps", sender, {}), ("as", sender, calls)):
+        (tmp_path / name).mkdir()
+        bench = str(project(tmp_path / name, f"LEN = 5\n{more}", **keys))
+        ways.append(["--project", bench, "--plc", (PARTNER if keys else PLC)[0]])
+    fast = [watch(packets, *way, step_ms=377).records for way in ways]
     monkeypatch.setattr("trcvtui.rig.bench.bench.Bench.quiet_until", lambda self: self.now)
-    assert watch(packets, "--project", bench, step_ms=377).records == fast
+    assert [watch(packets, *way, step_ms=377).records for way in ways] == fast
+    assert all(any(record.get("STATUS") == "7006" for record in records) for records in fast)
 
 
 def test_random_packets_end_with_a_last_line(watch: Watch) -> None:

@@ -218,6 +218,7 @@ class CapturePlayer:
         for part in self._plan.parts[event.conversation.number]:
             if not part.calls and part.plays_plc == is_plc:
                 self.shadows.network.wire.refuse(part.connect)
+                self.shadows.wake()
 
     def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
         if event.kind is EventKind.MISSING:

@@ -66,6 +66,10 @@ class Shadows:
                 self.not_run += left
         self.network.advance(max(ns, self.network.now_ns))
 
+    def wake(self) -> None:
+        """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
+        self._quiet = 0
+
     def settle(self) -> None:
         """Let scans pass until nothing changes: the capture is over."""
         left = SETTLING
@@ -186,6 +190,7 @@ class PlayedEnd:
             if stream is None:
                 return
         self._stream = stream
+        self._shadows.wake()
         stream.changed = self._drain
         while self._acts:
             self._acts.popleft()()
@@ -266,6 +271,7 @@ class PlayedEnd:
     def end(self, reset: bool) -> None:
         """End the connection: with FIN, or RST."""
         self.has_ended = True
+        self._shadows.wake()
         self._do(self._reset if reset else self._finish)
 
     def _finish(self) -> None:

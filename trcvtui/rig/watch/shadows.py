@@ -154,16 +154,23 @@ def _connect(
     )
 
 
+def _receives_by_itself(project: Project, block: str) -> bool:
+    """Return whether a block builds its connection and receives from it."""
+    row = block_row(block)
+    return row.receives and not row.speaks_udp and any(pin.name == "CONT" for pin in project.pins(block))
+
+
 def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
     """Return a project with an ad-hoc TRCV_C on each CONNECT."""
-    known = {pin.name for pin in base.pins("TRCV_C") if pin.direction is Direction.IN}
+    block = next(name for name in base.dialect.blocks if _receives_by_itself(base, name))
+    known = {pin.name for pin in base.pins(block) if pin.direction is Direction.IN}
     inputs = tuple([(pin, True) for pin in (*ON, "ADHOC") if pin in known])
     data, instances = [], []
     for config in connects:
         number, _, back = config.name.partition("_")
         name = f"{number}_FROM_PLC" if back else f"{number}_TO_PLC"
         data.append(replace(base.data[0], name=f"{name}_data"))
-        instances.append(InstanceDecl(name, "TRCV_C", config.name, data[-1].name, "MAIN", inputs))
+        instances.append(InstanceDecl(name, block, config.name, data[-1].name, "MAIN", inputs))
     rules = replace(base.rules, buffers=NEVER_NS, queue=NEVER_NS)
     return _on_a_network(
         replace(

@@ -1,5 +1,7 @@
 """R3: a recording on the screen: how long opening takes, and going to a scan anywhere in what was seen.
 
+And R2: how quickly a recording runs again, against the same scans on the simulated network.
+
 A keyframe stands at each 2,000 scans however long the run is, so a part of an hour costs as the whole of it.
 """
 
@@ -14,11 +16,13 @@ from pathlib import Path
 from time import process_time
 from typing import Final
 
-from benchmarks.figures import Effort, Figure, spread
+from benchmarks.figures import Effort, Figure, against, alternate, ratios, spread
 from trcvtui.capture.recording import Recording
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.replay.command import check
+from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.replay.time_line import SLICE_NS, TimeLine
 from trcvtui.rig.scenario.command import run_files
 
@@ -52,7 +56,7 @@ STEPS: Final = (
 def measure(_: Effort) -> Iterator[Figure]:
     """Yield what opening takes, and the longest way to one of several scans."""
     with tempfile.TemporaryDirectory() as folder:
-        path = _recorded(Path(folder))
+        path = recorded(Path(folder))
         opened: list[TimeLine] = []
         yield Figure.of("opening, s", spread([_cost(lambda: opened.append(_opened(path)))]))
         line = opened[0]
@@ -63,18 +67,37 @@ def measure(_: Effort) -> Iterator[Figure]:
         yield Figure("to any scan that was seen, s: the longest", f"{max(ways):.2f}", max(ways), note=note)
 
 
-def _recorded(folder: Path) -> Path:
+def measure_speed(effort: Effort) -> Iterator[Figure]:
+    """Yield the speed of a recording that runs again and is compared, against the run that nobody records."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = recorded(Path(folder))
+
+        def again() -> None:
+            assert check(RunAgain(Recording(path).entries(), str(path))) == ""
+
+        pairs = alternate(
+            lambda: _cost(lambda: _run(Path(folder), None)), lambda: _cost(again), min(effort.pairs, 5)
+        )
+        note = f"{against(pairs, 2, ' s')} for {SCANS} scans of {INSTANCES} instances"
+        yield Figure.of("replay / the simulated run, speed", ratios(pairs), note=note)
+
+
+def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
+    path = folder / "frames.pcapng"
+    _run(folder, RecordTo(path))
+    return path
+
+
+def _run(folder: Path, record: RecordTo | None) -> None:
     steps = (f"{step.format(n=n)}\n" for step in STEPS for n in range(INSTANCES))
     script = "".join(steps) + f"run {SCANS}"
     parts = "".join(PART.format(n=n) for n in range(INSTANCES))
     project = folder / "frames.toml"
     head = f'[scenario]\nname = "frames"\nsteps = """\n{script}\n"""\n'
     project.write_text(f'dialect = "baosky"\n{parts}{head}')
-    path = folder / "frames.pcapng"
     with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
-        assert run_files([project], "sim", "text", None, (), record=RecordTo(path)) == 0
-    return path
+        assert run_files([project], "sim", "text", None, (), record=record) == 0
 
 
 def _opened(path: Path) -> TimeLine:

@@ -12,11 +12,12 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS
 from tests.test_cli import ENVIRONMENT
-from trcvtui.capture.journal import Answered, EntriesLost, Entry, RunBegins
+from trcvtui.capture.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
+from trcvtui.capture.pcap import open_capture
 from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.cli import main
 from trcvtui.errors import UserError
-from trcvtui.rig.recording import writer
+from trcvtui.rig.recording import files, writer
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.writer import WriterProcess
 
@@ -231,10 +232,39 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
     assert len(names(out)) > 1
     for name in names(out):
         found = entries(out / name)
-        steps = [one.answer for one in found if isinstance(one, Answered) and one.call == "step"]
         [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
         assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
-        assert 10 <= len(steps) <= 18
+        at = [one.answer for one in found if isinstance(one, Answered) and one.call == "step"][-1]
+        assert isinstance(at, int)
+        with open_capture(out / name) as capture:
+            times = [p.ns - SIM_WALL_NS for p in capture if p.data[:1] == b"E" and len(p.data) > 40]
+        assert times
+        assert min(times) >= at - 180_000_000  # 100 before, 50 after, and what is rounded to scans
+
+
+def test_a_file_of_a_trigger_runs_again_from_the_beginning_of_its_run(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    assert (
+        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
+    )
+    for name in names(out):
+        assert main(["replay", str(out / name), "--check"]) == 0
+
+
+def test_a_file_of_a_trigger_after_too_long_a_run_says_what_it_lacks(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "MOST_OLD_BYTES", 1000)
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    assert (
+        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
+    )
+    last = entries(out / names(out)[-1])
+    gaps = [one for one in last if isinstance(one, EntriesLost)]
+    assert gaps[0].why == files.ELSEWHERE
+    assert main(["replay", str(out / names(out)[-1]), "--check"]) != 0
 
 
 @pytest.mark.parametrize(

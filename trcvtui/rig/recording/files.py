@@ -3,6 +3,8 @@
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
 a file opens in Wireshark, and a replay of it alone says what it lacks.
+Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: it
+runs again.
 Bound: MOST_KEPT entries wait for a trigger.
 """
 
@@ -15,7 +17,20 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final, Protocol
 
-from trcvtui.capture.journal import DO, STEP, Answered, EntriesLost, Entry, RunBegins, Secrets
+from trcvtui.capture.journal import (
+    DO,
+    ENDED_HERE,
+    STEP,
+    Answered,
+    BlockWriter,
+    EntriesLost,
+    Entry,
+    RunBegins,
+    Secrets,
+    WireCall,
+    entries_of,
+)
+from trcvtui.capture.wire import WITH_BYTES
 from trcvtui.errors import mistake
 from trcvtui.records import NamedTuple, dataclass
 
@@ -24,6 +39,7 @@ TRIGGER: Final = "trigger"  # the first word of the line that tells of one
 ELSEWHERE: Final = "this file begins in the middle of its run"
 MOST_KEPT: Final = 500_000
 MOST_SECRETS: Final = 1000
+MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
 
 
 class Sink(Protocol):
@@ -68,6 +84,10 @@ class NumberedFiles:
         self._passed = 0  # entries that stand in no file, or in one before this
         self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
         self._kept = 0
+        self._old: deque[tuple[int, bytes]] = deque()  # entries of a block, its bytes: before those that wait
+        self._old_size = self._in_block = 0
+        self._block = BlockWriter(0)
+        self._is_over = False
         self._number = next_number(folder, stem)
 
     def take(self, entries: Iterable[Entry]) -> None:
@@ -106,9 +126,31 @@ class NumberedFiles:
         self._scans.append((now, []))
         before = self._limits.before_ns
         while len(self._scans) > 1 and (self._kept > MOST_KEPT or self._scans[0][0] < now - before):
-            count = len(self._scans.popleft()[1])
+            some = self._scans.popleft()[1]
+            self._kept -= len(some)
+            self._remember(some)
+
+    def _remember(self, some: list[Entry]) -> None:
+        """Keep what stands before those that wait; what is too old is counted alone."""
+        if self._limits.before_ns < 0:
+            self._passed += len(some)
+            return
+        for entry in some:
+            if not (isinstance(entry, WireCall) and entry.call in WITH_BYTES):  # no packets of so long ago
+                self._block.take(entry)
+                self._in_block += 1
+        if self._block.is_full:
+            self._end_block()
+        while self._old_size > MOST_OLD_BYTES:
+            count, block = self._old.popleft()
             self._passed += count
-            self._kept -= count
+            self._old_size -= len(block)
+
+    def _end_block(self) -> None:
+        block = self._block.block()
+        self._old.append((self._in_block, block))
+        self._old_size += len(block)
+        self._block, self._in_block = BlockWriter(0), 0
 
     def _open(self) -> None:
         self._path = self._folder / f"{self._stem}-{self._number:04}{SUFFIX}"
@@ -117,6 +159,10 @@ class NumberedFiles:
         self._files.append(self._path)
         lost = [EntriesLost(self._passed, ELSEWHERE)] if self._passed else []
         self._file.take([*([self._begins] if self._begins else []), *self._secrets, *lost])
+        if self._in_block:
+            self._end_block()
+        for _, block in self._old:
+            self._file.take(entries_of([block], str(self._path)))
         self._remove_the_oldest()
 
     def _write(self) -> None:
@@ -124,11 +170,13 @@ class NumberedFiles:
         assert self._file is not None
         for _, some in self._scans:
             self._file.take(some)
-        self._passed += self._kept
+            self._remember(some)
         self._scans, self._kept = deque([(self._now, [])]), 0
 
     def _end(self) -> None:
         if self._file is not None:
+            if not self._is_over:
+                self._file.take([EntriesLost(0, ENDED_HERE)])
             self._file.close()
             self._file = None
 
@@ -140,7 +188,8 @@ class NumberedFiles:
             sizes.pop(0)
 
     def close(self) -> None:
-        """End the file that is written."""
+        """End the file that is written: the run is over."""
+        self._is_over = True
         self._end()
 
 

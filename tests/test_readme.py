@@ -96,3 +96,25 @@ def test_the_page_of_siemens_has_each_switch_with_its_default_and_descriptions_t
     by_field, by_bytes = load_project(tmp_path / "s.toml").connects
     assert by_field.description is not None and by_bytes.description is not None
     assert by_field.description.data[4:] == by_bytes.description.data[4:]
+
+
+def test_the_stories_of_a_night_and_of_a_capture_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    monkeypatch.chdir(tmp_path)
+    section = README.partition("## Two more: ")[2].partition("## The screen")[0]
+    lines = [
+        line
+        for block in re.findall(r"```console\n(.*?)```", section, re.DOTALL)
+        for line in block.splitlines()
+    ]
+    assert len(lines) == 6
+    told = {}
+    for line in lines:
+        assert main(shlex.split(line)[1:]) == 0, capsys.readouterr()
+        told[shlex.split(line)[1]] = capsys.readouterr().out
+    assert "what-if:  2 DONE, 0 ERROR" in told["replay"]
+    assert "127.0.0.1:32768" in told["conversations"]
+    assert "TRCV_C_1  7008" in told["watch"]
+    assert b"TRCV_C_1" in (tmp_path / "night.html").read_bytes()

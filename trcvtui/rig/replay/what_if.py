@@ -23,6 +23,7 @@ from trcvtui.rig.commands import words
 from trcvtui.rig.commands.table import record_row
 from trcvtui.rig.replay.run_again import REST_LINE, RunAgain
 from trcvtui.rig.scenario.report import JsonLines, outputs_record
+from trcvtui.rig.wording import count
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 
@@ -241,7 +242,7 @@ class WhatIf:
         if self.guess_from is not None:
             yield f"from scan {self.guess_from} on it is a guess: the partner would perhaps do something else"
         if self._what_if.skipped:
-            yield f"{self._what_if.skipped} commands left out: they write a pin that is held"
+            yield f"{count(self._what_if.skipped, 'command')} left out: a pin that is held is not written"
         yield from self._what_if.notes
 
 

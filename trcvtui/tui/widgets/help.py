@@ -41,7 +41,7 @@ EVERYWHERE: Final = (
     ("U", "leave the mouse to the terminal for its own selection, and take it back"),
     ("? or F1", "this help"),
     ("esc", "leave a field, close the prompt, back to now"),
-    ("R", "record the run into a file, from its beginning on; end that; or start an ended engine anew"),
+    ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),
 )
 BLOCK: Final = "Block"

@@ -142,7 +142,7 @@ TIME_LINE: Final = (
     ("space", "play, stop; . is one scan on"),
     ("+ -", "faster, slower: 0.1x to the fastest"),
     ("T", "the next scan in which a trigger fires"),
-    ("W", "what if: if instance.X.LEN=20, if dialect s7-1500, if off; both runs, and where they part"),
+    ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they part"),
     ("9 or esc", "the keys to the time line; a pane that has the focus keeps its own"),
 )
 KeyTable = tuple[tuple[str, str], ...]

@@ -124,12 +124,8 @@ def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, in
             troubles.append(reader.trouble)
 
 
-def conversations_of(
-    paths: Sequence[str], plc: str | None, form: str, plc_ports: frozenset[int] = frozenset()
-) -> Iterator[str]:
-    """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
-    given = None if plc is None else parse_plc(plc)
-    found, troubles = Conversations(), list[Problem]()
+def take_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
+    """Take all packets of captures, of several in the order of time; raise UserError for what is none."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
             found.take_all(reader, reader.link_types)
@@ -138,6 +134,15 @@ def conversations_of(
         for packet, link_type in in_time_order(paths, troubles):
             found.take(packet, link_type)
     found.close()
+
+
+def conversations_of(
+    paths: Sequence[str], plc: str | None, form: str, plc_ports: frozenset[int] = frozenset()
+) -> Iterator[str]:
+    """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
+    given = None if plc is None else parse_plc(plc)
+    found, troubles = Conversations(), list[Problem]()
+    take_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
     rows = (conversation_row(found, one, given, plc_ports) for one in found.all)

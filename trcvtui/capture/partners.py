@@ -7,8 +7,10 @@ Rule 3: bytes that nobody has read in the recorded run are a number; nobody know
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable
+from operator import itemgetter
 from typing import Any, Final, TypeVar, cast
 
 from trcvtui.capture.journal import GAP, STEP, Answered, EntriesLost, Entry, RunBegins
@@ -39,6 +41,9 @@ NEVER: Final = CallPlace(1 << 62)
 DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
+_PLACE: Final = itemgetter(0)
+
+
 class Partner:
     """One connection of a recorded run, as the PLC met it."""
 
@@ -63,9 +68,15 @@ class Partner:
         self.fault = self.fault or fault
         self.ended = min(self.ended, at)
 
-    def given(self, scan: int) -> int:
-        """Return how many bytes of the PLC were taken up to a scan."""
-        return next((total for at, total, _ in reversed(self.taken) if at <= scan), 0)
+    def come_by(self, place: CallPlace) -> int:
+        """Return how many bytes have come in all up to a place, known ones or not."""
+        before = bisect_right(self.arrived, place, key=_PLACE)
+        return self.arrived[before - 1][1] if before else 0
+
+    def taken_by(self, scan: int) -> tuple[int, bool]:
+        """Return how many bytes of the PLC were taken up to a scan, and whether all that were sent last."""
+        before = bisect_right(self.taken, scan, key=_PLACE)
+        return self.taken[before - 1][1:] if before else (0, True)
 
 
 class DialledAttempt:
@@ -350,7 +361,7 @@ class PartnersAgain(Replay):
                 continue
             unread = self._arrived(socket) - socket.read
             if (
-                socket.sent != partner.given(before)
+                socket.sent != partner.taken_by(before)[0]
                 or partner.let_go.scan <= before
                 or unread > partner.most_unread
             ):
@@ -476,8 +487,7 @@ class PartnersAgain(Replay):
 
     def _arrived(self, socket: _Socket) -> int:
         """Return how many bytes have come in all, known ones or not."""
-        arrived = socket.partner.arrived if socket.partner is not None else []
-        return next((size for at, size in reversed(arrived) if self._has_come(at)), 0)
+        return socket.partner.come_by(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
 
     def _message(self, socket: _Socket) -> DatedMessage | None:
         messages = socket.partner.messages if socket.partner is not None else []
@@ -610,9 +620,9 @@ class PartnersAgain(Replay):
         if partner.fault is not None and self._is_over(socket):
             return partner.fault
         taken = size
-        newest = next((each for each in reversed(partner.taken) if each[0] <= self.scan), None)
-        if newest is not None and not newest[2]:  # he took no more
-            taken = max(0, min(size, newest[1] - socket.sent))
+        whole, took_all = partner.taken_by(self.scan)
+        if not took_all:
+            taken = max(0, min(size, whole - socket.sent))
         socket.sent += taken
         return taken or WOULD_BLOCK
 

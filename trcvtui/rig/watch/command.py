@@ -12,8 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, Protocol
 
-from trcvtui.capture.command import capture_notes, in_time_order
-from trcvtui.capture.pcap import open_capture
+from trcvtui.capture.command import capture_notes, take_captures
 from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
@@ -252,7 +251,7 @@ class CapturePlayer:
 
     def play(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""
-        _read(paths, Conversations(self.take), [])
+        take_captures(paths, Conversations(self.take), [])
         self.shadows.go_to(max(self._last_ns.values(), default=self._first_ns) - self._first_ns)
         self.shadows.settle()
 
@@ -278,18 +277,6 @@ _OF_NO_PARTNER: Final = frozenset(
 )  # fmt: skip
 
 
-def _read(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
-    """Take all packets of a capture."""
-    if len(paths) == 1:
-        with open_capture(paths[0]) as reader:
-            found.take_all(reader, reader.link_types)
-            troubles += [reader.trouble] if reader.trouble else []
-    else:
-        for packet, link_type in in_time_order(paths, troubles):
-            found.take(packet, link_type)
-    found.close()
-
-
 def plan_capture(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
@@ -298,7 +285,7 @@ def plan_capture(
     loaded, notes = None if project is None else load_bench(project), tuple[str, ...]()
     if loaded is not None and dialect is not None:
         loaded, notes = in_dialect(loaded, dialect_named(dialect))
-    _read(paths, found, troubles)
+    take_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
     if loaded is not None:

@@ -212,6 +212,6 @@ def test_a_journal_with_strange_answers_ends_there() -> None:
     run = WhatIf(lambda: iter(good), "R", [], None)
     run.play()
     nothing_differs(run)
-    from trcvtui.capture.partners import RecordedRun
+    from trcvtui.capture.recorded_run import RecordedRun
 
     assert RecordedRun(entries, ()).cut > 0

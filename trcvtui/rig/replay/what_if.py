@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
 from trcvtui.capture.journal import Entry
-from trcvtui.capture.partners import PartnersAgain, RecordedRun
+from trcvtui.capture.partners import PartnersAgain
+from trcvtui.capture.recorded_run import RecordedRun
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect

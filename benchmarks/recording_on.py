@@ -12,13 +12,17 @@ from benchmarks.figures import Effort, Figure, against, alternate, percentile, r
 from benchmarks.paced import PacedEngine
 from benchmarks.scans import Scans
 from benchmarks.traffic import project, traffic
-from trcvtui.capture.journal import Answered
+from trcvtui.capture.journal import STEP, Answered, RunBegins
 from trcvtui.capture.recording import Recording
+from trcvtui.rig import clock
+from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.recording.writer import WriterProcess
 
 INSTANCES: Final = 64
 MESSAGE: Final = 1024
 INTERVAL_NS: Final = 10_000_000
 LEAD_IN_S: Final = 1.0
+WRITE_NS: Final = 3_000_000_000
 
 
 def measure(effort: Effort) -> Iterator[Figure]:
@@ -40,6 +44,9 @@ def measure(effort: Effort) -> Iterator[Figure]:
         note = f"{against(pairs, 0, ' us')}; {INSTANCES} instances, 1 KiB in every second scan"
         yield Figure.of("scan p99, recorded / not recorded", ratios(pairs), note=note)
         yield Figure("DONEs that the file has not", str(lost), lost)
+        rate = _most_kept(folder / "fast.pcapng")
+        note = "messages of 1 KiB as fast as the writer takes them, until the file is whole; no run beside it"
+        yield Figure("the highest rate that is kept, MB/s", f"{rate:.0f}", rate, note=note)
 
 
 def _scans(folder: Path, file: Path | None, seconds: float) -> tuple[Scans, int]:
@@ -51,6 +58,25 @@ def _scans(folder: Path, file: Path | None, seconds: float) -> tuple[Scans, int]
             end = engine.count_after(seconds)
         assert end.done > begin.done
         return Scans.read(engine.timing, INTERVAL_NS).between(begin.at_ns, end.at_ns), end.done
+
+
+def _most_kept(file: Path) -> float:
+    """Return the MB/s of messages that a writer process has written, without one that is lost."""
+    sink, sent, began = WriterProcess(file, RecordTo(file)), 0, clock.now_ns()
+    sink.take([RunBegins("0", "live", 0, 0, False, "P.toml", (), "/", (), ())])
+    while clock.now_ns() < began + WRITE_NS:
+        scan = [Answered("bench", STEP, (), sent)]
+        for number in range(INSTANCES):
+            data = (sent + number).to_bytes(8, "big") * (MESSAGE // 8)
+            scan.append(Answered(f"C{number}", "recv", (number, MESSAGE), (MESSAGE, data)))
+        sent += INSTANCES
+        sink.take(scan)
+        while sink.is_behind:
+            sink.go_on()
+    sink.close()
+    seconds = (clock.now_ns() - began) / 1e9
+    assert not sink.trouble and _received(file) == sent * MESSAGE
+    return sent * MESSAGE / seconds / 1e6
 
 
 def _received(file: Path) -> int:

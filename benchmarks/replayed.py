@@ -22,8 +22,10 @@ from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.replay.command import check
+from trcvtui.rig.replay.driver import SLICE_NS
+from trcvtui.rig.replay.follower import Followed
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.time_line import SLICE_NS, TimeLine
+from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.scenario.command import run_files
 
 SCANS: Final = 12_000  # and some more, until all are connected
@@ -85,7 +87,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
 def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
     path = folder / "frames.pcapng"
-    _run(folder, RecordTo(path))
+    _run(folder, RecordTo(path, follow=Followed))
     return path
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,10 +12,19 @@ import pytest
 from trcvtui.__main__ import status_card
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
+from trcvtui.rig.scenario import scenario_index
 from trcvtui.status_table import DIALECTS as NAMES
 
 ROOT = Path(__file__).parents[1]
 WRITER = ROOT / "docs" / "make_tables.py"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def scenarios_read_once() -> Iterator[None]:
+    """Read each scenario file once: it does not change from code to code."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(scenario_index, "shown_by", cache(scenario_index.shown_by))
+        yield
 
 
 def test_the_table_is_what_the_dialects_and_scenarios_say() -> None:

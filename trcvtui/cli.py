@@ -10,7 +10,7 @@ import errno
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final
 
 from trcvtui import __version__, lane_note
 from trcvtui.arguments import SUPPRESS, ArgumentRows, PlainParser
@@ -19,9 +19,12 @@ from trcvtui.errors import UserError, mistake
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from trcvtui.net.tap import Route
     from trcvtui.project.project import Project
+    from trcvtui.rig.diagnosis.doctor import RecordedFacts
+    from trcvtui.rig.diagnosis.frame_causes import Receiver
     from trcvtui.rig.engine.driver import EngineDriver
-    from trcvtui.rig.recording.files import RecordTo
+    from trcvtui.rig.recording.files import FileSink, RecordTo, Sink
 
 GOOD: Final = 0
 FAILED: Final = 1
@@ -228,7 +231,14 @@ def _record_to(args: SimpleNamespace) -> RecordTo | None:
 
     from trcvtui.rig.recording.files import RecordTo
 
-    return RecordTo(Path(args.record), args.overwrite, not args.no_secrets)
+    return RecordTo(Path(args.record), args.overwrite, not args.no_secrets, follow=_follow())
+
+
+def _follow() -> Callable[[FileSink, str], Sink]:
+    """Return what makes keyframes: it stands above what records."""
+    from trcvtui.rig.replay.follower import Followed
+
+    return Followed
 
 
 def _record(args: SimpleNamespace) -> int:
@@ -238,7 +248,7 @@ def _record(args: SimpleNamespace) -> int:
 
     limits = limits_of(args.ring, args.split, args.on, args.before, args.after)
     project, out = _path(args.project), Path(args.out)
-    return record(project, out, args.kernel, limits, args.on, args.duration, not args.no_secrets)
+    return record(project, out, args.kernel, limits, args.on, args.duration, not args.no_secrets, _follow())
 
 
 def _replay(args: SimpleNamespace) -> int:
@@ -256,7 +266,7 @@ def _replay(args: SimpleNamespace) -> int:
 
 
 def _replay_driver(args: SimpleNamespace) -> EngineDriver:
-    from trcvtui.rig.replay.time_line import ReplayDriver
+    from trcvtui.rig.replay.driver import ReplayDriver
 
     return ReplayDriver(_path(args.file), args.at)
 
@@ -305,12 +315,153 @@ def _conversations(args: SimpleNamespace) -> int:
     return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format, ports))
 
 
+def _doctor(args: SimpleNamespace) -> int:
+    from trcvtui.rig.diagnosis.doctor import DoctorQuestion, doctor, receiver_of_type, verdict_on_project
+
+    receivers: tuple[Receiver, ...] = ()
+    if args.project is not None:
+        from trcvtui.rig.diagnosis.lint import receivers_of
+
+        receivers = receivers_of(_load_bench(_path(args.project)))
+    if args.udt is not None:
+        from trcvtui.udt.command import only_layout
+
+        receivers = (*receivers, receiver_of_type(only_layout(_given(args.udt))))
+    asked = DoctorQuestion(args.plc, receivers, _recorded)
+    projects = [_path(file) for file in args.files if file.endswith(".toml")]
+    lints = [verdict_on_project(_load_bench(path)) for path in projects]
+    files = [_given(file) for file in args.files if not file.endswith(".toml")]
+    if args.time is None:
+        return doctor(files, asked, args.format, args.jobs, lints)
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        runs = {run: str(path) for path in projects for run in _run_for(path, args, folder)}
+        return doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
+
+
+def _recorded(path: str) -> RecordedFacts | None:
+    """Return what a recording of ours knows beside its packets; a capture of others costs no import of it."""
+    from trcvtui.capture.recording import Recording
+
+    try:
+        Recording(path)
+    except UserError:
+        return None
+    from trcvtui.rig.replay.job_facts import recorded_facts
+
+    return recorded_facts(path)
+
+
+def _run_for(path: Path, args: SimpleNamespace, folder: str) -> list[str]:
+    """Run a project for the time of `--for`, recorded; return its recording."""
+    from pathlib import Path
+
+    from trcvtui.rig.scenario.record import limits_of, record
+
+    out = Path(folder) / str(len(list(Path(folder).iterdir())))
+    record(path, out, args.kernel, limits_of(None, None, None, None, None), None, args.time, False, _follow())
+    return [str(file) for file in sorted(out.iterdir())]
+
+
 def _watch(args: SimpleNamespace) -> int:
-    from trcvtui.rig.watch.command import watch
+    import os
 
     project = None if args.project is None else _path(args.project)
-    watch([_given(file) for file in args.files], project, args.plc, args.dialect, args.format)
+    if "-" in args.files:
+        return _watch_stdin(args, project)
+    files = [_given(file) for file in args.files]
+    if args.format is None and os.isatty(0) and os.isatty(1):
+        from trcvtui.rig.watch.on_screen import WatchDriver
+
+        sys.stderr.write(f"reading {', '.join(files)}\n")  # a large one takes its time
+        return _show(lambda: WatchDriver(files, (project, args.plc, args.dialect)), None, is_replay=True)
+    from trcvtui.rig.watch.command import watch
+
+    watch(files, project, args.plc, args.dialect, args.format)
     return GOOD
+
+
+def _watch_stdin(args: SimpleNamespace, project: Path | None) -> int:
+    import os
+
+    if args.files != ["-"]:
+        raise mistake("trcvtui watch", "- beside files", "- alone, or files")
+    if os.isatty(0):
+        raise mistake("stdin", "a terminal", "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
+    asked = project, args.plc, args.dialect
+    if args.format is None and os.isatty(1):
+        from trcvtui.rig.watch.live_screen import LiveDriver
+
+        sys.stderr.write("waiting for packets on stdin\n")
+        return _show(lambda: LiveDriver(asked), None)
+    from trcvtui.rig.watch.command import watch_stdin
+
+    watch_stdin(*asked, args.format)
+    return GOOD
+
+
+def _capture_programs() -> str:
+    from textwrap import fill
+
+    return f"""live, from a program that may capture (trcvtui needs no rights):
+  Linux    dumpcap -q -i eth0 -w - | trcvtui watch -
+           tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
+  macOS    sudo tcpdump -U --immediate-mode -i en0 -w - | trcvtui watch -
+  Windows  (cmd.exe) "%ProgramFiles%\\Wireshark\\dumpcap" -q -i 1 -w - | trcvtui watch -
+  ssh      ssh HOST tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
+who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
+{fill(_dialect_names(), 78)}"""
+
+
+def _tap(args: SimpleNamespace) -> int:
+    from trcvtui.net.tap import route_of
+    from trcvtui.rig.tap.command import Looks, forward
+
+    project = None if args.project is None else _path(args.project)
+    if args.listen is None:
+        routes = _taps_of(project)
+    elif args.connect is None:
+        raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
+    else:
+        routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
+    has_screen = args.format is None and sys.stdin.isatty() and sys.stdout.isatty()
+    is_shown = args.format is not None or sys.stdout.isatty()
+    looks = Looks(project, args.plc, args.dialect, args.format, is_shown, has_screen, args.hold)
+    return forward(routes, looks, _tap_record(args.record))
+
+
+def tap_screen(events: str, asked: str) -> int:
+    """Show a tap whose events come over a descriptor; a child of the process that forwards calls it."""
+    import json
+    from multiprocessing.connection import Connection
+
+    from trcvtui.rig.tap.screen import TapDriver
+
+    try:
+        return _show(lambda: TapDriver(Connection(int(events)), json.loads(asked)), None)
+    except UserError as wrong:
+        sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
+        return WRONG_INPUT
+
+
+def _taps_of(project: Path | None) -> list[Route]:
+    """Return the taps of a project; raise UserError where there is none."""
+    taps = () if project is None else _load_bench(project).taps
+    if not taps:
+        raise mistake("trcvtui tap", "neither", "LISTEN and CONNECT, or a --project with [[tap]]")
+    from trcvtui.rig.tap.looking import routes_of
+
+    return routes_of(taps)
+
+
+def _tap_record(path: str | None) -> IO[bytes] | None:
+    """Return the file of a recording; raise UserError for one that is refused."""
+    if path is None:
+        return None
+    from trcvtui.files import create
+
+    return create(path, "--record")
 
 
 def _format_names() -> str:
@@ -584,17 +735,53 @@ def _add_conversations(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
+def _add_doctor(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_doctor)
+    parser.add_argument("files", metavar="FILE", nargs="+", help="captures, recordings, projects (.toml)")
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
+    parser.add_argument("--project", metavar="PROJECT.toml", help="what its instances expect")
+    parser.add_argument("--udt", metavar="FILE", help="the type of the messages to the PLC")
+    parser.add_argument("--format", choices=("text", "json", "jsonl"), default="text", help="default: text")
+    parser.add_argument(
+        "--for", dest="time", metavar="T#..", help="run the projects so long, judge the traffic"
+    )
+    parser.add_argument("--kernel", choices=KERNELS, default="live", help="of --for; default: live")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
+
+
 def _add_watch(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_watch)
-    parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
+    parser.add_argument(
+        "files",
+        metavar="FILE",
+        nargs="+",
+        help="pcapng or pcap, also .gz; one capture; - is stdin, as it grows",
+    )
     _add_shadows(parser)
+    parser.last_words = _capture_programs
     parser.add_argument("--format", choices=("jsonl",), help="default: text")
 
 
-def _add_shadows(parser: ArgumentRows) -> None:
+def _add_tap(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_tap)
+    parser.add_argument(
+        "listen", metavar="LISTEN", nargs="?", help="[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
+    )
+    parser.add_argument(
+        "connect", metavar="CONNECT", nargs="?", help="the other end; ADDR is 127.0.0.1 where it lacks"
+    )
+    parser.add_argument("--record", metavar="FILE", help="keep what passes: pcapng, also for Wireshark")
+    parser.add_argument(
+        "--format", choices=("jsonl",), help="print what shadows show; default: text on a terminal"
+    )
+    _add_shadows(parser, "CONNECT")
+    parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
+
+
+def _add_shadows(parser: ArgumentRows, plc: str = "guessed") -> None:
     parser.last_words = _dialect_names
     parser.add_argument("--project", metavar="PROJECT.toml", help="whose instances look on")
-    parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help=f"the PLC end; default: {plc}")
     parser.add_argument("--dialect", metavar="NAME", help="default: the project's, or the first of all")
 
 
@@ -643,7 +830,9 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "report": ("a recording or a capture as one HTML page", _add_report),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
+    "doctor": ("name what is wrong with a line or a project", _add_doctor),
     "watch": ("put a capture through shadow instances", _add_watch),
+    "tap": ("stand between two ends, look on, intervene", _add_tap),
     "status": ("explain a STATUS code", _add_status),
     "st": ("print instances as their calls in Structured Text", _add_st),
     "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),

@@ -99,6 +99,17 @@ def is_folder(path: FileName) -> bool:
     return not _instead and os.path.isdir(path)
 
 
+def make_folder(path: FileName, key: str) -> None:
+    """Make a folder where it is not there; raise UserError that names `key`."""
+    try:
+        os.mkdir(path)
+    except FileExistsError:
+        if not os.path.isdir(path):
+            raise mistake(f"{key} {path}", "a file", "a folder, or a name that is free") from None
+    except OSError as failed:
+        raise mistake(f"{key} {path}", reason_of(failed), "a folder that can be made") from None
+
+
 def whole_name(path: FileName) -> str:
     """Return a name that does not depend on the folder that this process is in."""
     return os.path.join(_instead[-1].folder if _instead else os.getcwd(), path)
@@ -163,7 +174,8 @@ def _digest(path: FileName) -> str:
 def refuse_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
     """Raise UserError when a file that shall be written is one of `inputs`, or was read before."""
     # By the files and not by kept inode numbers: the number of a file that is gone comes again.
-    if any(is_same_file(path, each) for each in (*_read, *inputs)):
+    others = (*_read, *inputs) if os.path.exists(path) else inputs  # what is not there is none of them
+    if any(is_same_file(path, each) for each in others):
         raise mistake(where, f"{path}, which is read here", "another name")
 
 

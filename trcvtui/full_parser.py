@@ -16,6 +16,10 @@ class _Help(argparse.HelpFormatter):
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=78)
 
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        """Return lines that were written as lines as they are: commands to copy."""
+        return text if "\n" in text else super()._fill_text(text, width, indent)
+
 
 class FullParser(argparse.ArgumentParser):
     """One line for a mistake; the last lines of the help are made when somebody asks for them."""

@@ -32,9 +32,10 @@ from tests.capture.wire import (
     udp,
 )
 from trcvtui.capture import pcap
-from trcvtui.capture.command import conversations_of, guess_plc, parse_plc
-from trcvtui.capture.packets import MOST_FRAGMENTED, Unread
+from trcvtui.capture.command import conversations_of
+from trcvtui.capture.packets import MOST_FRAGMENTED, NotRead
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
+from trcvtui.capture.plc_end import guess_plc, parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
 from trcvtui.cli import main
 from trcvtui.errors import UserError
@@ -305,7 +306,7 @@ def test_an_ethernet_frame_of_fragments_keeps_its_mac() -> None:
     for packet in CaptureReader(io.BytesIO(capture(frames, pcap.ETHERNET)).read, "F"):
         found.take(packet, pcap.ETHERNET)
     assert (found.all[0].there.bytes, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
-    assert not found.unread
+    assert not found.not_read
 
 
 def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> None:
@@ -320,7 +321,7 @@ def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> 
     late = cut(udp(b"0123456789"), 9, 8)
     for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
         found.take(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
-    assert found.unread[Unread.FRAGMENT] > 3000
+    assert found.not_read[NotRead.FRAGMENT] > 3000
 
 
 @pytest.mark.parametrize("seed", range(40))

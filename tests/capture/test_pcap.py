@@ -21,7 +21,6 @@ from trcvtui.capture.pcap import (
     USER0,
     CaptureReader,
     Packet,
-    custom_block,
     interface_block,
     open_capture,
     packet_block,
@@ -59,7 +58,7 @@ def ours() -> bytes:
             secrets_block(b"CLIENT_RANDOM 00 11\n"),
             packet_block(0, NS, udp(b"abc"), ("TRCV_C_1: 16#7008 DONE", "ö second")),
             packet_block(1, NS + 1, b"journal!!"),
-            custom_block(32473, b"12345"),
+            block("<", 0xBAD, struct.pack("<I", 32473) + b"12345"),  # of an enterprise
             packet_block(0, NS + 2, udp(b"hello")[:30], length=33),
         )
     )

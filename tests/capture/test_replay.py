@@ -16,8 +16,9 @@ from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import Bench as Workbench
 from tests.net.sim.net_sim import SimNetwork
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS, PatientPace
-from trcvtui.capture.journal import Answered, Entry, Note, Seam, SeamRecorder, blocks, entries_of
-from trcvtui.capture.replay import Replay, seam_kernel
+from trcvtui.capture.journal import Answered, Entry, Note, blocks, entries_of
+from trcvtui.capture.replay import Replay
+from trcvtui.capture.seam import Seam, SeamRecorder, seam_kernel
 from trcvtui.errors import UserError
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.sim.kernel import SimKernel

@@ -130,7 +130,7 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # formats of a vendor's tool: none of them says what a block does.
 MADE_OF_DIALECTS = "status_table.py"  # texts of their tables, written by `make tables`
 ALLOWED = {
-    "capture/command.py": {"Siemens"},  # whose network card it is
+    "capture/plc_end.py": {"Siemens"},  # whose network card it is
     "rig/engine/project_edits.py": {"baosky"},  # what a new project is proposed
     "udt/cli_input.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
     "udt/command.py": {": a Siemens source, laid out as "},

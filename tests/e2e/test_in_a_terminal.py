@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.capture.wire import answer, capture, handshake, tcp
 from tests.e2e.terminal import LOOK_S, PATIENCE_S, TRCVTUI, Terminal, need
 from tests.rig.scenarios import CONFIGS
 
@@ -126,3 +127,19 @@ def test_the_program_ends_with_its_terminal_even_where_no_signal_comes(tmp_path:
 def running(project: Path) -> bool:
     """Return whether a process has the project on its command line."""
     return subprocess.run(["pgrep", "-f", str(project)], capture_output=True, check=False).returncode == 0
+
+
+def test_a_capture_opens_on_the_screen_and_goes_to_its_edges(
+    terminals: list[Terminal], tmp_path: Path
+) -> None:
+    file = tmp_path / "c.pcapng"
+    said = [tcp(b"hello", 101, 501), answer(b"yes", 501, 106), tcp(seq=106, ack=504)]
+    file.write_bytes(capture([*handshake(), *said], step_ns=60_000_000))
+    terminal = open_terminal(terminals, 100, 30, "watch", str(file))
+    terminal.wait(
+        lambda text: "· capture" in text and "scan 1 of " in text and "2023-11-14T22:13:20.0" in text
+    )
+    terminal.type("!")
+    terminal.wait(lambda text: "80A1" in text)
+    terminal.type("q")
+    terminal.wait(lambda text: "ended with 0" in text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.table import parse_line
 
-EXAMPLES = 50
+EXAMPLES = 250 if "TRCVTUI_SOAK" in os.environ else 30
 LEAST_SCANS = 5_000
 
 

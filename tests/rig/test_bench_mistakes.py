@@ -44,6 +44,8 @@ MISTAKES = [
     ("frob", f"w: found 'frob', expected one of {VERBS}"),
     ("sett X CONT=1", "w: found 'sett', expected set"),
     ("SET X CONT=1", "w: found 'SET', expected set"),
+    # a tap
+    ("tap T to-plc hold", "w: found 'T', expected the name of a tap, but there is none"),
     # a simulated line
     ("feed C1 hex 01", f"w: found 'C1', expected {NO_LINE}"),
     # inputs

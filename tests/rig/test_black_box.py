@@ -16,6 +16,7 @@ from trcvtui.rig.recording import black_box, recorder
 from trcvtui.rig.recording.black_box import BlackBox, new_name
 from trcvtui.rig.recording.recorder import RunRecorder, black_box_recorder
 from trcvtui.rig.replay.command import check
+from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.scenario.scenario import load_bench
 
 PROJECT = """
@@ -73,7 +74,11 @@ class Run:
 
     def until_written(self) -> None:
         while self.box._ending:
-            self.recorder.gap(self.controller.bench)
+            self.box._go_on()
+
+    def until_state(self) -> None:
+        while self.box._state is not None:
+            self.box._go_on()
 
     def close(self) -> None:
         self.controller.bench.close()
@@ -208,3 +213,26 @@ def test_a_writer_that_is_killed_harms_nobody(run: Run, tmp_path: Path) -> None:
     assert not run.box.is_recording
     assert "killed.pcapng" in run.box.text
     assert isinstance(run.box, BlackBox)
+
+
+def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(black_box, "POST_NS", 0)
+    run = Run(tmp_path)
+    run.box._most = 150_000
+    firsts: list[int] = []
+    for name in ("one", "two"):
+        passed = firsts[-1] if firsts else 0
+        while run.box._passed_scans <= passed or not run.box._frames:
+            run.scans(10)
+            run.until_state()
+        run.line(f"save recording {tmp_path}/{name}")
+        run.until_written()
+        keyframes = Keyframes(Recording(tmp_path / f"{name}.pcapng"), name)
+        again = keyframes.begin()
+        assert keyframes.first and check(again) == ""
+        assert again.bench.runtime.scans == run.controller.bench.runtime.scans
+        firsts.append(keyframes.first)
+    assert firsts[0] < firsts[1]
+    run.close()

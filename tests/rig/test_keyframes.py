@@ -32,7 +32,8 @@ def lines(run: RunAgain) -> list[Line]:
 
 def seen(journal: Journal, spacing: int, monkeypatch: pytest.MonkeyPatch) -> tuple[RunAgain, Keyframes]:
     monkeypatch.setattr(module, "SPACING", spacing)
-    run, keyframes = RunAgain(EntriesFrom(journal), "R"), Keyframes(journal)
+    keyframes = Keyframes(journal, "R")
+    run = keyframes.begin()
     while run.scan():
         keyframes.seen(run)
     assert run.is_whole or isinstance(journal, Recording)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -211,7 +212,7 @@ def test_record_keeps_a_run_for_its_duration(project: Path, tmp_path: Path) -> N
     assert main(["replay", str(out / "P-0002.pcapng"), "--check"]) == 0
 
 
-def test_a_ring_keeps_the_newest_files_and_a_part_says_what_it_lacks(
+def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
     project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
@@ -220,8 +221,11 @@ def test_a_ring_keeps_the_newest_files_and_a_part_says_what_it_lacks(
     files = names(out)
     assert len(files) > 2 and "P-0001.pcapng" not in files
     assert sum((out / name).stat().st_size for name in files) < 300 << 10
-    assert main(["replay", str(out / files[-1]), "--check"]) == 2
-    assert "this file begins in the middle of its run" in capsys.readouterr().err
+    assert main(["replay", str(out / files[-1]), "--check"]) == 0
+    first, last = map(
+        int, re.findall(r": scans (\d+) to (\d+), the same again\n", capsys.readouterr().out)[0]
+    )
+    assert 30_000 < first < last == 40_001
 
 
 def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:
@@ -281,6 +285,20 @@ def test_options_that_do_not_fit_are_one_line(
     project: Path, tmp_path: Path, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["record", str(project), "--out", str(tmp_path / "out"), *words]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("out", "told"), [("bench.toml", "a file"), ("no/folder", "No such file")])
+def test_a_folder_that_cannot_be_made_is_one_line(
+    project: Path, tmp_path: Path, out: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bench.toml").touch()
+    assert main(["record", str(project), "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+    two = ["configs/scenarios/stories/en-r-dropped.toml", "configs/scenarios/stories/auto-reply.toml"]
+    assert main(["scenario", *two, "--kernel", "sim", "--record", str(tmp_path / out)]) == 2
     said = capsys.readouterr().err
     assert told in said and len(said.splitlines()) == 1
 

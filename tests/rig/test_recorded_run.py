@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
-from trcvtui.capture.journal import READ, Answered, Entry, RunBegins, blocks, entries_of
+from trcvtui.capture.journal import READ, Answered, Entry, Keyframe, RunBegins, blocks, entries_of
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
 from trcvtui.files import noting_reads
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Controller, fresh_bench
-from trcvtui.rig.recording.files import RecordTo, Sink
+from trcvtui.rig.recording.files import FileSink, RecordTo
 from trcvtui.rig.recording.recorder import RunRecorder
 from trcvtui.rig.replay.command import check, print_jsonl
 from trcvtui.rig.replay.run_again import RunAgain
@@ -37,9 +37,13 @@ class Kept:
     """A sink that keeps the entries."""
 
     trouble = ""
+    first_scan = 0
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Do nothing: the entries are enough."""
 
     def take(self, entries: Iterable[Entry]) -> None:
         self.entries += entries
@@ -51,7 +55,7 @@ class Kept:
 class InMemory(RecordTo):
     """`--record` without a file."""
 
-    def sink(self, file: Path) -> Sink:
+    def sink(self, file: Path) -> FileSink:
         return KEPT
 
 

@@ -18,6 +18,7 @@ from tests.certificates import NEEDS_OPENSSL, Certificates
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import on_the_screen, recorded
+from tests.rig.test_time_line import InMemory
 from trcvtui.capture.journal import Answered, Entry, blocks, entries_of
 from trcvtui.cli import main
 from trcvtui.rig.report.command import look_at, recording_source
@@ -61,7 +62,9 @@ def elements(text: str) -> Elements:
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
     """Return the page of a journal."""
-    run, notes, verdict, stopped = look_at(entries_of(blocks(entries), "R"), "R", has_payload)
+    run, notes, verdict, stopped = look_at(
+        InMemory(tuple(entries_of(blocks(entries), "R"))), "R", has_payload
+    )
     return "".join(page(recording_source(run, notes, verdict, stopped, "R", "00"), notes, verdict))
 
 
@@ -270,8 +273,8 @@ def test_a_recording_that_was_cut_is_told_as_far_as_it_goes(
     [line] = capsys.readouterr().err.splitlines()
     assert re.search(r"R.pcapng: byte \d+: found the end of the file, expected the rest of a block", line)
     said = plain(out.read_text())
-    assert "500 scans of the run could be run again, no more: R.pcapng: byte " in said
-    assert "up to scan 500: no ERROR" in said and "In scan" not in said
+    assert "450 scans of the run could be run again, no more: R.pcapng: byte " in said
+    assert "up to scan 450: no ERROR" in said and "In scan" not in said
     assert "job 5, received 24 B, scan 501" not in said and "job 4, received 24 B, scan 401" in said
 
 

@@ -9,15 +9,17 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import recorded
-from trcvtui.capture.journal import STEP, Answered, Entry
+from trcvtui.capture.journal import STEP, Answered, Entry, Keyframe
+from trcvtui.capture.recording import BlockPlace
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache, with_changes
-from trcvtui.rig.replay import time_line as module
+from trcvtui.rig.replay.driver import SLICE_NS, ReplayDriver
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.time_line import TimeLine, read_at
+from trcvtui.rig.replay.survey import PIECES, read_at
+from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.snapshots import BESIDE, CANNOT
 
 LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
@@ -44,17 +46,25 @@ class InMemory:
     def index(self) -> tuple[()]:
         return ()
 
+    def keyframes(self) -> tuple[()]:
+        return ()
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        raise AssertionError(place)
+
 
 class Stood:
     """A time line that is given all the work it needs after each line."""
 
-    def __init__(self, at: str = "1", entries: tuple[Entry, ...] | None = None) -> None:
+    def __init__(
+        self, at: str = "1", entries: tuple[Entry, ...] | None = None, line: TimeLine | None = None
+    ) -> None:
         given = journal() if entries is None else entries
-        self.line = TimeLine(InMemory(given), "a recording", read_at(at, "--at"))
+        self.line = line or TimeLine(InMemory(given), "a recording", read_at(at, "--at"))
         self.settle()
 
     def settle(self) -> None:
-        while self.line.work(clock.now_ns() + module.SLICE_NS):
+        while self.line.work(clock.now_ns() + SLICE_NS):
             pass
         self.line.work(clock.now_ns())
 
@@ -203,13 +213,13 @@ def test_the_errors_of_the_run_are_marked_in_their_places() -> None:
     position = Stood().update().position
     assert position is not None
     marked = [place for place, mark in enumerate(position.marks) if mark]
-    assert marked == [(scan - 1) * module.PIECES // LAST for scan in ERRORS]
+    assert marked == [(scan - 1) * PIECES // LAST for scan in ERRORS]
     assert position.errors == len(ERRORS)
 
 
 def test_where_to_open_is_judged_before_anything_starts() -> None:
     with pytest.raises(UserError, match="--at: found 'soon'"):
-        module.ReplayDriver(LINK_DOWN, "soon")
+        ReplayDriver(LINK_DOWN, "soon")
 
 
 def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() -> None:

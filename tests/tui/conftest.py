@@ -9,8 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import textual.app
+import textual.pilot
+from textual._context import active_app
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
+from textual.message_pump import MessagePump
 from textual.pilot import Pilot, WaitForScreenTimeout
 
 from trcvtui.rig.scenario import scenario as scenario_files
@@ -76,10 +80,49 @@ async def _wait_for_the_busy(pilot: Any, timeout: float = 30.0) -> bool:
     return all(answered.is_set() for answered in answers)
 
 
+MOMENT_S = 0.05  # Textual holds a screen as long after a palette
+
+
+async def _wait_until_nothing_is_left(min_sleep: float = 0.0, max_sleep: float = 1.0) -> None:
+    """Wait as `wait_for_idle` does, but look at what is left: it judges by a clock that a busy machine slows.
+
+    A repaint that is due is made at once; a thread and a moment (of a resize) are waited for.
+    """
+    loop: Any = asyncio.get_running_loop()
+    end = loop.time() + max_sleep
+    while loop.time() < end:
+        await asyncio.sleep(0)
+        if loop._ready:
+            continue
+        app: Any = active_app.get()
+        screen: Any = app.screen if app.screen_stack and not app._exit else None
+        if screen is not None and screen._update_timer._active.is_set():
+            screen._on_timer_update()
+        elif _threads_work(loop) or _moments_pass(app, *app.screen_stack):
+            await asyncio.sleep(0.001)
+        else:
+            return
+
+
+def _moments_pass(*pumps: MessagePump) -> bool:
+    """Whether something is to be done once, a moment from now."""
+    timers = [timer for pump in pumps for timer in pump._timers]
+    soon = [timer._task for timer in timers if timer._repeat == 0 and timer._interval <= MOMENT_S]
+    return any(task is not None and not task.done() for task in soon)
+
+
+def _threads_work(loop: Any) -> bool:
+    """Whether a thread of `asyncio.to_thread` has something to do."""
+    pool = loop._default_executor
+    return pool is not None and pool._idle_semaphore._value < len(pool._threads)
+
+
 @pytest.fixture(autouse=True)
 def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let Pilot wait for the app, the screen and the widgets that have messages."""
+    """Let Pilot wait for the app, the screen and the widgets that have messages, and not for the clock."""
     monkeypatch.setattr(Pilot, "_wait_for_screen", _wait_for_the_busy)
+    for module in (textual.app, textual.pilot):
+        monkeypatch.setattr(module, "wait_for_idle", _wait_until_nothing_is_left)
 
 
 @pytest.fixture

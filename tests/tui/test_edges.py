@@ -150,3 +150,15 @@ async def test_tab_completes_in_a_batch_too() -> None:
     async with looking(SMALL) as looker:
         await looker.at_once(":se\t TR\t AD\t1\r")
         assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
+
+
+async def test_a_row_that_changes_and_changes_back_before_it_is_painted_stands_as_it_is() -> None:
+    async with looking(WIDE) as looker:
+        prompt = looker.app.main.prompt
+        prompt.complain("so it is")
+        await looker.pilot.pause()
+        assert "so it is" in looker.text
+        prompt.complain("so it was for no time")
+        prompt.complain("so it is")
+        await looker.pilot.pause()
+        assert "so it is" in looker.text and "for no time" not in looker.text

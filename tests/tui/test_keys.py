@@ -185,7 +185,7 @@ async def test_a_command_of_the_palette_is_carried_out() -> None:
     async with looking(WIDE) as looker:
         await looker.press("ctrl+p")
         await looker.type("toggle adhoc")
-        await looker.pilot.pause(0.5)
+        await looker.app.workers.wait_for_complete()  # it searches
         await looker.press("enter")
         assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
 

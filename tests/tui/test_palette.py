@@ -67,7 +67,7 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
         await looker.pictures()
         await looker.press("ctrl+p")
         await looker.at_once(title)
-        await looker.pilot.pause(0.3)
+        await looker.app.workers.wait_for_complete()  # it searches
         await looker.press("enter")
         await looker.pictures()
         assert shown in looker.pane(pane), looker.text

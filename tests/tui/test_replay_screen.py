@@ -28,9 +28,9 @@ MARK = "a recording cannot be changed"
 class TimeLineDriver(FakeDriver):
     """Drives a replay in this process; all work is done before a picture."""
 
-    def __init__(self) -> None:
+    def __init__(self, stood: Stood | None = None) -> None:
         super().__init__()
-        self.stood = Stood()
+        self.stood = stood or Stood()
         self._request: UpdateRequest | None = None
 
     def submit(self, line: str) -> int:
@@ -82,8 +82,10 @@ class ReplayLooker(Looker):
 
 
 @asynccontextmanager
-async def on_a_recording(size: tuple[int, int] = WIDE) -> AsyncIterator[ReplayLooker]:
-    driver = TimeLineDriver()
+async def on_a_recording(
+    size: tuple[int, int] = WIDE, stood: Stood | None = None
+) -> AsyncIterator[ReplayLooker]:
+    driver = TimeLineDriver(stood)
     app = BenchApp(driver, driver.stood.line.controller.bench.project, replay=True)
     async with app.run_test(size=size) as pilot:
         looker = ReplayLooker(app, driver, pilot)

@@ -1,4 +1,4 @@
-"""`trcvtui conversations`: what is in a capture, and which end of each conversation is the PLC."""
+"""`trcvtui conversations`: what is in a capture, of one file or of several."""
 
 from __future__ import annotations
 
@@ -9,89 +9,24 @@ from heapq import heappop, heappush
 from ipaddress import ip_address
 from typing import Any, Final
 
-from trcvtui.capture.pcap import Packet, open_capture
+from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
+from trcvtui.capture.plc_end import PlcEnd, guess_plc, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
-from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.net.results import end_in_words
-from trcvtui.records import NamedTuple
+from trcvtui.errors import Problem, UserError
 
-# The first three bytes of MACs, as the IEEE gave them.
-_MACS: Final = {
-    "Beckhoff": "000105",
-    "Bosch Rexroth": "000B0F 006034",
-    "Mitsubishi Electric": "002692 080070 104B46 28E98E 30BE3B 38E08E 58528A 588D39 94A4B5",
-    "Omron": "00000A 3CF7D1",
-    "Phoenix Contact": "00A045 A8741D CCCCEA",
-    "Pilz": "000248",
-    "Rockwell Automation": "0000BC 001D9C 086195 184C08 34C0F9 404101 5C2167 5C8816 68C8EB BCF499 E48EBB "
-    "E49069 F45433",
-    "Schneider Electric": "000054 000417 0080F4 9C0E51",
-    "Siemens": "0001E3 000BA3 000E8C 001B1B 001C06 001FF8 080006 10DFFC 208756 20A8B9 286336 301389 302F1E "
-    "30B851 384B24 40ECF8 4CE705 681FD8 683E02 789F87 883F99 8CF319 AC6417 D4F527 E0DCA0 E8EF22 EC1C5D",
-    "WAGO": "0030DE",
-}
-VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
 _TITLES: Final = ("ID", "PLC END", "PARTNER END", "AT", "FOR", "TO PLC", "FROM PLC")
 WIDTH: Final = 80  # columns of text
 
 
-class PlcEnd(NamedTuple):
-    """What `--plc` names: an address as bytes; None: any port."""
-
-    address: bytes
-    port: int | None
-
-
-class PlcGuess(NamedTuple):
-    """Which end is the PLC's: what it says, how sure that is (0 to 1), and why."""
-
-    says: WireDirection
-    confidence: float
-    why: str
-
-
-def parse_plc(text: str) -> PlcEnd:
-    """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
-    found = end_in_words(text)
-    if found is None:
-        raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000")
-    return PlcEnd(*found)
-
-
-def guess_plc(
-    conversation: Conversation, given: PlcEnd | None = None, plc_ports: frozenset[int] = frozenset()
-) -> PlcGuess:
-    """Return the PLC end: as given, by a vendor's MAC, by the project's ports, or the listening end."""
-    ends = (conversation.there, conversation.back)
-    if given is not None:
-        fits = [
-            end for end in ends if end.address[0] == given.address and given.port in (None, end.address[1])
-        ]
-        if fits:
-            return PlcGuess(fits[-1], 1.0, "--plc")
-    vendors = [end for end in ends if end.mac[:3] in VENDORS]
-    if len(vendors) == 1:
-        return PlcGuess(vendors[0], 0.9, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
-    listening = [end for end in ends if end.address[1] in plc_ports]
-    if len(listening) == 1:
-        return PlcGuess(listening[0], 0.8, f"port {listening[0].address[1]} of the project")
-    if conversation.listener is not None:
-        return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
-    lower = min(ends, key=lambda end: end.address[1])
-    if ends[0].address[1] == ends[1].address[1]:
-        return PlcGuess(conversation.back, 0.2, "the first packet went there")
-    return PlcGuess(lower, 0.3, "the lower port: it may listen there")
-
-
-def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, int]]:
-    """Yield the packets of one capture in several files, each with its link type.
+def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
+    """Yield the packets of one capture in several files, each with its reader.
 
     A file is opened when its time has come; where its reading stopped is added to `troubles`.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
-    running: list[tuple[int, int, Packet, int, Iterator[tuple[Packet, int]]]] = []
+    running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []
 
-    def put_next(number: int, packets: Iterator[tuple[Packet, int]]) -> None:
+    def put_next(number: int, packets: Iterator[tuple[Packet, CaptureReader]]) -> None:
         found = next(packets, None)
         if found is not None:
             heappush(running, (found[0].ns, number, *found, packets))
@@ -105,8 +40,8 @@ def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tup
             else:
                 put_next(number, packets)
         if running:
-            _, number, packet, link_type, packets = heappop(running)
-            yield packet, link_type
+            _, number, packet, reader, packets = heappop(running)
+            yield packet, reader
             put_next(number, packets)
 
 
@@ -116,10 +51,10 @@ def _first_ns(path: str) -> int:
         return 0 if first is None else first.ns
 
 
-def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, int]]:
+def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     with open_capture(path) as reader:
         for packet in reader:
-            yield packet, reader.link_types[packet.interface]
+            yield packet, reader
         if reader.trouble is not None:
             troubles.append(reader.trouble)
 
@@ -128,11 +63,13 @@ def take_captures(paths: Sequence[str], found: Conversations, troubles: list[Pro
     """Take all packets of captures, of several in the order of time; raise UserError for what is none."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
+            found.names = reader.name_of
             found.take_all(reader, reader.link_types)
             troubles += [reader.trouble] if reader.trouble else []
     else:
-        for packet, link_type in in_time_order(paths, troubles):
-            found.take(packet, link_type)
+        for packet, reader in in_time_order(paths, troubles):
+            found.names = reader.name_of
+            found.take(packet, reader.link_types[packet.interface])
     found.close()
 
 
@@ -155,7 +92,7 @@ def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str
     """Yield what is to be said of what was read, and of what was not."""
     if not found.all:
         yield f"no conversation in {found.packets} packets"
-    for why, count in found.unread.items():
+    for why, count in found.not_read.items():
         yield f"not read: {count} {why.value}"
     if found.unlisted:
         yield f"not read: {found.unlisted} packets of conversations after number {len(found.all)}"
@@ -201,7 +138,9 @@ def _counts(direction: WireDirection) -> dict[str, int]:
 
 
 def address_text(end: tuple[bytes, int]) -> str:
-    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`."""
+    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`, of a serial line as `serial:NAME`."""
+    if end[1] < 0:
+        return f"serial:{end[0].decode(errors='replace')}"
     address = ip_address(end[0])
     return f"{address}:{end[1]}" if address.version == 4 else f"[{address}]:{end[1]}"
 

@@ -114,7 +114,11 @@ function journal.dissector(tvb, pinfo, root)
     return tvb:len()
   end
   if text:sub(1, #INDEX) == INDEX then
-    pinfo.cols.info = "index of " .. math.floor((#text - #INDEX) / 28) .. " blocks"
+    pinfo.cols.info = "index of " .. math.floor((#text - #INDEX) / 28) .. " blocks and keyframes"
+    return tvb:len()
+  end
+  if text:sub(1, 13) == "trcvtui state" and #text > 22 then
+    pinfo.cols.info = "keyframe of scan " .. string.unpack("<I4", text, 19)
     return tvb:len()
   end
   if #text < 26 or text:sub(1, #MAGIC) ~= MAGIC then

@@ -1,40 +1,44 @@
-"""The journal of a run: what was asked at the seam and what it answered, kept by `SeamRecorder`; its bytes.
+"""The journal of a run: its entries (what was asked at the seam and what it answered), and their bytes.
 
 Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
-Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
-Rule 3: what is asked in a gap between two scans (a screen wants to know it) has a call that begins with
+Rule 2: what is asked in a gap between two scans (a screen wants to know it) has a call that begins with
 GAP. A replay that asks it gets the answer; one that does not goes on.
-Rule 4: bytes become values by fixed layouts alone (docs/recording.md); no length is trusted.
+Rule 3: bytes become values by fixed layouts alone (docs/recording.md); no length is trusted.
 """
 
 from __future__ import annotations
 
 import struct
 import sys
+import zlib
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Final, Protocol, TypeVar, cast
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from typing import Final, cast
 
+from trcvtui import __version__
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.events import What
-from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress, PathInfo
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import OPENING, Opening
-from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.ledger import BenchNote, PeerSent
 from trcvtui.records import NamedTuple
 
-T = TypeVar("T")
 VERSION: Final = 1
+MOST_STATE: Final = 64 << 20  # bytes of a state that a reader takes
 MAGIC: Final = b"trcvtui journal\n"
 _HEAD: Final = struct.Struct("<16sHII")  # magic, version, number of the block, of entries unlike each other
-MOST_BLOCK: Final = 1 << 20  # bytes of a block that is begun; one entry more may stand in it
-MOST_ENTRIES: Final = 1 << 20  # of one block
-DEEPEST: Final = 8  # tuples in tuples
-BENCH: Final = "bench"  # who asks the calls of the bench itself
+MOST_BLOCK: Final = 1 << 20  # bytes of entries, from which on a block is full
+MOST_ENTRIES: Final = 1 << 20  # from which on it is full, too
+DEEPEST: Final = 8  # values inside values
 STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
+SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
+SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
 DO, REST, CLOSE = "do", "rest", "close"  # a command in words; the peers go on in a hold; the end of the run
 GAP: Final = "gap "
-READ: Final = GAP + "read"  # a file that was read on the way: its name; its bytes, or a SHA-256 in words
+RECV: Final = "recv"  # its arguments: a handle, and how many bytes there is room for
+READ: Final = GAP + "read"  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
 SIM_WALL_NS: Final = 946_684_800_000_000_000  # when a simulated run begins: 2000-01-01T00:00:00Z
 
 
@@ -85,6 +89,9 @@ class EntriesLost(NamedTuple):
     number: int
     why: str
 
+    def __str__(self) -> str:
+        return f"a gap of {self.number} entries ({self.why})"
+
 
 class WireCall(NamedTuple):
     """What the packets of a recording are made of: a call of the PLC's at the wire; no part of the journal.
@@ -110,42 +117,44 @@ class Secrets(NamedTuple):
     key_log: bytes
 
 
-Note = BenchNote | WorkWaits
-BesideJournal = WireCall | Secrets
+class Keyframe(NamedTuple):
+    """The state of a run after a scan, as the program that made it keeps it (state.py), compressed.
+
+    `steps`: scans that begin in the file before the run goes on; `beyond`: entries since then.
+    """
+
+    program: str
+    scan: int
+    ns: int
+    steps: int
+    beyond: int
+    size: int
+    content: bytes
+
+    @staticmethod
+    def of(scan: int, ns: int, steps: int, beyond: int, state: bytes) -> Keyframe:
+        """Return that of a state."""
+        return Keyframe(__version__, scan, ns, steps, beyond, len(state), zlib.compress(state, 1))
+
+    def state(self, where: str) -> bytes:
+        """Return the state; raise UserError."""
+        where = f"{where}: keyframe of scan {self.scan}"
+        if self.program != __version__:
+            raise mistake(where, f"a state of trcvtui {self.program}", f"one of {__version__}")
+        try:
+            state = zlib.decompressobj().decompress(self.content, min(self.size, MOST_STATE) + 1)
+        except zlib.error as failed:
+            raise mistake(where, str(failed), "what was compressed") from None
+        if len(state) != self.size:
+            raise mistake(where, f"{len(state)} bytes or more", f"{self.size}, at most {MOST_STATE}")
+        return state
+
+
+# Calls at the wire whose first argument after the handle is a view of bytes.
+WITH_BYTES: Final = frozenset({"recv", "recv_from", "send", "send_to"})
+Note = BenchNote | WorkWaits | PeerSent
+BesideJournal = WireCall | Secrets | Keyframe
 Entry = Answered | Note | RunBegins | EntriesLost | BesideJournal
-
-
-class Seam(Protocol):
-    """Where a bench asks what is not its own: a recorder does it and keeps the answer, a replay answers."""
-
-    @property
-    def answers(self) -> bool:
-        """Return whether the answers come from a record, so that nothing is really asked."""
-        ...
-
-    tell: Callable[[Note], None]  # writes a note into the ledger
-    is_busy: bool  # False in the gaps between what the bench is told to do
-    is_off: bool  # nothing is kept any more
-
-    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Return the answer."""
-        ...
-
-    def call(
-        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
-    ) -> Callable[..., T]:
-        """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
-        ...
-
-    def told(self, note: Note) -> None:
-        """Take what has just been written into the ledger."""
-        ...
-
-    def wire(
-        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
-    ) -> None:
-        """Take a call of the PLC's at the wire."""
-        ...
 
 
 # -- what may be answered ----------------------------------------------------------------------------------
@@ -154,7 +163,7 @@ NOTHING: Final = type(None)
 # What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
 ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     STEP: (int,),
-    **dict.fromkeys(("shows", DO, REST, CLOSE), (NOTHING,)),
+    **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NOTHING,)),
     "link": (tuple,),
     "is_free": (bool,),
     "grant": (int,),
@@ -224,80 +233,10 @@ def can_answer(entry: Answered) -> bool:
     return size == len(data) and isinstance(most, int) and size <= most
 
 
-_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
-
-
-class SeamRecorder:
-    """Does what is asked and hands each entry to `keep`; a live run has a `clock`, in ns."""
-
-    answers = False
-    is_busy = True
-
-    def __init__(self, keep: Callable[[Entry], None]) -> None:
-        self._keep = keep
-        self.clock: Callable[[], int] = int
-        self._step = self._stepped = 0
-        self.tell: Callable[[Note], None] = lambda note: None
-        self._is_inside = False
-        self.is_off = False
-
-    def end(self) -> None:
-        """Keep nothing any more."""
-        self.is_off = self._is_inside = True
-
-    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Do it and keep the answer."""
-        if self._is_inside:
-            return do()
-        self._is_inside = True
-        try:
-            answer = do()
-        finally:
-            self._is_inside = False
-        if call == STEP and isinstance(answer, int):
-            self._step, self._stepped = answer, self.clock()
-        self._keep(_NEW(Answered, (owner, call if self.is_busy else GAP + call, args, answer)))
-        return answer
-
-    def call(
-        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
-    ) -> Callable[..., T]:
-        """Return what does this call and keeps its answer."""
-        assert do is not None
-        keep, in_gap = self._keep, GAP + name
-
-        def recorded(handle: Handle, *args: object) -> T:
-            if self._is_inside:
-                return do(handle, *args)
-            self._is_inside = True
-            try:
-                answer = do(handle, *args)
-            finally:
-                self._is_inside = False
-            asked = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
-            keep(_NEW(Answered, asked))
-            return answer
-
-        return recorded
-
-    def wire(
-        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
-    ) -> None:
-        """Keep a call of the PLC's at the wire, with the time of now."""
-        if self.is_off:
-            return
-        at = self._step + self.clock() - self._stepped
-        self._keep(WireCall(at, owner, call, handle, args, answer, data))
-
-    def told(self, note: Note) -> None:
-        """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
-        if self._is_inside and not self.is_off:
-            self._keep(note)
-
-
 # -- bytes -----------------------------------------------------------------------------------------------
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
+_CONSTANTS: Final = (None, False, True)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
 _AT_THE_WIRE: Final = (NOTHING, int, Fault, Accepted, Endpoint, Datagram, KernelLoss, tuple)
 # Each record with the types of its fields in their order. No new field without a new version.
@@ -318,9 +257,14 @@ _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     (EntriesLost, ((int,), (str,))),
     (WireCall, ((int,), (str,), (str,), (int,), (tuple,), _AT_THE_WIRE, (bytes,))),
     (Secrets, ((bytes,),)),
+    (Keyframe, ((str,), (int,), (int,), (int,), (int,), (int,), (bytes,))),
+    (PeerSent, ((str,), (int,), (str,), (str,), (int,), (int,))),
 )
 _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
+_WHOLE: Final = struct.Struct("<Bq").pack
+_COUNTED: Final = struct.Struct("<BH").pack
+_NONE_TAG: Final = bytes([_NONE])
 _TAGS: Final = {kind: _FIRST_RECORD + at for at, (kind, _) in enumerate(_RECORDS)}
 
 
@@ -331,9 +275,15 @@ def _names(kind: type) -> tuple[str, ...]:
 
 def value_bytes(value: object) -> bytes:
     """Return a value as it stands in a journal: a tag of one byte, then what the tag says."""
+    kind = type(value)
+    if kind is int:
+        return _WHOLE(_INT, value)
+    if kind is tuple:
+        parts = [value_bytes(each) for each in cast(tuple[object, ...], value)]
+        return _COUNTED(_TUPLE, len(parts)) + b"".join(parts)
     match value:
         case None:
-            return bytes([_NONE])
+            return _NONE_TAG
         case bool():
             return bytes([_TRUE if value else _FALSE])
         case int():
@@ -385,7 +335,12 @@ class _Cursor:
         return self._block[self.at - size : self.at]
 
     def _number(self, size: int) -> int:
-        return int.from_bytes(self.take(size), "little")
+        end = self.at + size
+        if end > len(self._block):
+            self.take(size)
+        number = int.from_bytes(self._block[self.at : end], "little")
+        self.at = end
+        return number
 
     def order(self, most: int) -> array[int]:
         """Return the rest: numbers below `most`."""
@@ -402,7 +357,9 @@ class _Cursor:
 
     def value(self, depth: int = 0) -> object:
         """Return the next value."""
-        tag = self._number(1)
+        block, at = self._block, self.at
+        tag = block[at] if at < len(block) else self._number(1)
+        self.at = at + 1
         if depth > DEEPEST:
             raise self.wrong("values inside values", f"at most {DEEPEST} deep")
         match tag:
@@ -410,27 +367,50 @@ class _Cursor:
                 return None
             case 1 | 2:
                 return tag == _TRUE
+            case 3 if at + 9 <= len(block):
+                self.at = at + 9
+                return int.from_bytes(block[at + 1 : at + 9], "little", signed=True)
             case 3:
-                return int.from_bytes(self.take(8), "little", signed=True)
+                self.take(8)
             case 4:
                 return self._text(self.take(self._number(4)))
             case 5:
-                return self.take(self._number(4))
+                return self._bytes()
             case 6:
-                return tuple([self.value(depth + 1) for _ in range(self._number(2))])
+                return self._items(depth + 1)
             case 7:
                 return dict([self._pair(depth) for _ in range(self._number(2))])
             case 8 if (at := self._number(1)) < len(_SINGLES):
                 return _SINGLES[at]
             case 9:
-                return self._placed(self._number(4), self._number(4), self._number(4))
+                return self._placed()
         if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
             raise self.wrong(f"tag {tag}", "a tag that this version knows")
         kind, fields = _RECORDS[tag - _FIRST_RECORD]
         made: object = kind(*[self._field(*field, depth) for field in zip(_names(kind), fields, strict=True)])
         return made
 
-    def _placed(self, first: int, count: int, size: int) -> bytes:
+    def _items(self, depth: int) -> tuple[object, ...]:
+        """Return what a tuple holds; what stands in most of them is read here, for speed."""
+        block, size, items = self._block, len(self._block), list[object]()
+        for _ in range(self._number(2)):
+            at = self.at
+            tag = block[at] if at < size and depth <= DEEPEST else _SINGLE
+            if tag == _INT and at + 9 <= size:
+                items.append(int.from_bytes(block[at + 1 : at + 9], "little", signed=True))
+                self.at = at + 9
+            elif tag <= _TRUE:
+                items.append(_CONSTANTS[tag])
+                self.at = at + 1
+            else:
+                items.append(self.value(depth))
+        return tuple(items)
+
+    def _bytes(self) -> bytes:
+        return self.take(self._number(4))
+
+    def _placed(self) -> bytes:
+        first, count, size = self._number(4), self._number(4), self._number(4)
         found = b"".join(self._payloads[first : first + count])
         if len(found) != size:
             raise self.wrong(f"{len(found)} bytes in packets", f"the {size} of the journal")
@@ -460,11 +440,11 @@ class _Cursor:
             return self._again(known)
         value = self.value()
         match value:
-            case BenchNote():
+            case BenchNote() | PeerSent():
                 return value
             case WorkWaits(_, what) if what in _WORDS:
                 return value
-            case EntriesLost() | WireCall() | Secrets():
+            case EntriesLost() | WireCall() | Secrets() | Keyframe():
                 return value
             case RunBegins() if _is_whole(value):
                 return value
@@ -486,11 +466,23 @@ class _Cursor:
             raise self.wrong(f"the question of entry {first}", "a question before it")
         owner, call, args, _ = before
         block, at = self._block, self.at
-        if block[at : at + 4] == _READ_HEAD and block[at + 12 : at + 13] == _BYTES_TAG:
-            size = int.from_bytes(block[at + 4 : at + 12], "little", signed=True)
+        if block[at : at + 4] == _READ_HEAD and len(block) > at + 12 and block[at + 12] in (_BYTES, _PLACED):
             self.at += 13
-            return self._answered(Answered(owner, call, args, (size, self.take(self._number(4)))))
-        return self._answered(Answered(owner, call, args, self.value()))
+            size = int.from_bytes(block[at + 4 : at + 12], "little", signed=True)
+            data = self._bytes() if block[at + 12] == _BYTES else self._placed()
+            made = _NEW(Answered, (owner, call, args, (size, data)))
+            if call == RECV and size == len(data) and size <= cast(int, args[1]):
+                return made
+            return self._answered(made)
+        answer = self.value()
+        if type(answer) is int is type(before.answer):
+            return _NEW(Answered, (owner, call, args, answer))
+        return self._answered(Answered(owner, call, args, answer))
+
+
+def value_of(content: bytes, where: str) -> object:
+    """Return the value of `value_bytes`; raise UserError that begins with `where`."""
+    return _Cursor(where, content, ()).value()
 
 
 def _is_whole(begins: RunBegins) -> bool:
@@ -503,7 +495,7 @@ def _is_whole(begins: RunBegins) -> bool:
 _UNEQUAL: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
 _AGAIN: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
 _AGAIN_TAG: Final = bytes([_AGAIN])
-_BYTES_TAG: Final = bytes([_BYTES])
+_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
 _ASKED: Final = struct.Struct("<BI")
 _READ: Final = struct.Struct("<BHBqBI")  # the answer of recv, before its bytes
 _READ_HEAD: Final = struct.pack("<BHB", _TUPLE, 2, _INT)
@@ -531,16 +523,15 @@ class BlockWriter:
 
     def take(self, entry: Entry) -> None:
         """Append an entry."""
-        place = len(self._parts)
-        if isinstance(entry, Answered) and type(entry.answer) in _UNEQUAL:
-            at = place
-        else:
-            try:
-                at = self._known.setdefault(entry, place)
-            except TypeError:  # it has a mapping in it
-                at = place
-        if at == place:
-            self._parts.append(self._bytes(entry, place))
+        try:
+            at = self._known.get(entry)
+        except TypeError:  # it has a mapping in it
+            at = None
+        if at is None:
+            at = len(self._parts)
+            if not isinstance(entry, Answered) or type(entry.answer) not in _UNEQUAL:
+                self._known[entry] = at
+            self._parts.append(self._bytes(entry, at))
             self.size += len(self._parts[-1])
         self._order.append(at)
 
@@ -587,6 +578,13 @@ def entries_of(
 
     `found` brings `payloads` up to date before each block.
     """
+    return chain.from_iterable(in_blocks(found, where, payloads, first))
+
+
+def in_blocks(
+    found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
+) -> Iterator[Iterator[Entry]]:
+    """Yield the entries of each block."""
     for expected, block in enumerate(found, first):
         cursor = _Cursor(where, block, payloads)
         magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))
@@ -603,4 +601,4 @@ def entries_of(
         known: list[Entry] = []
         for _ in range(unlike):
             known.append(cursor.entry(known))
-        yield from map(known.__getitem__, cursor.order(unlike))
+        yield map(known.__getitem__, cursor.order(unlike))

@@ -25,10 +25,11 @@ _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
 _PORTS: Final = struct.Struct(">HH").unpack_from
 
 
-class Unread(Enum):
+class NotRead(Enum):
     """Why a packet is none of TCP and UDP."""
 
     OTHER = "others"
+    JOURNAL = "packets of USER0: in a recording of trcvtui its journal"
     FRAGMENT = "IP fragments without the rest of their packets"
     CUT = "packets cut off before their ports"
 
@@ -137,26 +138,26 @@ def _past_vlans(data: bytes, at: int) -> int:
             return at if kind in _IP_TYPES else -1
 
 
-def carried_by(link_type: int, data: bytes, length: int) -> Carried | Fragment | Unread:
+def carried_by(link_type: int, data: bytes, length: int) -> Carried | Fragment | NotRead:
     """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
     at = ip_start(link_type, data)
     if at < 0:
-        return Unread.OTHER
+        return NotRead.OTHER
     try:
         if data[at] >> 4 == 4:
             return _in_version_4(data, at, length)
-        return _in_version_6(data, at, length) if data[at] >> 4 == 6 else Unread.OTHER
+        return _in_version_6(data, at, length) if data[at] >> 4 == 6 else NotRead.OTHER
     except (IndexError, struct.error):
-        return Unread.CUT
+        return NotRead.CUT
 
 
-def _in_version_4(data: bytes, at: int, length: int) -> Carried | Fragment | Unread:
+def _in_version_4(data: bytes, at: int, length: int) -> Carried | Fragment | NotRead:
     first, _, total, number, fragment, _, protocol, _, source, target = _IP_V4(data, at)
     if protocol not in (TCP, UDP):
-        return Unread.OTHER
+        return NotRead.OTHER
     start = at + (first & 15) * 4
     if first & 15 < 5:
-        return Unread.OTHER
+        return NotRead.OTHER
     # A total of 0: the sender's network card had yet to cut it into packets.
     end = at + total if total else length
     if fragment & 0x3FFF:
@@ -177,13 +178,13 @@ def _piece(
     data: bytes,
     end: int,
     more: int = 0,
-) -> Fragment | Unread:
+) -> Fragment | NotRead:
     """Return a piece of a packet that begins `more` bytes after its head in `data`."""
     content = data[len(head) + more : end]
-    return Fragment(of, at, is_last, head, length_at, counted, content) if end <= len(data) else Unread.CUT
+    return Fragment(of, at, is_last, head, length_at, counted, content) if end <= len(data) else NotRead.CUT
 
 
-def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | Unread:
+def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | NotRead:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
@@ -203,7 +204,7 @@ def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | Unr
         elif protocol == _AUTHENTICATION:
             protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
-            return Unread.OTHER
+            return NotRead.OTHER
     _PORTS(data, start)
     return Carried(protocol, source, target, data[start : start + 4], start, end)
 

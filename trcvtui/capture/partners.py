@@ -8,7 +8,7 @@ Rule 3: bytes that nobody has read in the recorded run are a number; nobody know
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from typing import TypeVar, cast
 
 from trcvtui.capture.journal import STEP, Answered
@@ -85,6 +85,13 @@ class PartnersAgain(Replay):
             return cast(T, self._as_told(owner, call))
         return cast(T, found(owner, *args))
 
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what asks this call."""
+        nothing = cast(Callable[[], T], None)
+        return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
+
     def _step(self) -> int:
         self.scan += 1
         self._calls = 0
@@ -109,9 +116,9 @@ class PartnersAgain(Replay):
                 or partner.let_go.scan <= before
                 or unread > partner.most_unread
             ):
-                self.is_guess()
+                self.note_guess()
 
-    def is_guess(self) -> None:
+    def note_guess(self) -> None:
         """Note that from this scan on a partner would perhaps have done something else."""
         if self.guess_from is None:
             self.guess_from = max(self.scan, 1)
@@ -120,7 +127,7 @@ class PartnersAgain(Replay):
         return at <= (self.scan, self._calls)
 
     def _as_told(self, owner: str, call: str) -> object:
-        """Return the Fault of the same call in the recorded scan; of what stays so, what was told last."""
+        """Return the Fault of the same call in the recorded scan; of a call in STAYS, the newest answer."""
         key = owner, call
         self._nth[key] += 1
         now, answers = CallPlace(self.scan, self._nth[key]), self._answers.get(key)
@@ -250,7 +257,7 @@ class PartnersAgain(Replay):
         if partner.refused is not None:
             return partner.refused
         if partner.since.scan < self.scan:
-            self.is_guess()  # he would have waited for an answer
+            self.note_guess()  # he would have waited for an answer
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
                 self._give_up(socket.partner)
@@ -272,9 +279,9 @@ class PartnersAgain(Replay):
         attempts = self._attempts.get(owner)
         while attempts and attempts[0].is_before(self.scan):
             attempts.popleft()
-            self.is_guess()
+            self.note_guess()
         if not attempts:
-            self.is_guess()
+            self.note_guess()
             return None
         attempt = self._sockets[handle].attempt = attempts.popleft()
         return attempt.answer if attempt.is_at_once else None
@@ -301,7 +308,7 @@ class PartnersAgain(Replay):
         if there > socket.read:
             data = bytes(partner.data[socket.read : min(there, socket.read + size)])
             if len(data) < min(there - socket.read, size):
-                self.is_guess()  # rule 3
+                self.note_guess()  # rule 3
             if data:
                 socket.read += len(data)
                 self.bytes_read += len(data)
@@ -326,7 +333,7 @@ class PartnersAgain(Replay):
             return was, b""
         self.bytes_read += min(size, was.size)
         if size > was.size < was.whole:
-            self.is_guess()  # the recorded run had no room for the rest
+            self.note_guess()  # the recorded run had no room for the rest
         return Datagram(min(size, was.size), was.source, was.whole), data[:size]
 
     def _no_message(self, socket: _Socket) -> tuple[WouldBlock | Fault, bytes]:
@@ -381,7 +388,7 @@ class PartnersAgain(Replay):
         self._seen.pop(Handle(handle), None)
         partner = socket.partner if socket is not None and not self._is_over(socket) else None
         if partner is not None and partner.let_go.scan != self.scan:
-            self.is_guess()
+            self.note_guess()
         told = self._as_told(owner, call)
         return told if isinstance(told, Fault) else None
 

@@ -33,8 +33,8 @@ INTERFACE: Final = 1
 OLD_PACKET: Final = 2
 SIMPLE_PACKET: Final = 3
 ENHANCED_PACKET: Final = 6
+STATISTICS: Final = 5
 SECRETS: Final = 10
-CUSTOM: Final = 0xBAD
 SECTION: Final = 0x0A0D0D0A
 
 TLS_KEY_LOG: Final = 0x544C534B
@@ -101,6 +101,7 @@ class CaptureReader:
         self.interfaces: list[Interface] = []  # of all sections, one after the other
         self.link_types: list[int] = []  # of the interfaces
         self.trouble: Problem | None = None
+        self.last_ns = 0  # of the newest packet that was taken, as of the last `read`
         self._other = other
         self._read = read
         self._buffer = b""
@@ -117,6 +118,10 @@ class CaptureReader:
         else:
             found = "an empty file" if not magic else f"a file that begins with 16#{magic[:4].hex().upper()}"
             raise UserError(self._bad_input or Problem(name, found, _EXPECTED))
+
+    def name_of(self, interface: int) -> str:
+        """Return the name of an interface; without one its number."""
+        return self.interfaces[interface].name or str(interface)
 
     def __iter__(self) -> Iterator[Packet]:
         """Return the packets that are left."""
@@ -158,10 +163,11 @@ class CaptureReader:
         self.interfaces.append(Interface(link & 0xFFFF, snaplen, numerator=scale))
         self.link_types.append(link & 0xFFFF)
         unpack = struct.Struct(order + "IIII").unpack_from
-        at, end, make, start = 24, len(buffer), tuple.__new__, 0
+        at, end, make, start, ns = 24, len(buffer), tuple.__new__, 0, 0
         while True:
             data_at = at + head
             if data_at > end:
+                self.last_ns = ns
                 buffer = self._more(at, head)
                 at, end, start, data_at = 0, len(buffer), self._start, head
                 if end < head:
@@ -171,6 +177,7 @@ class CaptureReader:
                 return self._stop(at, f"a packet of {kept} bytes", f"at most {MOST_BLOCK}")
             after = data_at + kept
             if after > end:
+                self.last_ns = ns
                 buffer = self._more(at, head + kept)
                 at, end, start, data_at, after = 0, len(buffer), self._start, head, head + kept
                 if after > end:
@@ -188,6 +195,7 @@ class CaptureReader:
         clocks: list[tuple[int, int, int]] = []
         while True:
             if at + 28 > end:
+                self.last_ns = ns
                 buffer = self._more(at, 28)
                 at, end, start = 0, len(buffer), self._start
                 if end < 12:
@@ -207,6 +215,7 @@ class CaptureReader:
                 return self._stop(at, f"a block of {size} bytes", f"12 to {MOST_BLOCK}, in steps of 4")
             after = at + size
             if after > end:
+                self.last_ns = ns
                 buffer = self._more(at, size)
                 at, end, start, after = 0, len(buffer), self._start, size
                 if after > end:
@@ -360,11 +369,6 @@ def secrets_block(key_log: bytes) -> bytes:
     return block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
-def custom_block(enterprise: int, data: bytes) -> bytes:
-    """Return a block that only its enterprise's programs read; tools may copy it."""
-    return block(CUSTOM, struct.pack("<I", enterprise) + data)
-
-
 _HEAD: Final = struct.Struct("<IIIIIII").pack
 _ZEROS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
 
@@ -379,6 +383,7 @@ def _option(code: int, value: bytes) -> bytes:
 
 
 def block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
+    """Return a block of any type; `body` is what stands before its options."""
     parts = [body, _ZEROS[-len(body) & 3]]
     if options:
         parts += [*options, b"\0\0\0\0"]

@@ -15,8 +15,8 @@ from enum import Enum
 from itertools import islice
 from typing import Final
 
-from trcvtui.capture.packets import TCP, UDP, Fragment, Fragments, Unread, carried_by, macs_of
-from trcvtui.capture.pcap import ETHERNET, Packet
+from trcvtui.capture.packets import TCP, UDP, Carried, Fragment, Fragments, NotRead, carried_by, macs_of
+from trcvtui.capture.pcap import ETHERNET, RTAC_SERIAL, USER0, Packet
 from trcvtui.records import NamedTuple
 
 MOST_CONVERSATIONS: Final = 32_768
@@ -28,6 +28,10 @@ MOST_COMPARED: Final = 256  # segments back from the newest
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
 PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
+OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
+SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
+NEVER_NS: Final = 1 << 62
+SENT_END, RECEIVED_END = -1, -2  # ports of the ends of a serial line; its name is their address
 
 _FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
 _MASK: Final = 0xFFFFFFFF
@@ -35,6 +39,9 @@ _HALF: Final = 0x80000000
 # Ethernet, IPv4 without options and TCP: the head of nearly every packet.
 _USUAL: Final = struct.Struct(">12xHBxH2xHxB2x12sIIBBH").unpack_from
 _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
+# RTAC serial: twelve bytes before the data; its events with data by their number: begin and end of each way.
+_SERIAL_HEAD: Final = 12
+_SERIAL_ENDS: Final = {1: SENT_END, 2: RECEIVED_END, 3: SENT_END, 4: RECEIVED_END}
 
 
 class EventKind(Enum):
@@ -55,10 +62,16 @@ class EventKind(Enum):
     DIFFERENT_COPY = "different copy"
     MISSING = "missing"
     SILENCE = "silence"
+    ACK = "ACK"
+    EARLY = "early"
 
 
 class ConversationEvent(NamedTuple):
-    """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds."""
+    """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds.
+
+    Of a datagram that the capture has cut off, `size` counts the bytes of the wire, `data` has fewer.
+    An ACK is one without bytes: `size` is its window. EARLY bytes stand before earlier ones in the capture.
+    """
 
     ns: int
     conversation: Conversation
@@ -82,7 +95,7 @@ class WireDirection:
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
         self.conversation = conversation
         self.other: WireDirection = self
-        self.address = address  # of its sender
+        self.address = address  # of its sender; of a serial line its name, and SENT_END or RECEIVED_END
         self.mac = mac
         self.segments = self.retransmitted = self.missing = 0
         self.next = self.position = 0  # sequence number and byte of what comes next
@@ -108,9 +121,10 @@ class WireDirection:
 
     def is_usual(self) -> bool:
         """Return whether nothing is under way but bytes in their order."""
-        other = self.other
+        other, conversation = self.other, self.conversation
         return (
             self.is_firm
+            and (conversation.is_established or not conversation.begins_with_syn)
             and not self.waiting
             and self.fin is None
             and not (self.is_closed_window or other.is_closed_window or other.was_probed or self.probe)
@@ -133,22 +147,37 @@ class Conversation:
         self.there: WireDirection
         self.back: WireDirection
 
+    @property
+    def kept_ns(self) -> int:
+        """Return after how much silence a growing capture forgets it."""
+        if self.protocol == "udp":
+            return SILENT_NS
+        return OVER_NS if self.end is not None else NEVER_NS
+
 
 class Conversations:
-    """Takes the packets of a capture; knows all conversations, tells their events to `told`."""
+    """Takes the packets of a capture; knows all conversations, tells their events to `told`.
 
-    def __init__(self, told: Callable[[ConversationEvent], None] | None = None) -> None:
+    ACK and EARLY are told with `is_detailed` alone.
+    """
+
+    def __init__(
+        self, told: Callable[[ConversationEvent], None] | None = None, is_detailed: bool = False
+    ) -> None:
+        self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
-        self.unread: Counter[Unread] = Counter()
+        self.not_read: Counter[NotRead] = Counter()
         self.unlisted = 0  # packets of conversations above the limit
         self.first_ns: int | None = None
         self.packets = 0
         self._told = told
+        self._is_detailed = is_detailed and told is not None
         self._fragments = Fragments()
         self._flows: dict[bytes, WireDirection] = {}  # addresses and ports of the sender and the receiver
         self._kept: deque[deque[tuple[int, bytes]]] = deque()  # whose oldest piece goes next
         self._kept_cost = 0
         self._waiting_cost = 0
+        self._count = 0  # conversations, with those that are forgotten
 
     def take(self, packet: Packet, link_type: int) -> None:
         """Take the next packet."""
@@ -157,6 +186,7 @@ class Conversations:
     def take_all(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
         """Take packets; those that go on where a steady direction is cost as little as can be."""
         flow_of, is_told, deliver = self._flows.get, self._told is not None, self._deliver
+        is_detailed = self._is_detailed
         for packet in packets:
             self.packets += 1
             ns, interface, data, _, _, _ = packet
@@ -202,42 +232,95 @@ class Conversations:
                 self._kept_cost += size + SEGMENT_COST
                 direction.position = at + size
                 direction.next = (seq + size) & _MASK
+            elif is_detailed:
+                self._tell(ns, direction, EventKind.ACK, size=window)
 
     def close(self) -> None:
         """Say what is missing to the end: the capture has no more packets."""
         for conversation in self.all:
-            for direction in (conversation.there, conversation.back):
-                while direction.waiting:
-                    self._leave_out(conversation.last_ns, direction, direction.waiting[0][0])
-                left = _distance(direction.acked, direction.next)
-                if direction.has_base and left > 1:
-                    self._leave_out(conversation.last_ns, direction, direction.position + left)
+            self._close(conversation)
+
+    def _close(self, conversation: Conversation) -> None:
+        for direction in (conversation.there, conversation.back):
+            while direction.waiting:
+                self._leave_out(conversation.last_ns, direction, direction.waiting[0][0])
+            left = _distance(direction.acked, direction.next)
+            if direction.has_base and left > 1:
+                self._leave_out(conversation.last_ns, direction, direction.position + left)
+
+    def forget_over(self, ns: int) -> list[int]:
+        """Forget who ended long before this time, and the silent where there are too many; return numbers."""
+        is_full = len(self.all) > MOST_CONVERSATIONS // 2
+        over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.kept_ns)]
+        if not over:
+            return []
+        for each in over:
+            self._close(each)
+        gone = set(over)
+        pieces = [d.kept for each in over for d in (each.there, each.back) if d.kept is not None]
+        self._kept_cost -= sum(len(data) + SEGMENT_COST for kept in pieces for _, data in kept)
+        dropped = {id(kept) for kept in pieces}
+        self._kept = deque([kept for kept in self._kept if id(kept) not in dropped])
+        self.all = [each for each in self.all if each not in gone]
+        for key in [key for key, flow in self._flows.items() if flow.conversation in gone]:
+            del self._flows[key]
+        return [each.number for each in over]
 
     # -- one packet --------------------------------------------------------------------------------------
 
     def _take_unusual(self, packet: Packet, link_type: int) -> None:
         data = packet.data
+        if link_type == USER0:  # none of the line's packets
+            self.not_read[NotRead.JOURNAL] += 1
+            return
         if self.first_ns is None:
             self.first_ns = packet.ns
+        if link_type == RTAC_SERIAL:
+            self._take_serial(packet)
+            return
         found = carried_by(link_type, data, packet.length)
         if isinstance(found, Fragment):
             self._take_fragment(packet, link_type, found)
             return
-        if isinstance(found, Unread):
-            self.unread[found] += 1
+        if isinstance(found, NotRead):
+            self.not_read[found] += 1
             return
-        protocol, source, target, ports, at, end = found
-        key = b"".join((source, target, ports) if protocol == TCP else (b"U", source, target, ports))
-        if protocol == UDP:
-            direction = self._flows.get(key) or self._open(packet, link_type, key, found, "udp")
-            if direction is not None:
-                self._datagram(packet.ns, direction, data[at + 8 : end], max(end - at - 8, 0))
+        if found.protocol == UDP:
+            self._take_datagram(packet, link_type, found)
+        elif len(data) >= found.at + 16:
+            self._take_segment(packet, link_type, found)
+        else:
+            self.not_read[NotRead.CUT] += 1
+
+    def _take_datagram(self, packet: Packet, link_type: int, found: Carried) -> None:
+        _, source, target, ports, at, end = found
+        key = b"".join((b"U", source, target, ports))
+        direction = self._flows.get(key) or self._open(packet, link_type, key, found, "udp")
+        if direction is not None:
+            self._datagram(packet.ns, direction, packet.data[at + 8 : end], max(end - at - 8, 0))
+
+    def _take_serial(self, packet: Packet) -> None:
+        """Take bytes of a serial line: who captured has sent them, or received them."""
+        data = packet.data
+        sender = _SERIAL_ENDS.get(data[8]) if len(data) > _SERIAL_HEAD else None
+        if sender is None:
+            self.not_read[NotRead.OTHER if len(data) >= _SERIAL_HEAD else NotRead.CUT] += 1
             return
-        if len(data) < at + 16:
-            self.unread[Unread.CUT] += 1
-            return
-        seq, ack, offset, flags, window = _TCP_HEAD(data, at + 4)
-        begin = at + (offset >> 4) * 4
+        name = self.names(packet.interface).encode()
+        direction = self._flows.get(b"S%d" % sender + name)
+        if direction is None:
+            ends = (name, sender), (name, SENT_END + RECEIVED_END - sender)
+            direction = self._made(packet.ns, "serial", ends, (b"", b""))
+            if direction is None:
+                return
+            for each in (direction, direction.other):
+                self._flows[b"S%d" % each.address[1] + name] = each
+        self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
+
+    def _take_segment(self, packet: Packet, link_type: int, found: Carried) -> None:
+        _, source, target, ports, at, end = found
+        seq, ack, offset, flags, window = _TCP_HEAD(packet.data, at + 4)
+        begin, key = at + (offset >> 4) * 4, b"".join((source, target, ports))
         direction = self._flows.get(key)
         if direction is not None and flags & _SYN and self._is_another(direction, seq, flags):
             direction = None
@@ -255,8 +338,10 @@ class Conversations:
             self._acknowledge(ns, direction.other, ack, size)
         if not flags & (_RST | _SYN):
             self._see_window(ns, direction, window)
+            if self._is_detailed and not size and not flags & _FIN:
+                self._tell(ns, direction, EventKind.ACK, size=window)
         if not flags & _RST:
-            self._segment(ns, direction, seq, data[begin:end], size, flags)
+            self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
             self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
@@ -265,35 +350,43 @@ class Conversations:
             one.is_steady = one.is_usual()
 
     def _take_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
-        self.unread[Unread.FRAGMENT] += 1
+        self.not_read[NotRead.FRAGMENT] += 1
         whole = self._fragments.put(piece, packet.ns)
         if whole is None:
             return
         data, count = whole
-        self.unread[Unread.FRAGMENT] -= count
-        self.unread += Counter()  # what is 0 is not told
+        self.not_read[NotRead.FRAGMENT] -= count
+        self.not_read += Counter()  # what is 0 is not told
         self._take_unusual(packet._replace(data=data, length=len(data)), link_type)
 
     def _open(
-        self,
-        packet: Packet,
-        link_type: int,
-        key: bytes,
-        found: tuple[int, bytes, bytes, bytes, int, int],
-        name: str,
+        self, packet: Packet, link_type: int, key: bytes, found: Carried, name: str
     ) -> WireDirection | None:
+        _, source, target, ports, _, _ = found
+        ends = (source, int.from_bytes(ports[:2], "big")), (target, int.from_bytes(ports[2:], "big"))
+        there = self._made(packet.ns, name, ends, macs_of(link_type, packet.data))
+        if there is not None:
+            self._flows[key] = there
+            kind = b"" if name == "tcp" else b"U"
+            self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = there.other
+        return there
+
+    def _made(
+        self,
+        ns: int,
+        protocol: str,
+        ends: tuple[tuple[bytes, int], tuple[bytes, int]],
+        macs: tuple[bytes, bytes],
+    ) -> WireDirection | None:
+        """Return what the sender of a first packet says; None: there are too many conversations."""
         if len(self.all) == MOST_CONVERSATIONS:
             self.unlisted += 1
             return None
-        _, source, target, ports, _, _ = found
-        made = Conversation(len(self.all) + 1, name, packet.ns)
-        macs = macs_of(link_type, packet.data)
-        there = made.there = WireDirection(made, (source, int.from_bytes(ports[:2], "big")), macs[0])
-        back = made.back = WireDirection(made, (target, int.from_bytes(ports[2:], "big")), macs[1])
+        self._count += 1
+        made = Conversation(self._count, protocol, ns)
+        there = made.there = WireDirection(made, ends[0], macs[0])
+        back = made.back = WireDirection(made, ends[1], macs[1])
         there.other, back.other = back, there
-        self._flows[key] = there
-        kind = b"" if name == "tcp" else b"U"
-        self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = back
         self.all.append(made)
         return there
 
@@ -323,8 +416,9 @@ class Conversations:
     def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
         self._pass_time(ns, direction)
         direction.segments += 1
-        self._tell(ns, direction, EventKind.BYTES, direction.position, len(data), data)
+        at = direction.position
         direction.position += len(data)
+        self._tell(ns, direction, EventKind.BYTES, at, size, data)
         if size > len(data):
             self._leave_out(ns, direction, direction.position + size - len(data))
 
@@ -444,6 +538,8 @@ class Conversations:
             at, data = at + len(copy), data[len(copy) :]
         if data:
             self._wait(direction, at, data)
+            if self._is_detailed:
+                self._tell(ns, direction, EventKind.EARLY, at, len(data))
         self._drain(ns, direction)
         while direction.waiting and (
             direction.waiting_cost > MOST_WAITING

@@ -1,4 +1,4 @@
-"""What a recorded run was told, out of its journal: what each partner did in which scan; what stays so.
+"""What a recorded run was told, out of its journal: what each partner did in which scan, and other answers.
 
 Rule: a place is a scan and a call in it, so that a run that asks the same is told the same.
 Bound: MOST_BYTES of all partners; what comes then is not known.
@@ -21,7 +21,7 @@ MOST_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
 NOBODY: Final = Endpoint("127.0.0.1", 0)
 TRANSPARENT: Final = ("grant", "wait")  # the bound of work is each bench's own
-STAYS: Final = (
+STAYS: Final = (  # calls whose newest answer holds until another one comes
     "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
     "is_free",
 )  # fmt: skip
@@ -55,12 +55,12 @@ class Partner:
         self.refused: Fault | None = None  # what accept answered in his place
         self.taken: list[tuple[int, int, bool]] = []  # scan, bytes of the PLC in all, did he take all of them
 
-    def come(self, at: CallPlace, size: int) -> None:
+    def note_bytes(self, at: CallPlace, size: int) -> None:
         """Note that so many bytes have come in all."""
         if size > (self.arrived[-1][1] if self.arrived else 0):
             self.arrived.append((at, size))
 
-    def over(self, at: CallPlace, fault: Fault | None) -> None:
+    def note_end(self, at: CallPlace, fault: Fault | None) -> None:
         """Note the end, as it was told first."""
         self.fault = self.fault or fault
         self.ended = min(self.ended, at)
@@ -124,7 +124,7 @@ class RecordedRun:
             self.begins = entry
         elif isinstance(entry, Answered):
             try:
-                self._took(entry)
+                self._take_call(entry)
             except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
                 return False
         return not isinstance(entry, EntriesLost) and self._size <= MOST_BYTES
@@ -137,7 +137,7 @@ class RecordedRun:
         self._size += size
         self.read.append((len(self.times), self._size))
 
-    def _took(self, entry: Answered) -> None:
+    def _take_call(self, entry: Answered) -> None:
         owner, call, args, answer = entry
         if call == STEP:
             self.times.append(cast(int, answer))
@@ -151,7 +151,7 @@ class RecordedRun:
             if call == GAP + "unread" and (partner := self._partners.get(cast(int, args[0]))):
                 unread = cast(int, answer)
                 partner.most_unread = max(partner.most_unread, unread)
-                partner.come(CallPlace(len(self.times) + 1), len(partner.data) + unread)
+                partner.note_bytes(CallPlace(len(self.times) + 1), len(partner.data) + unread)
             return
         self._calls += call not in TRANSPARENT
         note = _NOTES.get(call)
@@ -216,10 +216,10 @@ class RecordedRun:
             return
         if data:
             partner.data += data
-            partner.come(at, len(partner.data))
+            partner.note_bytes(at, len(partner.data))
             self._read_more(len(data))
         elif got == 0 or isinstance(got, Fault):
-            partner.over(at, got or None)
+            partner.note_end(at, got or None)
 
     def _received_whole(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         got, data = answer
@@ -229,25 +229,25 @@ class RecordedRun:
             messages.append((at, got, data))
             self._read_more(len(data))
         elif isinstance(got, Fault) and partner is not None:
-            partner.over(at, got)
+            partner.note_end(at, got)
 
     def _sent(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
         if partner is None:
             return
         if isinstance(answer, Fault) and answer.error != "EAGAIN":
-            partner.over(self._now(handle), answer)
+            partner.note_end(self._now(handle), answer)
         before = partner.taken[-1][1] if partner.taken else 0
         size = answer if isinstance(answer, int) else 0
         partner.taken.append((len(self.times), before + size, size == args[1]))
 
     def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
-            partner.over(self._now(handle), answer.fault)
+            partner.note_end(self._now(handle), answer.fault)
 
     def _looked(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is True and (partner := self._partners.get(handle)):
-            partner.over(self._now(handle), None)
+            partner.note_end(self._now(handle), None)
 
     def _left(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         now = CallPlace(len(self.times), self._calls)

@@ -10,21 +10,28 @@ from __future__ import annotations
 
 import os
 import struct
+import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import chain
 from typing import IO, Final
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.journal import (
+    MOST_STATE,
+    SHOWS,
     STEP,
     Answered,
     BlockWriter,
     Entry,
     InPackets,
+    Keyframe,
     RunBegins,
     Secrets,
     WireCall,
     entries_of,
+    in_blocks,
 )
 from trcvtui.capture.packets import TCP
 from trcvtui.capture.wire import WirePacket, WirePackets
@@ -37,11 +44,16 @@ READS: Final = frozenset({"recv", "recv_from"})
 JOURNAL_NAME: Final = "trcvtui journal"
 MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
 LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
-FLUSH_NS: Final = 1_000_000_000  # of the run's time, at most, between two blocks of the journal
+FLUSH_NS: Final = 500_000_000  # of the run's time, at most, between two blocks of the journal
 MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
 MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
 MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
 INDEX: Final = b"trcvtui index\n\0\0"
+KEYFRAME: Final = b"trcvtui state\n\0\0"
+IS_KEYFRAME: Final = (1 << 64) - 1  # in a row of the index, in place of the block of the journal
+_KEYFRAME: Final = struct.Struct("<HIqIIII")  # version; scan, ns; scans and entries before; CRC-32, bytes
+KEYFRAME_VERSION: Final = 1
+MOST_PIECES: Final = MOST_STATE // MOST_PIECE
 _ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
 _LENGTH: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<II")
@@ -67,6 +79,7 @@ class RecordingWriter:
     """
 
     trouble = ""  # what goes wrong is raised
+    first_scan = 0
 
     def __init__(self, path: FileName, overwrite: bool = False) -> None:
         self._path = str(path)
@@ -83,12 +96,11 @@ class RecordingWriter:
         self._packets: list[WirePacket] = []  # of the block under way
         self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._secrets = b""  # of the packets of this block
-        self.has_secrets = False
         self._scan_from = 0  # number of the first packet of this scan
         self._called = InPackets(0, 0, 0), b""  # the newest call's bytes, and where they stand
         self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._block = BlockWriter(0)
-        self._payload_size = 0
+        self._blocks = self._payload_size = 0
         self._write(
             pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
             + pcap.interface_block(pcap.RAW_IP, "wire")
@@ -98,21 +110,26 @@ class RecordingWriter:
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; whole blocks are written."""
         for entry in entries:
-            if isinstance(entry, WireCall):
+            if type(entry) is Answered:
+                call = entry[1]
+                if call == STEP and isinstance(entry[3], int):
+                    self._begin_scan(entry[3])
+                elif call == SHOWS:
+                    self._comment(entry)
+                if self._coming is not None or self._called[1]:
+                    entry = self._pointing(entry)
+            elif isinstance(entry, WireCall):
                 if entry.call in READS and not entry.data and entry.answer:
                     self._coming = entry
                 else:
                     self._take_call(entry)
                 continue
-            if isinstance(entry, Secrets):
+            elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
                 continue
-            if isinstance(entry, Answered):
-                if entry.call == STEP and isinstance(entry.answer, int):
-                    self._begin_scan(entry.answer)
-                elif entry.call == "shows":
-                    self._comment(entry)
-                entry = self._pointing(entry)
+            elif isinstance(entry, Keyframe):
+                self.keyframe(entry)
+                continue
             elif isinstance(entry, RunBegins):
                 self._wall_ns = entry.wall_ns
                 self._wire = WirePackets(entry.wall_ns)
@@ -168,7 +185,6 @@ class RecordingWriter:
         if not len(self._block):
             return
         written = [pcap.secrets_block(self._secrets)] if self._secrets else []
-        self.has_secrets |= bool(self._secrets)
         self._secrets = b""
         for number, packet in enumerate(self._packets):
             if packet.line and packet.line not in self._lines:
@@ -182,10 +198,22 @@ class RecordingWriter:
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
         self._index.append(row)
+        self._blocks += 1
         self._block_scans, self._block_ns = self._scans, self._now
-        self._packets, self._comments, self._block = [], {}, BlockWriter(len(self._index))
+        self._packets, self._comments, self._block = [], {}, BlockWriter(self._blocks)
         self._called = InPackets(0, 0, 0), b""
         self._scan_from = self._payload_size = 0
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Write a keyframe of the scans that have been taken."""
+        self.flush()
+        program = frame.program.encode()
+        head = _KEYFRAME.pack(KEYFRAME_VERSION, *frame[1:5], zlib.crc32(frame.content), frame.size)
+        row = BlockPlace(self.size, IS_KEYFRAME, frame.scan, frame.ns)
+        self._write(
+            self._journal_packets(KEYFRAME + head + _LENGTH.pack(len(program)) + program + frame.content)
+        )
+        self._index.append(row)
 
     def _journal_packets(self, block: bytes) -> bytes:
         pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
@@ -229,6 +257,7 @@ class Recording:
         with self._opened() as file:
             self._check_head(file)
         self._index: list[BlockPlace] | None = None
+        self._keyframes: list[BlockPlace] = []
 
     def _opened(self) -> IO[bytes]:
         try:
@@ -285,11 +314,14 @@ class Recording:
 
     def entries(self, first: int = 0) -> Iterator[Entry]:
         """Yield the entries of the journal from block number `first` on, as far as they can be read."""
+        return chain.from_iterable(self._in_blocks(first))
+
+    def _in_blocks(self, first: int) -> Iterator[Iterator[Entry]]:
         at = self.index()[first].packets_at if first else 0
         payloads: list[bytes] = []
         blocks = (block for block, _ in self._journal(at, payloads))
         try:
-            yield from entries_of(blocks, self.path, payloads, first)
+            yield from in_blocks(blocks, self.path, payloads, first)
         except UserError as wrong:
             self.stopped = str(wrong)
 
@@ -316,8 +348,10 @@ class Recording:
                 pieces.append(data[1:])
                 if data[:1] != MORE:
                     block = b"".join(pieces)
-                    if not block.startswith(INDEX):
+                    if not block.startswith((INDEX, KEYFRAME)):
                         yield block, BlockPlace(begun, journal_at, 0, 0)
+                    elif self._index is None and block.startswith(KEYFRAME):
+                        self._note_keyframe(journal_at, block)
                     payloads.clear()
                     pieces, begun, kept = [], -1, 0
 
@@ -325,12 +359,50 @@ class Recording:
         """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
         if self._index is None:
             with self._opened() as file:
-                self._index = _written_index(file)
-            try:
-                self._index = self._index or list(self._found())
-            except UserError as wrong:
-                self.stopped, self._index = str(wrong), []
+                rows = _written_index(file)
+            if rows:
+                self._keyframes = [row for row in rows if row.journal_at == IS_KEYFRAME]
+                self._index = [row for row in rows if row.journal_at != IS_KEYFRAME]
+            else:
+                self._index = self._rebuilt()
         return self._index
+
+    def _rebuilt(self) -> list[BlockPlace]:
+        self._keyframes = []
+        try:
+            return list(self._found())
+        except UserError as wrong:
+            self.stopped = str(wrong)
+            return []
+
+    def keyframes(self) -> list[BlockPlace]:
+        """Return where the keyframes stand, in their order; `scans` are those of the run."""
+        self.index()
+        return self._keyframes
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        """Return a keyframe; raise UserError."""
+        pieces: list[bytes] = []
+        with self._opened() as file:
+            for kind, body, _ in self._blocks(file, place.packets_at):
+                if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8 or len(pieces) > MOST_PIECES:
+                    break
+                interface, _, _, size = _PACKET.unpack_from(body)
+                data = body[AT_DATA - 8 : AT_DATA - 8 + size]
+                if interface != JOURNAL:
+                    break
+                pieces.append(data[1:])
+                if data[:1] != MORE:
+                    frame = _keyframe_of(b"".join(pieces), self.path)
+                    if frame.scan == place.scans:
+                        return frame
+                    break
+        raise mistake(f"{self.path}: byte {place.packets_at}", "no keyframe", "one, as the index says")
+
+    def _note_keyframe(self, at: int, block: bytes) -> None:
+        with suppress(UserError):
+            frame = _keyframe_of(block, self.path)
+            self._keyframes.append(BlockPlace(at, IS_KEYFRAME, frame.scan, frame.ns))
 
     def _found(self) -> Iterator[BlockPlace]:
         """Yield the rows that the index would have; scans and times are counted by reading."""
@@ -342,6 +414,21 @@ class Recording:
                 if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
                     scans, ns = scans + 1, entry.answer
             yield row._replace(scans=before[0], ns=before[1])
+
+
+def _keyframe_of(block: bytes, path: str) -> Keyframe:
+    where = f"{path}: keyframe"
+    at = len(KEYFRAME) + _KEYFRAME.size
+    if len(block) < at + _LENGTH.size or not block.startswith(KEYFRAME):
+        raise mistake(where, f"{len(block)} bytes", "a keyframe")
+    version, scan, ns, steps, beyond, check, size = _KEYFRAME.unpack_from(block, len(KEYFRAME))
+    if version != KEYFRAME_VERSION:
+        raise mistake(where, f"version {version}", f"version {KEYFRAME_VERSION}, all that is known here")
+    (length,) = _LENGTH.unpack_from(block, at)
+    program, content = block[at + 4 : at + 4 + length], block[at + 4 + length :]
+    if zlib.crc32(content) != check:
+        raise mistake(where, "another checksum", "that of the state")
+    return Keyframe(program.decode(errors="replace"), scan, ns, steps, beyond, size, content)
 
 
 def _payload(interface: int, data: bytes) -> bytes:
@@ -372,5 +459,5 @@ def _written_index(file: IO[bytes]) -> list[BlockPlace]:
     if len(rows) % _ROW.size:
         return []
     found = [BlockPlace(*row) for row in _ROW.iter_unpack(rows)]
-    places = [place for row in found for place in (row.packets_at, row.journal_at)]
+    places = [place for row in found for place in (row.packets_at, row.journal_at) if place != IS_KEYFRAME]
     return found if places == sorted(places) and (not places or places[-1] < whole) else []

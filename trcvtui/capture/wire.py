@@ -1,4 +1,4 @@
-"""What crosses the wire at the PLC's kernel: tapped, and made into valid packets: IPv4, serial lines.
+"""What crosses the wire at the PLC's kernel, as valid packets: IPv4, serial lines.
 
 The calls of the kernel tell more than a wire does: a packet's other half (who sent ACK, and when) is made up.
 Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from typing import Final, cast
+from typing import Final
 
-from trcvtui.capture.journal import Seam, WireCall
+from trcvtui.capture.journal import WireCall
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.kernel import Accepted, DirectRead, Handle, Kernel, KernelLoss, LocalAddress
-from trcvtui.net.layers.layer_kernel import ReadyKernel
-from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, WouldBlock, is_loopback, octets
+from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress
+from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, is_loopback, octets
 from trcvtui.records import NamedTuple
 
 MOST_PAYLOAD: Final = 1460
@@ -41,79 +40,6 @@ class WirePacket(NamedTuple):
     ns: int
     data: bytes
     payload: int
-
-
-# Calls that tell of the wire, and those of them whose second argument is a view of bytes.
-TAPPED: Final = (
-    *("bind", "local_end", "connect", "connect_result", "accept", "recv", "recv_from", "send", "send_to"),
-    *("shutdown", "close", "abort", "loss"),
-)
-WITH_BYTES: Final = frozenset({"recv", "recv_from", "send", "send_to"})
-
-
-class _Tap:
-    """A kernel around another that tells its seam what crosses the wire; all else it hands on.
-
-    `is_next`: the seam stands next to it, so that what is read stands in the seam's next entry.
-    """
-
-    def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
-        self._seam, self._inner, self._is_next = seam, inner, is_next
-        self._owners: dict[int, str] = {}
-        for name in TAPPED:
-            setattr(self, name, self._tapped(name))
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._inner, name)
-
-    def local_addresses(self) -> tuple[LocalAddress, ...]:
-        found = self._inner.local_addresses()
-        self._seam.wire("", "local_addresses", 0, (), found, b"")
-        return found
-
-    def socket(self, owner: str) -> Handle | Fault:
-        return self._mine(owner, self._inner.socket(owner))
-
-    def datagram_socket(self, owner: str) -> Handle | Fault:
-        return self._mine(owner, self._inner.datagram_socket(owner))
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return that of the kernel, if the seam is next: it tells what was read."""
-        return self._inner.direct_read(handle) if self._is_next else None
-
-    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
-        if not isinstance(made, Fault):
-            self._owners[made] = owner
-        return made
-
-    def _tapped(self, name: str) -> Callable[..., object]:
-        call, wire, owners = getattr(self._inner, name), self._seam.wire, self._owners
-        has_bytes, is_last = name in WITH_BYTES, name in ("close", "abort")
-        is_told = self._is_next and name in ("recv", "recv_from")
-
-        def tapped(handle: Handle, *args: object) -> object:
-            answer = call(handle, *args)
-            if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
-                return answer
-            owner = owners.pop(handle, "") if is_last else owners.get(handle, "")
-            data = b""
-            if has_bytes:
-                size = answer.size if isinstance(answer, Datagram) else answer
-                view, *args_left = args
-                args = (len(view), *args_left)  # type: ignore[arg-type]
-                if isinstance(size, int) and not is_told:
-                    data = bytes(view[:size])  # type: ignore[index]
-            elif isinstance(answer, Accepted):
-                owners[answer.handle] = owner
-            wire(owner, name, handle, args, answer, data)
-            return answer
-
-        return tapped
-
-
-def wire_tap(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
-    """Return the kernel, tapped; `is_next`: the seam asks it, no layer is between."""
-    return cast(ReadyKernel, _Tap(seam, kernel, is_next))
 
 
 class _TcpStream:

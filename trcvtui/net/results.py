@@ -18,6 +18,8 @@ class WouldBlock(Enum):
     WOULD_BLOCK = "WOULD_BLOCK"
     HELD_BACK = "HELD_BACK"
 
+    __hash__ = object.__hash__  # that of Enum is Python code, and a recorder asks for it in each scan
+
 
 ANY_ADDRESS: Final = "0.0.0.0"
 WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK

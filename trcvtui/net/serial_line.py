@@ -66,12 +66,12 @@ class SimSerialPort:
     """A port that is always there; what is sent to it goes nowhere, what comes while it is closed is lost."""
 
     def __init__(self) -> None:
-        self._is_open = False
+        self.is_open = False
         self._waiting = bytearray()
 
     def open(self) -> None:
         """Open it."""
-        self._is_open = True
+        self.is_open = True
 
     def read(self, most: int) -> bytes:
         """Return the bytes that have come."""
@@ -85,11 +85,11 @@ class SimSerialPort:
 
     def close(self) -> None:
         """Give the port back."""
-        self._is_open = False
+        self.is_open = False
         self._waiting.clear()
 
     def arrive(self, payload: bytes) -> bool:
         """Let bytes come."""
-        if self._is_open:
+        if self.is_open:
             self._waiting += payload[: SIMULATED_LINE_BYTES - len(self._waiting)]
         return True

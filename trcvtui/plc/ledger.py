@@ -66,6 +66,10 @@ class InputEdge:
     value: PinValue
 
 
+# Who sent, where nobody of the bench did: bytes of a captured packet, bytes that the capture has not.
+A_PACKET, A_HOLE = "packet:", "missing:"
+
+
 class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream."""
 

@@ -127,7 +127,7 @@ class Runtime:
         resources.work.said = self._work_waits
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
-        self._resolve = self._resolver(resolve_peer)
+        self._resolve_peer = resolve_peer
         self._data = {d.name: area_of(d) for d in project.data}
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
@@ -174,13 +174,10 @@ class Runtime:
         links = (*self._connections, *self._ports, *self._lines.names)
         return CallOrder(entries, self.interval_ns, links, self.ledger if self.has_lanes else None)
 
-    def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
-        def resolve(reference: str) -> int | None:
-            name = reference.removeprefix("@")
-            is_own = name in self._connections or name in self._ports
-            return self.listening_port(name) if is_own else resolve_peer(name)
-
-        return resolve
+    def _resolve(self, reference: str) -> int | None:
+        name = reference.removeprefix("@")
+        is_own = name in self._connections or name in self._ports
+        return self.listening_port(name) if is_own else self._resolve_peer(name)
 
     # -- what may be asked between scans ----------------------------------------------------------------
 

@@ -40,10 +40,7 @@ class SerialLines:
         write: Callable[[SerialNote | BenchNote], None],
         ports: SerialPorts | None,
     ) -> None:
-        def now() -> int:
-            return env.now
-
-        self._now, self._write, self._new_port = now, write, ports
+        self._env, self._write, self._new_port = env, write, ports
         self._decls: dict[str, ComBufferDecl] = {}
         self._buffers: dict[str, ComBuffer] = {}
         self._streams: dict[str, StreamEnd] = {}  # by instance, also one that is deleted
@@ -52,9 +49,12 @@ class SerialLines:
         for decl in decls:
             self.declare(decl)
 
+    def _time(self) -> int:
+        return self._env.now
+
     def declare(self, decl: ComBufferDecl) -> None:
         """Take one more ComBuffer."""
-        buffer = ComBuffer(decl.name, _size(decl), self._write, self._now)
+        buffer = ComBuffer(decl.name, _size(decl), self._write, self._time)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
             note = partial(_noted, self._write, f"{decl.name} {decl.serial.port}")

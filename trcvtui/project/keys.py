@@ -58,6 +58,7 @@ from trcvtui.project.project import (
     Project,
     SequenceDecl,
     SimDecl,
+    TapDecl,
     Task,
     WatchDecl,
 )
@@ -90,6 +91,7 @@ from trcvtui.project.tables import (
     SEED,
     STEPS,
     STOP_BITS,
+    TAP_PLACE,
     TEXT,
     TEXT_FORM,
     TRUTH,
@@ -826,18 +828,39 @@ _SEQUENCE: Final = TableRow(
 
 _WATCH: Final = TableRow(
     "watch", "watches", WatchDecl,
-    "A line of others: in a capture, the instances on a CONNECT look on (`trcvtui watch`).",
+    "A line of others: in a capture, the instances on a CONNECT or UDP_CONFIG look on (`trcvtui watch`).",
     (
         _named("line"),
         Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 where the PLC calls.", "plc",
             ask=Ask("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances look on.", "connect",
             ask=Ask("a CONNECT", _names("connect"), _last(_names("connect"))),
-            refers=Refers("CONNECT", ("connect",)), is_needed=True),
+            refers=Refers("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
         Key("partner", FAR_END, "The other end; without it any.", "partner", "",
             Ask("the other end; none: any")),
     ),
     "watched line", "a line that is watched", "watch",
+)  # fmt: skip
+
+
+_LOOKED_ON: Final = Refers("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
+_TAP: Final = TableRow(
+    "tap", "taps", TapDecl,
+    "A tap between two ends, whose bytes go on; the instances on a CONNECT look on (`trcvtui tap`).",
+    (
+        _named("tap"),
+        Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
+            "listen", ask=Ask("where it listens: 2000"), is_needed=True),
+        Key("to", TAP_PLACE, "To whom it goes on: 10.0.0.5:2000, the PLC end.", "to",
+            ask=Ask("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
+        Key("connect", TEXT, "The CONNECT whose instances look on at what goes to the PLC end.", "connect",
+            ask=Ask("a CONNECT", _names("connect"), _last(_names("connect"))),
+            refers=_LOOKED_ON, is_needed=True),
+        Key("back", TEXT, "The CONNECT whose instances look on at what comes from it.", "back", "",
+            Ask("a CONNECT for what comes back; none: nobody", _names("connect")),
+            refers=_LOOKED_ON._replace(or_none=True)),
+    ),
+    "tap", "a tap", "tap",
 )  # fmt: skip
 
 
@@ -901,18 +924,18 @@ TABLES: Final[dict[str, TableRow]] = {
     row.kind: row
     for row in (
         _TASK, _DATA, _CONNECT, _UDP_CONFIG, _ADDR, _INSTANCE, _PEER, _MESSAGE, _SEQUENCE, _CERTIFICATE,
-        _COMBUFFER, _WATCH,
+        _COMBUFFER, _WATCH, _TAP,
     )
 }  # fmt: skip
 DESCRIBED: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
 # What can be added, as commands list it; and as a form offers it, what is added most often first.
 EDITED: Final = (
     "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
-    "certificate", "watch",
+    "certificate", "watch", "tap",
 )  # fmt: skip
 OFFERED: Final = (
     "instance", "connect", "data", "peer", "message", "sequence", "udp_config", "addr", "certificate",
-    "combuffer", "watch",
+    "combuffer", "watch", "tap",
 )  # fmt: skip
 
 

@@ -145,13 +145,28 @@ class SequenceDecl:
 class WatchDecl:
     """One line that is watched: the instances on `connect` look on at what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT; `partner` "": any.
+    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT of what comes from `plc`, "": none.
     """
 
     name: str
     plc: str
     connect: str
     partner: str = ""
+    back: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TapDecl:
+    """One tap: places as `trcvtui tap` takes them; the CONNECTs whose instances look on each direction.
+
+    `connect`: of what goes to the PLC end; `back`: of what comes from it, "": nobody looks on.
+    """
+
+    name: str
+    listen: str
+    to: str
+    connect: str
+    back: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +213,7 @@ Declaration = (
     | SequenceDecl
     | CertificateDecl
     | WatchDecl
+    | TapDecl
 )
 
 
@@ -255,6 +271,7 @@ class Project:
     certificates: Certificates = field(default_factory=dict)
     combuffers: tuple[ComBufferDecl, ...] = ()
     watches: tuple[WatchDecl, ...] = ()
+    taps: tuple[TapDecl, ...] = ()
     black_box: bool = True  # whether a run on the screen keeps its newest for a recording
     undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
 

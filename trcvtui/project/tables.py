@@ -15,6 +15,7 @@ from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.results import Endpoint, end_in_words
+from trcvtui.net.tap import PLACE, place_of
 from trcvtui.records import dataclass
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_integer, parse_time
@@ -222,6 +223,14 @@ def _texts(value: object) -> tuple[str, ...] | None:
     return read if len(read) == len(texts) else None
 
 
+def _tap_place(text: str) -> str | None:
+    try:
+        place_of(text, "")
+    except UserError:
+        return None
+    return text
+
+
 def parse_endpoint(text: str) -> Endpoint | None:
     """Return `127.0.0.1:2000` as an Endpoint, None when it is none."""
     address, colon, port = text.rpartition(":")
@@ -260,6 +269,7 @@ FAR_END: Final = of_text(
     "an address with or without a port, such as 10.0.0.5:2000",
     lambda text: text if end_in_words(text) else None,
 )
+TAP_PLACE: Final = of_text(PLACE, _tap_place)
 ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]',
     _addresses,

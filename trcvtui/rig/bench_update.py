@@ -19,6 +19,7 @@ from trcvtui.rig.snapshots import (
     PeerSnapshot,
     PlayerSnapshot,
     Position,
+    TalkSnapshot,
     TrialSnapshot,
 )
 
@@ -84,6 +85,8 @@ class BenchUpdate:
         tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
     position: Position | None = None  # of a replay in its recording
+    shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
+    talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
 
 
 class BareUpdate(NamedTuple):

@@ -19,6 +19,47 @@ class ReplySnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class WaySnapshot:
+    """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
+
+    `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these.
+    """
+
+    size: int
+    rate: int
+    segments: int
+    again: int  # bytes that were sent again
+    missing: int
+    is_closed: bool  # who receives has told a window of 0
+    held: int | None = None
+    first: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class TalkSnapshot:
+    """A conversation of others. `tap` is the tap that it goes through, "" for one that is only watched.
+
+    `seconds`: bytes of both directions in each of the newest seconds.
+    `handshake_ns`: from SYN to the ACK of its answer.
+    """
+
+    number: int
+    tap: str
+    plc: str
+    partner: str
+    state: str  # connecting, open, ended, reset; UDP, serial
+    to_plc: WaySnapshot
+    from_plc: WaySnapshot
+    seconds: tuple[int, ...]
+    handshake_ns: int | None = None
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether a tap holds back one of its directions."""
+        return self.to_plc.held is not None or self.from_plc.held is not None
+
+
+@dataclass(frozen=True, slots=True)
 class CheckTally:
     """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
 
@@ -206,6 +247,9 @@ class Position:
     speed: str
     errors: int
     marks: bytes
+    first: int = 0  # the scan before those that are in it
     note: str = ""
     what_if: tuple[str, ...] = ()
     parts_at: int = 0
+    first_ns: int | None = None  # UTC of time 0, where it is that of a capture
+    beside: tuple[str, ...] = ()  # what is told of the capture

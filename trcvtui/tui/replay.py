@@ -11,6 +11,7 @@ from textual.binding import Binding
 from textual.widget import Widget
 
 from trcvtui.rig.snapshots import CANNOT, Position
+from trcvtui.rig.wording import utc_text
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -40,14 +41,15 @@ STYLES: Final = {HERE: "key", PARTS: "warn", ERROR: "error", PAST: "key", COMING
 
 def bar(position: Position, width: int) -> str:
     """Return the whole recording in one line: where it stands, what has passed, where ERRORs come."""
-    pieces, last = len(position.marks), max(1, position.last_scan)
-    here = (max(1, position.scan) - 1) * width // last
+    pieces, first = len(position.marks), position.first + 1
+    scans = max(1, position.last_scan - position.first)
+    here = max(0, position.scan - first) * width // scans
 
     def sign(column: int) -> str:
         if column == here:
             return HERE
         begin = column * pieces // width
-        if position.parts_at and column == (position.parts_at - 1) * width // last:
+        if position.parts_at and column == (position.parts_at - first) * width // scans:
             return PARTS
         has_error = 1 in position.marks[begin : max(begin + 1, (column + 1) * pieces // width)]
         return ERROR if has_error else PAST if column < here else COMING
@@ -67,7 +69,7 @@ class PositionLine(LineView, inherit_bindings=False):
     def row_count(self) -> int:
         """Return the lines that it takes."""
         picture = self._view_model.live
-        return ROWS + (len(picture.position.what_if[:MOST_SAID]) if picture and picture.position else 0)
+        return ROWS + (len(_said(picture.position)) if picture and picture.position else 0)
 
     def row_at(self, y: int) -> Row:
         """Return one of them."""
@@ -77,7 +79,7 @@ class PositionLine(LineView, inherit_bindings=False):
         if y == 0:
             return row(*_words(picture.position, picture.holding))
         if y >= ROWS:
-            said = picture.position.what_if[y - ROWS : y - ROWS + 1]
+            said = _said(picture.position)[y - ROWS : y - ROWS + 1]
             return row(*((plain(line), "warn" if y == ROWS else "") for line in said))
         signs = groupby(bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
@@ -86,14 +88,23 @@ class PositionLine(LineView, inherit_bindings=False):
         """Go to the scan under the mouse."""
         place, picture = self.place_of(event), self._view_model.live
         if place is not None and place[1] == 1 and picture is not None and picture.position is not None:
-            scan = place[0] * picture.position.last_scan // max(1, self.line_width) + 1
+            first, last = picture.position.first, picture.position.last_scan
+            scan = first + place[0] * (last - first) // max(1, self.line_width) + 1
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
+
+
+def _said(position: Position) -> tuple[str, ...]:
+    return (position.what_if or position.beside)[:MOST_SAID]
 
 
 def _words(position: Position, holding: bool) -> Iterator[Part]:
     more = "" if position.is_read else "+"
     yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
+    if position.first:
+        yield f" from {position.first + 1} on", ""
     yield f" · {format_time(position.t_ns)} of {format_time(position.last_t_ns)}{more}", ""
+    if position.first_ns is not None:
+        yield f" · {utc_text(position.first_ns + position.t_ns)}", ""
     yield f" · {'‖' if holding else '▶'} {position.speed}", "" if holding else "done"
     if holding and position.wanted != position.scan:
         known = position.wanted <= position.last_scan
@@ -127,6 +138,7 @@ class ReplayScreen(MainScreen):
         self.key_line = KeyLine(EVERYWHERE, CLICKS)
         self.position = PositionLine(view_model)
         self._position_rows = ROWS
+        self._is_beside = False  # is a run with another parameter shown beside
 
     def compose(self) -> Iterator[Widget]:
         """Compose what the bench has, and the position above the prompt."""
@@ -150,9 +162,15 @@ class ReplayScreen(MainScreen):
             self._position_rows = rows
             self.position.styles.height = rows
             self._fit(*self.size)
-            if (rows > ROWS) != self.has_class(ZOOM):  # both runs over time, or all panes again
+            picture = self._view_model.live
+            is_beside = (
+                picture is not None and picture.position is not None and bool(picture.position.what_if)
+            )
+            if is_beside != self._is_beside:  # both runs over time, or all panes again
+                self._is_beside = is_beside
                 self._open(TIMING)
-                self.action_zoom()
+                if is_beside != self.has_class(ZOOM):
+                    self.action_zoom()
             self._arrange()
         super().show()
         self.position.show()

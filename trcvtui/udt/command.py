@@ -161,6 +161,23 @@ def layout_of(args: SimpleNamespace) -> Layout:
     return layout
 
 
+def only_layout(path: str) -> Layout:
+    """Return the layout of the only type of a file that no other type holds, as its source lays it out."""
+    types = read_files((path,), {})
+    inner = {
+        part.name.casefold()
+        for _, type_ in types.types.values()
+        for top in parts_of(type_)
+        for part in _named(top, set())
+        if part.name
+    }
+    outer = [name for name in types.names() if name.casefold() not in inner]
+    name = outer[0] if len(outer) == 1 and not types.problems else types.only()
+    rules, told = rules_of(LayoutChoice(), types, name)
+    tell(told)
+    return lay_out(types.named(name, path), rules, name)
+
+
 def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
     """Return what the options say of the layout; raise UserError for one that says nothing known."""
     return LayoutChoice(*(_option(field, getattr(args, field)) for field in LayoutChoice._fields))

@@ -130,6 +130,16 @@ def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -
     assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
 
 
+def test_a_connection_is_built_on_ethernet_as_on_any_link(watch: Watch) -> None:
+    packets = [*handshake(), *stream(12)]
+    on_ip = watch(packets)
+    watch.path.write_bytes(
+        capture([bytes(12) + b"\x08\x00" + each for each in packets], ETHERNET, 60_000_000)
+    )
+    assert watch.file(watch.path).records == on_ip.records
+    assert on_ip.jobs("C1_TO_PLC")[-1] == ("7008", 12)
+
+
 def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
     packets = [*handshake(), *stream(12), answer(bytes(12), 501, 113), tcp(seq=113, ack=513)]
     seen = watch(packets, "--plc", "10.0.0.9")
@@ -190,10 +200,6 @@ def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> N
     seen = watch(two_calls(4))
     assert seen.last["unassigned"] == [{"id": "C2", "why": "it overlaps C1"}]
     assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12]
-
-
-def test_udp_is_listed_as_unassigned(watch: Watch) -> None:
-    assert watch([udp(b"abc")]).last["unassigned"] == [{"id": "C1", "why": "UDP"}]
 
 
 ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'
@@ -390,7 +396,7 @@ def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.Capture
         for line in lines
     )
     assert any("C1_TO_PLC  80AA!  the partner reset" in line for line in lines)
-    assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 is unassigned: UDP"]
+    assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 was played to C2, C2_BACK"]
 
 
 def odd_capture(chance: random.Random) -> bytes:

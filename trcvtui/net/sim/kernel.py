@@ -74,6 +74,11 @@ class DatagramWire:
         if target is not None and self.wire.is_up(owner, target.owner):
             target.arrive(source, data)
 
+    def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
+        """Hand over a datagram from elsewhere; return whether there is somebody with room for it."""
+        target = self._socket_at(remote)
+        return target is not None and target.arrive(source, data)
+
     def _socket_at(self, end: Endpoint) -> SimDatagrams | None:
         """Return who gets it: the socket of that very address, else one of all; the newest of several."""
         holders = self._bound.get(end.port, []) if self.wire.owns(end.address) else []
@@ -143,14 +148,15 @@ class SimDatagrams(SimSocket):
             return "EACCES" if remote.address == BROADCAST else ""
         return self._no_way_to(remote.address)
 
-    def arrive(self, source: Endpoint, data: bytes) -> None:
-        """Queue a datagram; where there is no room for it, it is the newest that is dropped."""
+    def arrive(self, source: Endpoint, data: bytes) -> bool:
+        """Queue a datagram; return False where there is no room: it is the newest that is dropped."""
         cost = _cost(data)
         if self._queue and self._used + cost > self.tuning.receive_room:
-            return
+            return False
         self._queue.append((source, data))
         self._used += cost
         self.changed()
+        return True
 
     def take(self, into: memoryview) -> Datagram | WouldBlock:
         """Take the oldest datagram; what is larger than the view is cut off."""
@@ -183,6 +189,10 @@ LOOPBACK_PORT: Final = LocalAddress(
 )
 
 
+class Chance(random.Random):
+    """What a seed decides; it has a name of ours, so a state of a run may name it."""
+
+
 class SimKernel:
     """A Kernel whose network, peers included, lives in memory."""
 
@@ -198,7 +208,7 @@ class SimKernel:
         self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
         self._datagrams = DatagramWire(self._wire, latency_ns)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
-        self._random = random.Random(seed)
+        self._random = Chance(seed)
         self._not_ethernet = not_ethernet
         self._fragment = fragment
         self._sockets: dict[Handle, SimSocket] = {}
@@ -238,6 +248,11 @@ class SimKernel:
     def wire(self) -> SimWire:
         """Return the network, for partners that are played."""
         return self._wire
+
+    @property
+    def datagrams(self) -> DatagramWire:
+        """Return the network of datagrams, for partners that are played."""
+        return self._datagrams
 
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""

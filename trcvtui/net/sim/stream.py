@@ -7,7 +7,7 @@ Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE 
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum, IntFlag
+from enum import Enum
 from typing import Final, Protocol
 
 from trcvtui.net.kernel import PathInfo
@@ -21,8 +21,8 @@ from trcvtui.records import NamedTuple, dataclass
 SEGMENT_BYTES: Final = 1460
 
 
-class Flag(IntFlag):
-    """What a segment means besides its data."""
+class Flag:
+    """What a segment means besides its data; plain numbers, each segment is asked several times."""
 
     NONE = 0
     SYN_ACK = 1
@@ -38,7 +38,7 @@ class Segment(NamedTuple):
     ack: int
     edge: int
     data: bytes = b""
-    flags: Flag = Flag.NONE
+    flags: int = Flag.NONE
 
 
 RESET: Final = Segment(0, 0, 0, b"", Flag.RST)
@@ -56,6 +56,11 @@ class SendHalf:
         self._queue = bytearray()
         self._first = 0  # where the queue begins: the first unacknowledged position
         self._edge = 0  # how far the partner's window goes
+
+    @property
+    def waiting(self) -> int:
+        """Return how many bytes the partner has not acknowledged."""
+        return len(self._queue)
 
     @property
     def unacked(self) -> int:
@@ -99,11 +104,19 @@ class SendHalf:
         self._first = ack
         return True
 
+    def pass_on(self, size: int) -> bool:
+        """Count bytes as sent and acknowledged, where none waits and room and window let all through."""
+        after = self.next + size
+        if self._queue or self.fin or self._first != self.next or after > self._edge or size > self.room:
+            return False
+        self.next = self._first = after
+        return True
+
     def rewind(self) -> None:
         """Send everything unacknowledged again."""
         self.next = self._first
 
-    def emit(self) -> tuple[int, bytes, Flag] | None:
+    def emit(self) -> tuple[int, bytes, int] | None:
         """Return position, data and flags of what may be sent now, and count it as sent."""
         end = self._first + len(self._queue)
         seq, limit = self.next, min(end, self._edge)
@@ -227,6 +240,7 @@ class Wire(Protocol):
     def cancel(self, ticket: Ticket | None) -> None: ...
     def syn(self, client: SimStream) -> None: ...
     def carry(self, source: SimStream, segment: Segment) -> None: ...
+    def carry_at_once(self, source: SimStream, data: memoryview) -> bool: ...
     def over(self, stream: SimStream, linger: bool) -> None: ...
     def set_link(self, owner: str, up: bool) -> None: ...
 
@@ -285,6 +299,11 @@ class SimStream:
         """Return how many received bytes wait."""
         return len(self._in.inbox)
 
+    @property
+    def untaken(self) -> int:
+        """Return how many bytes that were written no program has read."""
+        return self._out.waiting + (len(self.partner._in.inbox) if self.partner is not None else 0)
+
     def path(self) -> PathInfo:
         """Return the send side's state."""
         often = self.tuning.longest_wait <= RTO_MAX
@@ -323,6 +342,8 @@ class SimStream:
             return self.take_error()
         if self._out.fin or self.phase is StreamPhase.OVER:
             return "EPIPE"
+        if self._wire.carry_at_once(self, data):
+            return len(data)
         taken = self._out.put(data)
         if not taken and data:
             return WOULD_BLOCK
@@ -463,9 +484,37 @@ class SimStream:
         if self._is_finished and self.phase is StreamPhase.OPEN:
             self._end(self._closed_first)
 
+    def hand_over(self, data: memoryview) -> bool:
+        """Let the partner have bytes, and his acknowledgement come: what segments without latency do.
+
+        False: it is not the usual course; nothing was done.
+        """
+        partner = self.partner
+        if (
+            partner is None
+            or self.phase is not StreamPhase.OPEN
+            or partner.phase is not StreamPhase.OPEN
+            or partner.read_shut
+            or partner._out.is_waiting
+            or partner._in.next != self._out.next
+            or self._in.fin
+            or partner._in.fin
+            or not self._out.pass_on(len(data))
+        ):
+            return False
+        now = self._wire.now
+        partner.heard, half = now, partner._in
+        partner._out.open_window(self._in.offer())
+        half.inbox += data
+        half.next += len(data)
+        partner.changed()
+        self.heard = now
+        self._out.open_window(half.offer())
+        return True
+
     # -- what is carried -----------------------------------------------------------------------------
 
-    def _carry(self, flags: Flag = Flag.NONE) -> None:
+    def _carry(self, flags: int = Flag.NONE) -> None:
         """Tell what has arrived and how much room is left; PROBE makes the partner do the same."""
         self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer(), b"", flags))
 

@@ -17,7 +17,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
-from trcvtui.plc.ledger import BenchNote, StatusEdge
+from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.records import replace
@@ -34,7 +34,8 @@ from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
-    from trcvtui.capture.journal import Note, Seam
+    from trcvtui.capture.journal import Note
+    from trcvtui.capture.seam import Seam
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
@@ -141,6 +142,8 @@ class Bench:
         self.project = project
         self._works_on = _what_each_works_on(project)
         self.kernel_name = kernel
+        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
+        self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
@@ -149,7 +152,7 @@ class Bench:
         self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
-        now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
+        now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
         self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
@@ -182,9 +185,12 @@ class Bench:
     def _new_work(self, now_ns: Callable[[], int]) -> Work:
         if self._seam is None:
             return Work(now_ns)
-        from trcvtui.capture.replay import SeamWork
+        from trcvtui.capture.seam import SeamWork
 
         return SeamWork(self._seam, now_ns)
+
+    def _time(self) -> int:
+        return self.now
 
     def _plc_kernel(self) -> ReadyKernel:
         make = self._with_sessions if self._has_sessions else self._tapped
@@ -194,25 +200,25 @@ class Bench:
         """Return the PLC's kernel at the wire."""
         if self._seam is None:
             return self._faulty
-        from trcvtui.capture.wire import wire_tap
+        from trcvtui.capture.seam import wire_kernel
 
-        return wire_tap(self._seam, self._faulty, is_next=not self._has_sessions)
+        return wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
-        from trcvtui.capture.replay import seam_kernel  # a bench that nobody records waits for none of it
+        from trcvtui.capture.seam import seam_kernel  # a bench that nobody records waits for none of it
 
         return seam_kernel(seam, label, make)
 
     def _with_sessions(self) -> LayerKernel:
-        """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
+        """Return what stands between the PLC and its kernel where a CONNECT has a session.
 
         One session of each is made for nothing, so that no scan has to load the library and the certificates.
         """
         for config in self.project.connects:
             if config.session is not None:
                 config.session.new(config.active)
-        return LayerKernel(self._tapped(), lambda: self.now, self._of_a_session, work=self._work)
+        return LayerKernel(self._tapped(), self._time, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if self._seam is None:
@@ -222,20 +228,19 @@ class Bench:
     def _kernel_of(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return LayerKernel(
-            self._kernel, lambda: self.now, self._of_a_session, polls=False, work=self._peers_work
-        )
+        return LayerKernel(self._kernel, self._time, self._of_a_session, polls=False, work=self._peers_work)
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._seam is None:
             return self._port_of(owner, settings)
-        from trcvtui.capture.replay import SeamPort
+        from trcvtui.capture.seam import SeamPort
 
         return SeamPort(self._seam, owner, lambda: self._port_of(owner, settings))
 
     def _port_of(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._sim is not None:
-            return FaultyPort(SimSerialPort(), self.plan, owner)
+            line = self.lines[owner] = SimSerialPort()
+            return FaultyPort(line, self.plan, owner)
         from trcvtui.net.os.serial import OsSerialPort
 
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
@@ -255,7 +260,7 @@ class Bench:
         self._write(note)
 
     def _write(self, note: Note) -> None:
-        if isinstance(note, BenchNote):
+        if isinstance(note, BenchNote | PeerSent):
             self.runtime.ledger.write(note)
         else:
             self._said(note.connect, What(note.what), note.partner, note.why)
@@ -409,6 +414,14 @@ class Bench:
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
         return self._outside("do", line, lambda: act(self, command))
 
+    def skip(self, scans: int) -> None:
+        """Count scans in which nothing happens; they are not run."""
+        if self._seam is not None:
+            self._seam.is_busy = True
+            self._seam.ask("bench", "skip", (scans,), _nothing)
+            self._seam.is_busy = False
+        self.runtime.skip(scans)
+
     def told(self, line: str) -> None:
         """Record a line of the screen that is not the bench's to carry out."""
         self._outside("do", line, _nothing)
@@ -423,6 +436,24 @@ class Bench:
         """Change the project, and tell the PLC."""
         self.project = after(command, self.project)
         return self.submit(order)
+
+    def become(self, project: Project) -> None:
+        """Let the project be one with more parts, or other ones: the PLC has them from its next scan on."""
+        orders: list[commands.Command] = []
+        for kind in ("connects", "udp_configs", "addrs", "combuffers", "data"):
+            had = {each.name: each for each in getattr(self.project, kind)}
+            for each in getattr(project, kind):
+                before = had.get(each.name)
+                if before != each:
+                    new = commands.Declare(each)
+                    orders.append(new if before is None else commands.Redeclare(before, each))
+        for decl in project.instances:
+            known = self.project.instance(decl.name)
+            if known != decl:
+                made = commands.CreateInstance(decl)
+                orders.append(made if known is None else commands.Redeclare(known, decl))
+        self.project, self._works_on = project, _what_each_works_on(project)
+        self.submit(*orders)
 
     def mend(self, command: Mend) -> str:
         """Let the project be another one, and what runs with it."""
@@ -519,6 +550,10 @@ class Bench:
             (self._down.discard if command.up else self._down.add)(command.connect)
             self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
+
+    def tap(self, command: words.Intervene) -> str:
+        """Hand it to the tap that feeds this bench; what it did, it tells."""
+        return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
         """Let a kernel call fail."""

@@ -148,6 +148,17 @@ def after_link(words: list[str], project: Project) -> Iterable[str]:
     return project.links() if len(words) == 1 else ("down", "up")
 
 
+def after_tap(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a tap, a direction, what can be done with it."""
+    if len(words) == 1:
+        return (tap.name for tap in project.taps)
+    if len(words) == 2:
+        return "to-plc", "from-plc"
+    if len(words) == 3:
+        return "hold", "go", "drop", "insert", "edit", "delay", "split", "rst", "fin"
+    return ("hex", "conversation") if words[3] in ("insert", "edit") else ("conversation",)
+
+
 def after_write(words: list[str], project: Project) -> Iterable[str]:
     """Offer a variable."""
     return (data.name for data in project.data) if len(words) == 1 else ("hex",)

@@ -19,7 +19,16 @@ from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.commands.conditions import read_instance
 from trcvtui.rig.commands.edit import edits_of, read_change
-from trcvtui.rig.commands.tokens import FORMS, Words, duration, is_payload, pin_value, read_payload, value_of
+from trcvtui.rig.commands.tokens import (
+    FORMS,
+    Payload,
+    Words,
+    duration,
+    is_payload,
+    pin_value,
+    read_payload,
+    value_of,
+)
 from trcvtui.rig.commands.words import (
     FOREVER,
     Add,
@@ -32,6 +41,7 @@ from trcvtui.rig.commands.words import (
     FaultClear,
     FaultOn,
     FeedLine,
+    Intervene,
     Link,
     PlcRun,
     PlcStop,
@@ -278,6 +288,52 @@ def read_plc(words: Words, project: Project) -> PlcStop | PlcRun:
 def read_link(words: Words, project: Project) -> Link:
     name = _connect(words, project)
     return Link(name, _one_of(words, "down", "up") == "up")
+
+
+MOST_INSERTED: Final = 1 << 20  # bytes: what a tap holds at most
+PLACE_IN_HELD: Final = whole(0, MOST_INSERTED)
+CONVERSATION: Final = whole(1, (1 << 32) - 1)
+# What follows each verb: sizes (their mark and how many), or bytes.
+INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
+    "hold": ("", ""),
+    "go": ("", ""),
+    "drop": ("N", ""),
+    "insert": ("", "bytes"),
+    "edit": ("OFFSET", "bytes"),
+    "delay": ("T#..", ""),
+    "split": ("3,7", ""),
+    "rst": ("", ""),
+    "fin": ("", ""),
+}
+
+
+def read_tap(words: Words, project: Project) -> Intervene:
+    name, names = words.next("the name of a tap"), [tap.name for tap in project.taps]
+    if name not in names:
+        raise words.wrong(shown(name), expected_name(name, names, "tap"))
+    to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
+    verb = _one_of(words, *INTERVENTIONS)
+    tail = words.cut(lambda word: word == "conversation")
+    conversation = 0
+    if tail:
+        if len(tail) != 2:
+            raise words.wrong(shown(" ".join(tail)), "conversation N at the end")
+        conversation = value_of(CONVERSATION, tail[1], "conversation ", words.where)
+    mark, takes_bytes = INTERVENTIONS[verb]
+    sizes: tuple[int, ...] = ()
+    if mark:
+        text = words.next(mark)
+        if verb == "delay":
+            sizes = (duration(text, "delay ", words.where),)
+        else:
+            kind = PLACE_IN_HELD if verb == "edit" else COUNT
+            parts = text.split(",") if verb == "split" else [text]
+            sizes = tuple([value_of(kind, part, f"{verb} ", words.where) for part in parts])
+    payload = read_payload(words, project) if takes_bytes else Payload(b"", "")
+    if len(payload.content) > MOST_INSERTED:
+        raise words.wrong(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
+    words.finish()
+    return Intervene(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
 
 
 def _one_of(words: Words, *known: str) -> str:

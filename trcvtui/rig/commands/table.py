@@ -136,6 +136,14 @@ def try_splits_line(c: words.TrySplits) -> str:
     return " ".join(parts)
 
 
+def tap_line(c: words.Intervene) -> str:
+    sizes = format_time(c.sizes[0]) if c.verb == "delay" else ",".join(map(str, c.sizes))
+    data = c.text or (f"hex {c.payload.hex(' ')}" if c.payload else "")
+    newest = f"conversation {c.conversation}" if c.conversation else ""
+    parts = "tap", c.tap, "to-plc" if c.to_plc else "from-plc", c.verb, sizes, data, newest
+    return " ".join(filter(None, parts))
+
+
 def fault_line(c: words.FaultOn) -> str:
     parts = ["fault", c.call]
     if c.error is not None:
@@ -217,6 +225,9 @@ class ActsOnBench(Protocol):
 
     def set_link(self, command: words.Link) -> str:
         """Let the wire go silent, or speak again."""
+
+    def tap(self, command: words.Intervene) -> str:
+        """Let a tap do something with the bytes of a direction."""
 
     def arm_fault(self, command: words.FaultOn) -> str:
         """Let a kernel call fail."""
@@ -447,6 +458,12 @@ ROWS: Final = (
     CommandRow("prefix", read_prefix, completion.after_mark, (_MARK,)),
     CommandRow("suffix", read_suffix, completion.after_mark, ()),
     CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
+    CommandRow(
+        "tap",
+        reader.read_tap,
+        completion.after_tap,
+        (RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),),
+    ),
 )
 COMMANDS: Final = {row.verb: row for row in ROWS}
 

@@ -20,6 +20,7 @@ from trcvtui.project.project import (
     MessageDecl,
     PeerDecl,
     SequenceDecl,
+    TapDecl,
     WatchDecl,
 )
 from trcvtui.records import dataclass, field
@@ -39,6 +40,7 @@ AddedDecl = (
     | SequenceDecl
     | CertificateDecl
     | WatchDecl
+    | TapDecl
 )
 
 
@@ -382,6 +384,22 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
+class Intervene:
+    """`tap T to-plc edit 3 hex 0A conversation 2`: what the tap does with bytes in one direction.
+
+    `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
+    """
+
+    tap: str
+    to_plc: bool
+    verb: str
+    sizes: tuple[int, ...] = ()
+    payload: bytes = b""
+    text: str = ""
+    conversation: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class FaultOn:
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
@@ -518,6 +536,7 @@ BenchCommand = (
     | FeedLine
     | SetMark
     | Link
+    | Intervene
     | FaultOn
     | FaultClear
     | RunScans

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -37,13 +38,13 @@ from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps
-from trcvtui.rig.snapshots import Answer, EngineTiming
+from trcvtui.rig.snapshots import Answer, EngineTiming, TalkSnapshot
 from trcvtui.rig.wording import count
 from trcvtui.udt.command import constants_of
 from trcvtui.udt.sources import read_files
 
 if TYPE_CHECKING:
-    from trcvtui.capture.journal import Seam
+    from trcvtui.capture.seam import Seam
     from trcvtui.rig.recording.black_box import BlackBox
 
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
@@ -123,6 +124,7 @@ MOST_DATA: Final = (
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"
+WATCH: Final = "watch"
 UDT: Final = "udt"
 FRAMING: Final = "framing"
 SAVE_LINES: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
@@ -157,7 +159,11 @@ class Controller:
         self.holding = False
         self.wanted = 0
         self.recorded = ""  # what the screen shall know of a recording
+        self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
+        self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
+        self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
+        self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
         self._begin(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
@@ -202,6 +208,8 @@ class Controller:
                 return ""
             if line == MARK:
                 return self._mark()
+            if verb == WATCH and self.watch is not None:
+                return self.watch(rest.strip())
             if verb == SAVE:
                 return self._save(rest.strip())
             if verb == RECORD:
@@ -485,7 +493,7 @@ class Controller:
             answers=answers,
             timing=timing,
             holding=self.holding,
-            kernel=self.bench.kernel_name,
+            kernel=self.kernel or self.bench.kernel_name,
             bench=self._bench_number,
             project_number=self._project_number,
             project=None if request.project == self._project_number else self._project,
@@ -500,6 +508,8 @@ class Controller:
             is_recording=self.black_box is not None and self.black_box.is_recording,
             armed=self._trigger_watch.armed if known else "",
             fired=kept.fired if kept else None,
+            shadows=self.shadows,
+            talks=self.talks(),
         )
         window = self._history.later(request.history) if request.history and known else lambda: None
         return BareUpdate(update, snapshot, lines, first_seq, window)

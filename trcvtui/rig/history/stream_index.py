@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
-from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
 from trcvtui.records import NamedTuple
 from trcvtui.rig.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
 
@@ -363,19 +363,27 @@ class StreamIndex:
         A message that goes on in a later piece of the job is told once, where it begins.
         """
         known = self._pieces(instance, of_job)
-        found: list[MessageSpan] = []
-        if known is None or not self._is_present(known[0].link):
-            return found
-        before = 0  # bytes of the job before this piece
-        for offset, size in known[1]:
-            spans = self.messages_within(known[0].link, offset, size, before)
-            found += [span for span in spans if span.begins or not before]
-            before += size
-        return found
+        first = known[1][0][1] if known is not None and known[1] else 0
+        return [span for span in self._spans(instance, of_job) if span.begins or span.position < first]
+
+    def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
+        """Yield the peer's messages in each piece of DATA, or of the running job."""
+        known = self._pieces(instance, of_job)
+        if known is not None and self._is_present(known[0].link):
+            before = 0  # bytes of the job before this piece
+            for offset, size in known[1]:
+                yield from self.messages_within(known[0].link, offset, size, before)
+                before += size
 
     def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
         """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
         return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
+
+    def holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
+        """Return the bytes of DATA, or of the running job, that a capture has not."""
+        return tuple(
+            [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]
+        )
 
     def _is_present(self, link: Link) -> bool:
         """Return whether this is the connection that stands, or stood last."""

@@ -1,7 +1,8 @@
 """The newest of a run, always kept in memory: a file gets it, and what follows, when somebody asks.
 
-Rule 1: at most MOST_BYTES are kept; what goes is counted, and a file says how much it lacks.
-Rule 2: a process writes the files; nothing here waits for it.
+Rule 1: at most MOST_BYTES are kept; what goes is counted. Each time half as much has come, a process runs
+again what is kept and gives the last state: a file that begins in the middle has it as its keyframe.
+Rule 2: a process writes the files; until the run is over nothing waits for it.
 Rule 3: a box that takes too much of the time gives up (recorder.py), unless a file gets what follows.
 """
 
@@ -10,20 +11,57 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Iterable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
-from trcvtui.capture.journal import ENDED_HERE, BlockWriter, EntriesLost, Entry, RunBegins
-from trcvtui.errors import mistake
+from trcvtui.capture.journal import (
+    ENDED_HERE,
+    STEP,
+    Answered,
+    BlockWriter,
+    EntriesLost,
+    Entry,
+    Keyframe,
+    RunBegins,
+    value_of,
+)
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import unnamed
 from trcvtui.rig import clock
-from trcvtui.rig.recording.files import SUFFIX, RecordTo
-from trcvtui.rig.recording.writer import POST_NS, WriterProcess
+from trcvtui.rig.recording.files import SUFFIX, OldBlock, RecordTo
+from trcvtui.rig.recording.writer import POST_NS, STATE, WriterProcess
 from trcvtui.rig.wording import size_text
 
 MOST_BYTES: Final = 64 << 20
 TOLD_NS: Final = 10_000_000_000
 GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
 BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
+
+
+class _StateOnItsWay:
+    """A process that makes the last state of some blocks, before whose scans `passed` ones lie."""
+
+    def __init__(self, passed: int) -> None:
+        self.passed = passed
+        self._opened = ExitStack()
+        self._file, name = self._opened.enter_context(unnamed())
+        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
+        self.process = WriterProcess(path, RecordTo(path), waits=False, main=STATE)
+
+    def frame(self) -> Keyframe | None:
+        """Return the state, when the process is over."""
+        content = os.pread(self._file, os.fstat(self._file).st_size, 0)
+        with suppress(UserError):
+            found = value_of(content, "the state of the black box")
+            if isinstance(found, Keyframe):
+                return found._replace(steps=found.steps + self.passed)
+        return None
+
+    def close(self) -> None:
+        """Let everything go."""
+        self.process.kill()
+        self._opened.close()
 
 
 class BlackBox:
@@ -35,9 +73,13 @@ class BlackBox:
         self._told, self._told_at = "", 0  # how the last file has ended
         self._most = most
         self._begins: RunBegins | None = None
-        self._block, self._entries = BlockWriter(0), 0
-        self._kept: deque[tuple[int, bytes]] = deque()  # entries of a block, its bytes
-        self._size = self._passed = 0
+        self._block = BlockWriter(0)
+        self._entries = self._scans = 0  # of it
+        self._kept: deque[OldBlock] = deque()
+        self._size = self._passed = self._passed_scans = 0
+        self._since = 0  # bytes that have come since the last state was asked for
+        self._state: _StateOnItsWay | None = None
+        self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
         self._recording: WriterProcess | None = None  # gets what follows, too
@@ -47,7 +89,8 @@ class BlackBox:
         """Keep nothing any more: it would cost the scans too much."""
         self._why_off = GAVE_UP
         self._kept.clear()
-        self._size = 0
+        self._frames.clear()
+        self._size = self._since = self._scans = 0
         self._block, self._entries = BlockWriter(0), 0
 
     @property
@@ -63,6 +106,7 @@ class BlackBox:
             else:
                 self._block.take(entry)
                 self._entries += 1
+                self._scans += type(entry) is Answered and entry.call == STEP
         now = clock.now_ns()
         if self._block.is_full or now > self._posted_at + POST_NS:
             self._posted_at = now
@@ -75,13 +119,20 @@ class BlackBox:
         block = self._block.block()
         if self._recording is not None:
             self._recording.put(block, self._entries)
-        self._kept.append((self._entries, block))
+        self._kept.append(OldBlock(self._entries, self._scans, block))
         self._size += len(block)
-        self._block, self._entries = BlockWriter(0), 0
+        self._since += len(block)
+        self._block, self._entries, self._scans = BlockWriter(0), 0, 0
+        if self._since > self._most // 2 and self._state is None:
+            self._since = 0
+            self._state = _StateOnItsWay(self._passed_scans)
+            self._put_all(self._state.process)
+            self._state.process.finish()
         while self._size > self._most:
-            count, oldest = self._kept.popleft()
-            self._passed += count
-            self._size -= len(oldest)
+            oldest = self._kept.popleft()
+            self._passed += oldest.entries
+            self._passed_scans += oldest.scans
+            self._size -= len(oldest.block)
 
     def _go_on(self) -> None:
         """Let the writers take what waits; find out how those have ended that are done."""
@@ -91,6 +142,14 @@ class BlackBox:
                 self._tell(self._recording.trouble)
                 self._recording.close()
                 self._recording = None
+        if self._state is not None:
+            self._state.process.go_on()
+            if self._state.process.is_over or self._state.process.trouble:
+                frame = self._state.frame()
+                self._frames = [one for one in self._frames if one.scan > self._passed_scans]
+                self._frames += [frame] if frame is not None else []
+                self._state.close()
+                self._state = None
         for writer in tuple(self._ending):
             writer.go_on()
             if writer.is_over:
@@ -110,15 +169,22 @@ class BlackBox:
             raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
         self._post()
         writer = WriterProcess(path, RecordTo(path), waits=False)
+        self._put_all(writer)
+        return writer
+
+    def _put_all(self, writer: WriterProcess) -> None:
+        """Give a writer all that is kept."""
         first = BlockWriter(0)
         if self._begins is not None:
             first.take(self._begins)
         if self._passed:
             first.take(EntriesLost(self._passed, BEGINS_LATER))
+            for frame in self._frames:
+                if frame.scan > self._passed_scans:
+                    first.take(frame._replace(steps=frame.steps - self._passed_scans))
         writer.put(first.block())
-        for count, block in self._kept:
-            writer.put(block, count)
-        return writer
+        for old in self._kept:
+            writer.put(old.block, old.entries)
 
     def save(self, path: Path) -> str:
         """Write what is kept into a new file; return what to tell; raise UserError."""
@@ -170,6 +236,8 @@ class BlackBox:
             self._recording = None
         for writer in self._ending:
             writer.close()
+        if self._state is not None:
+            self._state.close()
         self._ending.clear()
         self._kept.clear()
 

@@ -2,9 +2,9 @@
 
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
-a file opens in Wireshark, and a replay of it alone says what it lacks.
-Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: it
-runs again.
+a file runs again from its first keyframe.
+Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
+what-if begins there; and it has keyframes.
 Bound: MOST_KEPT entries wait for a trigger.
 """
 
@@ -15,12 +15,13 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui.capture.journal import (
     DO,
     ENDED_HERE,
     STEP,
+    WITH_BYTES,
     Answered,
     BlockWriter,
     EntriesLost,
@@ -30,9 +31,12 @@ from trcvtui.capture.journal import (
     WireCall,
     entries_of,
 )
-from trcvtui.capture.wire import WITH_BYTES
 from trcvtui.errors import mistake
+from trcvtui.files import make_folder
 from trcvtui.records import NamedTuple, dataclass
+
+if TYPE_CHECKING:
+    from trcvtui.capture.journal import Keyframe
 
 SUFFIX: Final = ".pcapng"
 TRIGGER: Final = "trigger"  # the first word of the line that tells of one
@@ -40,6 +44,7 @@ ELSEWHERE: Final = "this file begins in the middle of its run"
 MOST_KEPT: Final = 500_000
 MOST_SECRETS: Final = 1000
 MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
+MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
 
 
 class Sink(Protocol):
@@ -59,6 +64,24 @@ class Sink(Protocol):
         ...
 
 
+class FileSink(Sink, Protocol):
+    """Who writes a file, with keyframes."""
+
+    first_scan: int  # scans of the run before the first one of a file that begins in the middle
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
+        ...
+
+
+class OldBlock(NamedTuple):
+    """Entries that stand before those that wait for a trigger."""
+
+    entries: int
+    scans: int
+    block: bytes
+
+
 class FileLimits(NamedTuple):
     """Bytes of a file and of all of them, 0: no limit; ns before and after a trigger, -1: all is kept."""
 
@@ -73,19 +96,21 @@ class NumberedFiles:
 
     trouble = ""  # what goes wrong is raised
 
-    def __init__(self, folder: Path, stem: str, limits: FileLimits, new: Callable[[Path], Sink]) -> None:
+    def __init__(self, folder: Path, stem: str, limits: FileLimits, new: Callable[[Path], FileSink]) -> None:
         self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
         self._begins: RunBegins | None = None
-        self._file: Sink | None = None
+        self._file: FileSink | None = None
         self._path = Path()
         self._files: list[Path] = []
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
-        self._passed = 0  # entries that stand in no file, or in one before this
+        self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
+        self.first_scan = self._file_from = 0
+        self._frames: list[Keyframe] = []  # of the old blocks
         self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
         self._kept = 0
-        self._old: deque[tuple[int, bytes]] = deque()  # entries of a block, its bytes: before those that wait
-        self._old_size = self._in_block = 0
+        self._old: deque[OldBlock] = deque()
+        self._old_size = self._in_block = self._scans_in_block = 0
         self._block = BlockWriter(0)
         self._is_over = False
         self._number = next_number(folder, stem)
@@ -131,26 +156,41 @@ class NumberedFiles:
             self._remember(some)
 
     def _remember(self, some: list[Entry]) -> None:
-        """Keep what stands before those that wait; what is too old is counted alone."""
+        """Keep the entries of a scan, before those that wait; what is too old is counted alone."""
+        scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])
         if self._limits.before_ns < 0:
             self._passed += len(some)
+            self._passed_scans += scans
             return
         for entry in some:
             if not (isinstance(entry, WireCall) and entry.call in WITH_BYTES):  # no packets of so long ago
                 self._block.take(entry)
                 self._in_block += 1
+        self._scans_in_block += scans
         if self._block.is_full:
             self._end_block()
         while self._old_size > MOST_OLD_BYTES:
-            count, block = self._old.popleft()
-            self._passed += count
-            self._old_size -= len(block)
+            oldest = self._old.popleft()
+            self._passed += oldest.entries
+            self._passed_scans += oldest.scans
+            self._old_size -= len(oldest.block)
 
     def _end_block(self) -> None:
-        block = self._block.block()
-        self._old.append((self._in_block, block))
-        self._old_size += len(block)
-        self._block, self._in_block = BlockWriter(0), 0
+        made = OldBlock(self._in_block, self._scans_in_block, self._block.block())
+        self._old.append(made)
+        self._old_size += len(made.block)
+        self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Take the state after a scan that has been taken."""
+        if self._file is not None:
+            self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+        if self._limits.before_ns >= 0:
+            self._frames.append(frame)
+            while self._frames and self._frames[0].scan <= self._passed_scans:
+                del self._frames[0]
+            if len(self._frames) > MOST_FRAMES:
+                del self._frames[1::2]
 
     def _open(self) -> None:
         self._path = self._folder / f"{self._stem}-{self._number:04}{SUFFIX}"
@@ -161,8 +201,14 @@ class NumberedFiles:
         self._file.take([*([self._begins] if self._begins else []), *self._secrets, *lost])
         if self._in_block:
             self._end_block()
-        for _, block in self._old:
-            self._file.take(entries_of([block], str(self._path)))
+        for old in self._old:
+            self._file.take(entries_of([old.block], str(self._path)))
+        self._file_from = self._passed_scans
+        if self._limits.before_ns < 0:
+            self.first_scan = self._file_from
+        for frame in self._frames:
+            if frame.scan > self._file_from:
+                self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
         self._remove_the_oldest()
 
     def _write(self) -> None:
@@ -201,6 +247,7 @@ class RecordTo:
     overwrite: bool = False
     has_secrets: bool = True
     limits: FileLimits | None = None  # of numbered files in the folder `target`
+    follow: Callable[[FileSink, str], Sink] | None = None  # what makes keyframes beside a writer
 
     def files(self, paths: Iterable[Path]) -> tuple[Path, ...]:
         """Return the file of each run; raise UserError where two would be one."""
@@ -213,11 +260,16 @@ class RecordTo:
                 raise mistake(
                     f"--record {self.target}", f"two files for {file.name}", "files of unlike names"
                 )
-        self.target.mkdir(exist_ok=True)
+        make_folder(self.target, "--record")
         return files
 
     def sink(self, file: Path) -> Sink:
         """Return what writes in this process; raise UserError where a file is refused."""
+        sink = self.file_sink(file)
+        return sink if self.follow is None else self.follow(sink, str(file))
+
+    def file_sink(self, file: Path) -> FileSink:
+        """Return what writes, and nothing beside it."""
         from trcvtui.capture.recording import RecordingWriter
 
         if self.limits is None:

@@ -21,9 +21,9 @@ from trcvtui.capture.journal import (
     EntriesLost,
     Entry,
     RunBegins,
-    SeamRecorder,
     Secrets,
 )
+from trcvtui.capture.seam import SeamRecorder
 from trcvtui.errors import one_line
 from trcvtui.files import FilesRead, unnamed
 from trcvtui.rig import clock
@@ -42,7 +42,7 @@ TLS: Final = "trcvtui.net.layers.tls"
 
 
 class RunRecorder:
-    """What is recorded of one run. Note the `reads` of the project; inside it make the bench on `seam`."""
+    """What is recorded of one run: note the `reads` of its project, enter it, make the bench on `seam`."""
 
     def __init__(
         self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True, secrets: bool = True
@@ -107,7 +107,7 @@ class RunRecorder:
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
 
     def gap(self, bench: Bench) -> None:
-        """Take what the scan has shown and left unread, once a second more; hand over what it has brought."""
+        """Take outputs that the scan has changed, once a second what stacks say; hand all to the sink."""
         if self.box is None:
             self._take(bench)
             return

@@ -1,7 +1,7 @@
 """Who writes a recording in a process of his own: fed by a pipe in the gaps, he never makes a scan wait.
 
-Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it; what comes then is left out,
-and the journal says how much (`EntriesLost`).
+Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it, of whole blocks twice as
+many; what comes then is left out, and the journal says how much (`EntriesLost`).
 Rule 2: without the writer the bench goes on; `trouble` says in one line why nothing is recorded any more.
 Rule 3: the end of the pipe ends the writer, whoever was killed: what he has is written, the file is whole.
 """
@@ -13,12 +13,12 @@ import os
 import struct
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
-from trcvtui.capture.journal import BlockWriter, EntriesLost, Entry, entries_of
+from trcvtui.capture.journal import BlockWriter, EntriesLost, Entry
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.rig import clock
 from trcvtui.rig.recording.files import FileLimits, RecordTo
@@ -31,14 +31,16 @@ MOST_WAITING: Final = 64 << 20  # bytes
 PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
 READ_BYTES: Final = 1 << 20
 NICE: Final = 10  # the scans come first
+SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
 POST_NS: Final = 200_000_000  # between two blocks that cross
-START: Final = "import sys; from trcvtui.rig.recording.writer import writer_main; writer_main(*sys.argv[1:])"
+START: Final = "import sys; from trcvtui.rig.replay import follower; follower.{}(*sys.argv[1:])"
+WRITER, STATE = "writer_main", "state_main"  # what such a process does
 
 
 class WriterProcess:
     """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
 
-    def __init__(self, path: Path, record: RecordTo, waits: bool = True) -> None:
+    def __init__(self, path: Path, record: RecordTo, waits: bool = True, main: str = WRITER) -> None:
         self.trouble = ""
         self.path = path
         self.is_over = False  # after `finish`: the file is whole, or `trouble` says why not
@@ -47,14 +49,14 @@ class WriterProcess:
         self._waiting: deque[memoryview] = deque()
         self._waiting_bytes = self._lost = 0
         self._posted_at = clock.now_ns()
-        self._process = _started(path, record)
+        self._process = _started(path, record, main)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
         self._is_told = True  # has he said whether he can write
         refused = self._answers.readline() if waits else b"\n"
         if refused != b"\n":
             self._end()
-            raise _told(refused, path)
+            raise _refusal(refused, path)
         self._is_told = waits
         self._pipe = self._stdin.fileno()
         _enlarge(self._pipe)
@@ -99,7 +101,7 @@ class WriterProcess:
         self._append(block)
 
     def _append(self, block: bytes) -> None:
-        self._waiting.append(memoryview(LENGTH.pack(len(block)) + block))
+        self._waiting += memoryview(LENGTH.pack(len(block))), memoryview(block)
         self._waiting_bytes += LENGTH.size + len(block)
 
     def finish(self) -> None:
@@ -119,7 +121,7 @@ class WriterProcess:
             if self._process.poll() is not None:
                 self.is_over = True
                 said = self._end()
-                self.trouble = self.trouble or ("" if said == b"\n" else str(_told(said, self.path)))
+                self.trouble = self.trouble or ("" if said == b"\n" else str(_refusal(said, self.path)))
 
     def _cross(self) -> None:
         try:
@@ -137,7 +139,7 @@ class WriterProcess:
             self._lose_writer()
 
     def post(self) -> None:
-        """Let the entries up to here cross as one block; an empty one lets the writer write to the disk."""
+        """Let the entries up to here cross as one block."""
         block, self._block = self._block.block(), BlockWriter(0)
         self._append(block)
 
@@ -146,7 +148,7 @@ class WriterProcess:
         self._waiting.clear()
         self._waiting_bytes = 0
         said = self._said()  # he has closed both pipes
-        why = str(_told(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
+        why = str(_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
         self.trouble = f"{why}; nothing more is recorded"
 
     def close(self) -> None:
@@ -159,7 +161,13 @@ class WriterProcess:
             self.go_on()
         said = self._end()
         if not self.trouble and said != b"\n":
-            self.trouble = str(_told(said, self.path))
+            self.trouble = str(_refusal(said, self.path))
+
+    def kill(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        if not self._answers.closed:
+            self._end()
 
     def _end(self) -> bytes:
         """Let the process end; return his last line."""
@@ -178,11 +186,11 @@ class WriterProcess:
         return said
 
 
-def _started(path: Path, record: RecordTo) -> Popen[bytes]:
+def _started(path: Path, record: RecordTo, main: str) -> Popen[bytes]:
     import subprocess  # a run that nobody records waits for none of it
 
     asked = str(record.target), record.overwrite, record.has_secrets, record.limits
-    words = [sys.executable, "-P", "-c", START, str(path), json.dumps(asked)]
+    words = [sys.executable, "-P", "-c", START.format(main), str(path), json.dumps(asked)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
@@ -197,7 +205,7 @@ def _enlarge(pipe: int) -> None:
         return  # not every system has it; a user may have only so much
 
 
-def _told(line: bytes, path: Path) -> UserError:
+def _refusal(line: bytes, path: Path) -> UserError:
     where, found, expected = (*line.decode(errors="replace").rstrip("\n").split("\t"), "", "")[:3]
     if not found:
         return mistake(str(path), "no writer", "a process that writes the recording")
@@ -207,7 +215,23 @@ def _told(line: bytes, path: Path) -> UserError:
 # -- the other process -------------------------------------------------------------------------------------
 
 
-def writer_main(path: str, asked: str) -> None:
+class BlockSink(Protocol):
+    """A sink of whole blocks, with work of its own while nothing comes."""
+
+    def take_block(self, block: bytes) -> None:
+        """Write the entries of a block."""
+        ...
+
+    def go_on(self, until: int) -> bool:
+        """Work until this moment of the clock; return whether there is more to do."""
+        ...
+
+    def close(self) -> None:
+        """End the file."""
+        ...
+
+
+def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> None:
     """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
     import signal
 
@@ -217,11 +241,11 @@ def writer_main(path: str, asked: str) -> None:
         os.nice(NICE)
     try:
         record = RecordTo(Path(target), overwrite, has_secrets, FileLimits(*limits) if limits else None)
-        writer = record.sink(Path(path))
+        writer = sink(record)
         _say("")
         try:
-            for message in _messages():
-                writer.take(entries_of([message], path))
+            for message in _messages(writer.go_on):
+                writer.take_block(message)
         finally:
             writer.close()
         _say("")
@@ -232,6 +256,22 @@ def writer_main(path: str, asked: str) -> None:
         _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
 
 
+def _read(idle: Callable[[int], bool]) -> bytes:
+    if sys.platform == "win32":  # a pipe of it always makes us wait
+        idle(clock.now_ns() + SLICE_NS)
+        return os.read(0, READ_BYTES)
+    os.set_blocking(0, False)
+    try:
+        while True:
+            with suppress(BlockingIOError):
+                return os.read(0, READ_BYTES)
+            if not idle(clock.now_ns() + SLICE_NS):
+                break
+    finally:
+        os.set_blocking(0, True)
+    return os.read(0, READ_BYTES)
+
+
 def _say(line: str) -> None:
     try:
         os.write(1, f"{line}\n".encode())
@@ -239,9 +279,10 @@ def _say(line: str) -> None:
         return  # nobody is left to hear it
 
 
-def _messages() -> Iterator[bytes]:
+def _messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
+    """Yield what comes; while nothing does, `idle` works until a moment of the clock, if it has work."""
     waiting = bytearray()
-    while read := os.read(0, READ_BYTES):
+    while read := _read(idle):
         waiting += read
         at = 0
         while len(waiting) >= at + LENGTH.size:

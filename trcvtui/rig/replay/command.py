@@ -9,6 +9,7 @@ from typing import Final
 
 from trcvtui.capture.journal import HOLDS_SECRETS
 from trcvtui.errors import UserError, mistake
+from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.scenario.report import JsonLines
 from trcvtui.rig.scenario.runner import Runner, VirtualPace, deliveries
@@ -33,7 +34,7 @@ def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
     """Write what the run has printed, or would have; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns)
-    if scenario is None:
+    if scenario is None or bench.runtime.scans:  # of one that begins in the middle the steps are gone
         while run.scan():
             if bench.runtime.changed:
                 changed = bench.runtime.changed
@@ -78,10 +79,20 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     if not is_check and form is None:
         raise mistake("trcvtui replay", "no terminal, neither --check nor --format", "one of them")
     recording = Recording(path)
-    run = RunAgain(recording.entries(), str(path))
+    keyframes = Keyframes(recording, str(path))
+    try:
+        run = keyframes.begin()
+    except UserError as told:
+        if not is_check or keyframes.first:
+            raise
+        sys.stdout.write(f"{told}\n")
+        return DIFFERS
     if is_check:
         wrong = check(run) or recording.stopped
-        sys.stdout.write(f"{wrong or f'{path}: {run.bench.runtime.scans} scans, the same again'}\n")
+        scans = f"{run.bench.runtime.scans} scans"
+        if keyframes.first:
+            scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
+        sys.stdout.write(f"{wrong or f'{path}: {scans}, the same again'}\n")
         if recording.has_secrets:
             sys.stderr.write(f"{path} {HOLDS_SECRETS}\n")
         return DIFFERS if wrong else SAME

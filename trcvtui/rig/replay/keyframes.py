@@ -1,32 +1,25 @@
-"""Keyframes of a run: its whole state at some scans, in the memory of this process, and the run from there.
+"""Keyframes of a run: its whole state at some scans, and the run from there.
 
-Rule 1: a keyframe never leaves the process that made it, and none is read from a file.
-Rule 2: what belongs to the program, to the project or to nobody stays one object, before and after.
+Rule: what belongs to the program or to the project stays one object, before and after.
 """
 
 from __future__ import annotations
 
-import gc
-import io
-import pickle
-import sys
-import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from enum import Enum
-from inspect import CO_NESTED
-from types import CellType, CodeType, FunctionType, ModuleType
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
-from trcvtui.capture.journal import STEP, Answered, Entry
+from trcvtui.capture.journal import STEP, Answered, Entry, Keyframe, RunBegins
 from trcvtui.capture.recording import BlockPlace
-from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.capture.replay import Replay
+from trcvtui.capture.state import Shared, from_state, state_of
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead
+from trcvtui.project.project import Project
+from trcvtui.rig.replay.run_again import RunAgain, declared
 
 SPACING: Final = 2_000  # scans from one to the next, at first
 MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
-PACKAGE: Final = __name__.partition(".")[0]
-_ATOMS: Final = (str, bytes, int, float, type(None), type, FunctionType, ModuleType)
-_CONTAINERS: Final = (tuple, list, dict, set, frozenset)
 
 
 class Journal(Protocol):
@@ -40,13 +33,35 @@ class Journal(Protocol):
         """Return where the blocks stand."""
         ...
 
+    def keyframes(self) -> Sequence[BlockPlace]:
+        """Return where the keyframes stand, in the order of their scans."""
+        ...
 
-class EntriesFrom:
-    """The entries of a journal; it knows its place, and begins again there after so many."""
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        """Return a keyframe; raise UserError."""
+        ...
+
+
+class PlaceInJournal:
+    """How many scans have begun, and how many entries came since: a keyframe says where the run goes on."""
+
+    def __init__(self) -> None:
+        self.steps = self.beyond = 0
+
+    def pass_entry(self, entry: Entry) -> bool:
+        """Go past an entry; return whether it begins a scan."""
+        if type(entry) is Answered and entry.call == STEP:
+            self.steps, self.beyond = self.steps + 1, 0
+            return True
+        self.beyond += 1
+        return False
+
+
+class EntriesFrom(PlaceInJournal):
+    """The entries of a journal from a place on; it knows where it is. No such place: raise StopIteration."""
 
     def __init__(self, journal: Journal, steps: int = 0, beyond: int = 0) -> None:
-        self._journal = journal
-        self.steps = self.beyond = 0  # scans that have begun, entries since then
+        super().__init__()
         first = 0
         if steps:  # the last block before that scan begins
             before = bisect_right(journal.index(), steps - 1, key=lambda row: row.scans)
@@ -61,138 +76,106 @@ class EntriesFrom:
 
     def __next__(self) -> Entry:
         entry = next(self._entries)
-        if type(entry) is Answered and entry.call == STEP:
-            self.steps, self.beyond = self.steps + 1, 0
-        else:
-            self.beyond += 1
+        self.pass_entry(entry)
         return entry
 
 
-def _made(place: int, defaults: Any, closure: tuple[CellType, ...] | None) -> FunctionType:
-    """Return a function that was defined in another one, with what it has from there."""
-    code, names = _CODES[place]
-    return FunctionType(code, names, None, defaults, closure)
-
-
-def _cell() -> CellType:
-    return CellType()
-
-
-def _fill(cell: CellType, content: tuple[object]) -> None:
-    cell.cell_contents = content[0]
-
-
-_CODES: Final[list[tuple[CodeType, dict[str, Any]]]] = []  # of functions that have no name of their own
-_PLACES: Final[dict[CodeType, int]] = {}
-
-
-class _RunWriter(pickle.Pickler):
-    """Writes a run; `shared` are objects that stay who they are, by id."""
-
-    def __init__(self, file: io.BytesIO, shared: dict[int, int]) -> None:
-        super().__init__(file, 5)
-        self._shared = shared
-
-    def persistent_id(self, one: object) -> int | None:
-        return self._shared.get(id(one))
-
-    def reducer_override(self, one: Any) -> Any:
-        kind = type(one)
-        if kind is FunctionType:
-            code = one.__code__
-            if not (code.co_flags & CO_NESTED or code.co_name == "<lambda>"):
-                return NotImplemented
-            if code not in _PLACES:
-                _PLACES[code] = len(_CODES)
-                _CODES.append((code, one.__globals__))
-            return _made, (_PLACES[code], one.__defaults__, one.__closure__)
-        if kind is CellType:
-            return _cell, (), (one.cell_contents,), None, None, _fill
-        if kind is memoryview:
-            return _view_of(one)
-        if kind is EntriesFrom:
-            return EntriesFrom, (one._journal, one.steps, one.beyond)
-        return NotImplemented
-
-
-def _view_of(view: memoryview) -> tuple[Any, ...]:
-    try:
-        whole = view.nbytes == memoryview(view.obj).nbytes
-    except ValueError:  # released: nobody reads it any more
-        return memoryview, (b"",)
-    if whole:
-        return memoryview, (view.obj,)
-    if isinstance(view.obj, bytes):
-        return memoryview, (bytes(view),)
-    raise pickle.PicklingError("a part of a buffer")
-
-
-class _RunReader(pickle.Unpickler):
-    def __init__(self, content: bytes, shared: list[object]) -> None:
-        super().__init__(io.BytesIO(content))
-        self._shared = shared
-
-    def persistent_load(self, place: int) -> object:
-        return self._shared[place]
-
-
 class Keyframes:
-    """Keyframes of one run, as far as it was seen."""
+    """Where a run can go on: the keyframes of its journal, and those that were kept here."""
 
-    def __init__(self, journal: Journal) -> None:
+    def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
+        self._journal, self._where = journal, where
+        first = Replay(journal.entries(), where)
+        if first.begins is None:
+            raise mistake(where, "a journal without its beginning", "one that begins with a run")
+        self._roots = (
+            declared(first.begins, first.files) if project is None else (first.begins, None, project)
+        )
+        self._shared = Shared(self._roots)
         self._scans: list[int] = []
-        self._kept: list[bytes] = []
+        self._kept: list[Keyframe] = []
         self._size = 0
         self._spacing = SPACING
-        self._shared: list[object] = []
-        self._places: dict[int, int] = {}
-        self._journal = journal
+        self._places = [*journal.keyframes()]
+        self.first = 0  # the last scan that cannot run: no keyframe is before it
+        self.offset = 0  # the last scan of the run before the journal begins
+        if first.is_in_the_middle and self._places:
+            frame = journal.keyframe(self._places[0])
+            self.first = frame.scan
+            self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
+
+    def begin(self) -> RunAgain:
+        """Return the run before its first scan, or at the first keyframe of a file without that."""
+        return self.run_at(self.first)
 
     def seen(self, run: RunAgain) -> None:
         """Keep the state of a run after a scan, where one is due."""
         scan = run.bench.runtime.scans
-        if scan % self._spacing == 0:
+        if scan % self._spacing == 0 and self.before(scan) + self._spacing <= scan:
             self._keep(scan, run)
 
     def _keep(self, scan: int, run: RunAgain) -> None:
-        if not self._shared:
-            self._share(run)
-        file = io.BytesIO()
+        entries = run.replay.entries
+        assert isinstance(entries, EntriesFrom)
         try:
-            _RunWriter(file, self._places).dump(run)
-        except (pickle.PicklingError, TypeError):  # a state that cannot be kept: the scans before it can
+            state = state_of(run, self._shared)
+        except TypeError:  # a state that cannot be kept: the scans before it can
             return
-        content = zlib.compress(file.getbuffer(), 1)
-        self._scans.append(scan)
-        self._kept.append(content)
-        self._size += len(content)
+        frame = Keyframe.of(scan, run.bench.now, entries.steps, entries.beyond, state)
+        at = bisect_right(self._scans, scan)
+        self._scans.insert(at, scan)
+        self._kept.insert(at, frame)
+        self._size += len(frame.content)
         while self._size > MOST_BYTES and len(self._kept) > 1:
             self._spacing *= 2
             del self._scans[::2], self._kept[::2]
-            self._size = sum(map(len, self._kept))
-
-    def _share(self, run: RunAgain) -> None:
-        """Note what is one object for the whole program."""
-        waiting = [self._journal, run.bench.project, run.begins]
-        for name, module in [*sys.modules.items()]:
-            if name.partition(".")[0] == PACKAGE:
-                waiting += vars(module).values()
-        while waiting:
-            one = waiting.pop()
-            if isinstance(one, (*_ATOMS, Enum)) or id(one) in self._places:
-                continue
-            self._places[id(one)] = len(self._shared)
-            self._shared.append(one)
-            if isinstance(one, _CONTAINERS) or hasattr(one, "__record_fields__"):
-                waiting += gc.get_referents(one)
+            self._size = sum([len(frame.content) for frame in self._kept])
 
     def before(self, scan: int) -> int:
-        """Return the last scan up to this one that has a keyframe, 0: none."""
-        found = bisect_right(self._scans, scan)
-        return self._scans[found - 1] if found else 0
+        """Return the last scan up to this one that has a keyframe, `first` where there is none."""
+        kept = bisect_right(self._scans, scan)
+        told = bisect_right(self._places, scan, key=lambda place: place.scans)
+        near = self._scans[kept - 1] if kept else 0, self._places[told - 1].scans if told else 0
+        return max(self.first, *near)
 
     def run_at(self, scan: int) -> RunAgain:
-        """Return the run as it stood at a scan that has a keyframe."""
-        content = zlib.decompress(self._kept[self._scans.index(scan)])
-        run: RunAgain = _RunReader(content, self._shared).load()
+        """Return the run as it stood at a scan that has a keyframe; where that does not fit, at one before.
+
+        Raise UserError where none fits.
+        """
+        if not scan:
+            return RunAgain(EntriesFrom(self._journal), self._where, roots=self._roots)
+        if scan in self._scans:
+            return self._run_from(self._kept[self._scans.index(scan)])
+        at = [place.scans for place in self._places].index(scan)
+        try:
+            return self._run_from(self._journal.keyframe(self._places[at]))
+        except UserError:
+            if scan <= self.first:
+                raise
+        del self._places[at]
+        return self.run_at(self.before(scan))
+
+    def _run_from(self, frame: Keyframe) -> RunAgain:
+        run = _run_of(frame, self._shared, self._where)
+        try:
+            run.replay.entries = EntriesFrom(self._journal, frame.steps, frame.beyond)
+        except StopIteration:
+            where, found = f"{self._where}: keyframe of scan {frame.scan}", f"{frame.steps} scans before it"
+            raise mistake(where, found, "no more than the journal has") from None
         return run
+
+
+def _run_of(frame: Keyframe, shared: Shared, where: str) -> RunAgain:
+    run = from_state(frame.state(where), shared, where)
+    if not isinstance(run, RunAgain) or run.bench.runtime.scans != frame.scan:
+        raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
+    run.is_restored = True
+    return run
+
+
+def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[RunAgain, Shared]:
+    """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
+    files = FilesRead(begins.folder, begins.files, begins.digests)
+    shared = Shared(declared(begins, files))
+    return _run_of(frame, shared, where), shared

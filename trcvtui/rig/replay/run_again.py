@@ -5,14 +5,15 @@ Rule: nothing is read from the disk here; a name in a journal is looked up in th
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
-from trcvtui.capture.journal import CLOSE, DO, REST, Entry
-from trcvtui.capture.replay import Replay
+from trcvtui.capture.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
+from trcvtui.capture.replay import Replay, ends_early
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import reading_only
+from trcvtui.files import FilesRead, reading_only
 from trcvtui.project.project import Project
 from trcvtui.records import replace
 from trcvtui.rig.bench.bench import KERNELS, Bench
@@ -20,40 +21,61 @@ from trcvtui.rig.commands.table import read_line
 from trcvtui.rig.commands.words import BenchCommand
 from trcvtui.rig.scenario.scenario import Scenario, load_bench, load_scenario
 
+Roots = tuple[RunBegins, Scenario | None, Project]
+NO_LIMIT: Final = 1 << 62
+MOST_LINES: Final = 10_000  # that wait for who asks for them
 REST_LINE: Final = ""  # how REST stands among lines
-UNTOLD: Final = ("hold", "go", "trigger")  # first words of lines that change nothing on a bench
+UNTOLD: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
+
+
+def _look_at_nothing() -> None:
+    """Do nothing."""
+
+
+def declared(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
+    """Return what a run is made of; raise UserError."""
+    path, options = Path(begins.path), (*begins.options, *sets)
+    with reading_only(files):
+        if not begins.is_scenario:
+            return begins, None, load_bench(path, options)
+        scenario = load_scenario(path, options)
+        return begins, scenario, scenario.project
 
 
 class RunAgain:
     """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
 
     def __init__(
-        self, entries: Iterator[Entry], where: str, replay: Replay | None = None, sets: Sequence[str] = ()
+        self,
+        entries: Iterator[Entry],
+        where: str,
+        replay: Replay | None = None,
+        sets: Sequence[str] = (),
+        roots: Roots | None = None,
     ) -> None:
         self.replay = replay or Replay(entries, where)
-        self._lines: list[str] = []
-        self.is_whole = False
-        self.before_close: Callable[[], None] = lambda: None  # the last look at the bench
-        self._where = where
+        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+        self.is_whole = self.is_restored = False
+        self.limit = NO_LIMIT  # the scan after which no scan is counted that was not run
+        self._skipped = 0  # of the scans that come next and were not run
+        self.before_close: Callable[[], None] = _look_at_nothing  # the last look at the bench
+        self.where = where
         begins = self.replay.begins
         if begins is None or begins.kernel not in KERNELS:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.begins = begins
-        self.scenario: Scenario | None = None
-        with reading_only(self.replay.files):
-            path, options = Path(begins.path), (*begins.options, *sets)
-            if begins.is_scenario:
-                self.scenario = load_scenario(path, options)
-            project = self.scenario.project if self.scenario else load_bench(path, options)
-        self.bench = Bench(self.changed(project), begins.kernel, self.replay)
+        self.roots = roots or declared(begins, self.replay.files, sets)
+        _, self.scenario, project = self.roots
+        self.bench = Bench(self.project_to_run(project), begins.kernel, self.replay)
 
-    def changed(self, project: Project) -> Project:
+    def project_to_run(self, project: Project) -> Project:
         """Return the project that runs: the recorded one."""
         return project
 
     def take_lines(self) -> list[str]:
         """Return what the bench was told since this was asked."""
-        lines, self._lines = self._lines, []
+        lines = [*self._lines]
+        self._lines.clear()
         return lines
 
     def scan(self) -> bool:
@@ -61,6 +83,17 @@ class RunAgain:
 
         Raise UserError at the first difference.
         """
+        try:
+            return self._scan()
+        except UserError:
+            raise
+        except Exception as wrong:
+            if not self.is_restored:
+                raise
+            found = f"{type(wrong).__name__} {wrong}"[:120]
+            raise mistake(f"{self.where}: scan {self.replay.scan}", found, "a keyframe of this run") from None
+
+    def _scan(self) -> bool:
         while (entry := self.replay.coming()) is not None:
             if entry.call == DO and len(entry.args) == 1:
                 self._lines.append(str(entry.args[0]))
@@ -68,6 +101,9 @@ class RunAgain:
             elif entry.call == REST:
                 self._lines.append(REST_LINE)
                 self.bench.rest()
+            elif entry.call == SKIP:
+                if not self._skip(cast(int, entry.args[0])):
+                    return True
             elif entry.call == CLOSE:
                 self.before_close()
                 self.bench.close()
@@ -82,11 +118,24 @@ class RunAgain:
             self.is_whole = True
         return False
 
+    def _skip(self, scans: int) -> bool:
+        """Count scans that were not run, up to `limit`; return whether all of them have passed."""
+        runtime = self.bench.runtime
+        room = self.limit - runtime.scans
+        if room < scans - self._skipped:
+            runtime.skip(room)
+            self._skipped += room
+            return False
+        runtime.skip(-self._skipped)
+        self._skipped = 0
+        self.bench.skip(scans)
+        return runtime.scans < self.limit
+
     def _do(self, line: str) -> None:
         if line.partition(" ")[0] in UNTOLD:
             self.bench.told(line)
             return
-        project, where = self.bench.project, f"{self._where}: scan {self.replay.scan}"
+        project, where = self.bench.project, f"{self.where}: scan {self.replay.scan}"
         if self.scenario is not None:  # a file named in a step stands beside the scenario
             project = replace(project, base=Path(self.begins.path).parent)
         verb, _, rest = line.partition(" ")
@@ -109,6 +158,4 @@ class RunAgain:
 
     def differs(self) -> UserError:
         """Return what is said of a journal that ends before its run."""
-        lost = self.replay.lost
-        found = f"{lost or 'the end of the journal'} after {self.bench.runtime.scans} scans"
-        return mistake(self._where, found, "the end of the run")
+        return ends_early(self.where, self.replay.lost, self.bench.runtime.scans)

@@ -1,36 +1,31 @@
 """A recording on the screen: a bench that stands at a scan of it, and moves by lines instead of the clock.
 
 Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
-Rule 2: all work is done in slices; between two of them the newest line says where to go.
+Rule 2: all work is done in slices; between two of them the newest line says where to go. A what-if begins
+with one long slice: it reads the journal whole.
 Rule 3: nothing here changes a bench: who asks for that is told so.
 """
 
 from __future__ import annotations
 
-import gc
-import signal
-from array import array
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable
-from contextlib import suppress
-from multiprocessing.connection import Connection as Channel
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from trcvtui.errors import UserError, mistake
+from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
-from trcvtui.records import replace
+from trcvtui.records import NamedTuple, replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BareUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
-from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.history.waveform_recorder import WaveformRecorder
-from trcvtui.rig.replay.keyframes import EntriesFrom, Journal, Keyframes
+from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.survey import END, Search, Survey, read_at
 from trcvtui.rig.replay.what_if import WhatIf
 from trcvtui.rig.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.udt.literals import parse_time
@@ -39,100 +34,7 @@ MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines th
 LOOKS: Final = frozenset(("trigger", "expect"))  # lines that look only
 SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
 FASTEST: Final = "fastest"
-END: Final = 1 << 62  # a scan that no recording has
-PIECES: Final = 1000  # of the run: in which of them an ERROR comes
-SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
 LEAST_SEEN: Final = 500  # scans before the one that is shown: what panes tell of earlier
-PLAY_S: Final = 0.02  # between two looks at the clock while it plays
-AT_LINES: Final = "a scan, T#.., +1, -1, end, edge +1 INSTANCE or error +1"
-
-Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose
-
-
-def read_at(text: str, where: str) -> int | Search:
-    """Return the scan that a text names, or what is looked for; raise UserError."""
-    words = text.split()
-    words = words[1:] if words[:1] == ["scan"] else words
-    match words:
-        case ["end"]:
-            return END
-        case [number] if number.isascii() and number.isdigit() and len(number) < len(str(END)):
-            return int(number)
-        case [time] if "#" in time:
-            return "time", parse_time(time, where), ""
-        case ["error", "+1" | "-1" as step]:
-            return "error", int(step), ""
-        case ["edge", "+1" | "-1" as step, name]:
-            return "edge", int(step), name
-    raise mistake(where, shown(text) if text else "nothing more", AT_LINES)
-
-
-class Survey:
-    """The whole run seen once, in slices: the time of each scan, where STATUS changes, where ERRORs come."""
-
-    def __init__(self, run: RunAgain, seen: Callable[[RunAgain], None]) -> None:
-        self.times = array("q")  # ns, of each scan
-        self.errors = array("q")  # scans in which an ERROR comes
-        self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
-        self.trouble = ""  # why the recording ends before the run
-        self.is_over = False
-        self._run: RunAgain | None = run
-        self._seen = seen
-        self._marks = (0, 0), b""
-
-    @property
-    def last(self) -> int:
-        """Return the last scan that was seen."""
-        return len(self.times)
-
-    def go_on(self, until: int) -> None:
-        """Look at scans until this moment."""
-        while self._run is not None and clock.now_ns() < until:
-            if not self._scan(self._run):
-                self._run, self.is_over = None, True
-
-    def _scan(self, run: RunAgain) -> bool:
-        try:
-            if not run.scan():
-                self.trouble = "" if run.is_whole else str(run.differs())
-                return False
-        except UserError as wrong:
-            self.trouble = str(wrong)
-            return False
-        runtime = run.bench.runtime
-        self.times.append(runtime.ledger.t_ns)
-        changed = runtime.changed
-        for edge in changed:
-            self.edges.setdefault(edge.instance, array("q")).append(self.last)
-        if any(edge.outputs.error for edge in changed):
-            self.errors.append(self.last)
-        self._seen(run)
-        return True
-
-    def found(self, search: Search, start: int) -> int | None:
-        """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
-        kind, step, name = search
-        if kind == "time":
-            scan = bisect_left(self.times, step) + 1
-            return scan if scan <= self.last else self.last if self.is_over else None
-        scans = self.errors if kind == "error" else self.edges.get(name, array("q"))
-        if step < 0 and (start <= self.last or self.is_over):
-            before = bisect_left(scans, start)
-            return scans[before - 1] if before else END
-        after = bisect_right(scans, start)
-        if step > 0 and after < len(scans):
-            return scans[after]
-        return END if self.is_over else None
-
-    def marks(self) -> bytes:
-        """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
-        known = self.last, len(self.errors)
-        if known != self._marks[0]:
-            marks = bytearray(PIECES)
-            for scan in self.errors:
-                marks[(scan - 1) * PIECES // self.last] = 1
-            self._marks = known, bytes(marks)
-        return self._marks[1]
 
 
 class RunBeside:
@@ -175,7 +77,7 @@ class ReplayController(Controller):
 
     def __init__(self, run: RunAgain, move: Callable[[str], str]) -> None:
         super().__init__(run.bench)
-        self._run = run
+        self.run = run
         self._move = move
         self.holding = True
         self.position: Position | None = None
@@ -194,7 +96,7 @@ class ReplayController(Controller):
 
     def step(self, now: int | None = None) -> bool:
         """Let the next scan run again."""
-        passed = self._run.scan()
+        passed = self.run.scan()
         if self._trigger_watch.is_armed:
             fired = self._trigger_watch.scanned()
             if fired is not None:
@@ -241,31 +143,37 @@ class ReplayController(Controller):
     def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
         """Return what a picture is made of, with the position in the recording."""
         bare = super().collect(request, timing, most_lines)
-        return bare._replace(update=replace(bare.update, position=self.position, kernel="replay"))
+        of = "replay" if self.position is None or self.position.first_ns is None else "capture"
+        return bare._replace(update=replace(bare.update, position=self.position, kernel=of))
+
+
+class CaptureRun(NamedTuple):
+    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside."""
+
+    project: Project
+    shadows: frozenset[str]
+    first_ns: int
+    notes: tuple[str, ...]
 
 
 class TimeLine:
     """Where a replay stands and where it goes."""
 
-    def __init__(self, journal: Journal, where: str, at: int | Search = 1) -> None:
-        self._journal, self._where = journal, where
-        self._keyframes = Keyframes(journal)
-        self.survey = Survey(self._run_at(0), self._keyframes.seen)
-        self.controller = ReplayController(self._run_at(0), self._obey)
+    def __init__(
+        self, journal: Journal, where: str, at: int | Search = 1, capture: CaptureRun | None = None
+    ) -> None:
+        self._journal, self._where, self._capture = journal, where, capture
+        self._keyframes = keyframes = Keyframes(journal, where, capture.project if capture else None)
+        self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
+        self.controller = ReplayController(keyframes.begin(), self._obey)
         self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
-        self._wanted = 1
+        self._wanted = self._least = keyframes.first + 1
         self._search: Search | None = None
         self._speed = SPEEDS.index(1.0)
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
         self._beside: RunBeside | None = None
         self._go(at)
-
-    def _run_at(self, scan: int) -> RunAgain:
-        """Return the run as it stood at a keyframe, 0: before the first scan."""
-        if scan:
-            return self._keyframes.run_at(scan)
-        return RunAgain(EntriesFrom(self._journal), self._where)
 
     # -- lines -----------------------------------------------------------------------------------------
 
@@ -293,11 +201,13 @@ class TimeLine:
             self._wanted = self.controller.at
             return ""
         if verb == "run" and "#" in rest:
-            self._go(("time", self._time_at(self._wanted) + parse_time(rest, "prompt"), ""))
+            self._go(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
         elif verb == "run" or rest[:1] in ("+", "-"):
             if not rest.lstrip("+-").isdecimal():
                 raise mistake("prompt", shown(line), "a number of scans")
-            self._go(max(1, (self._wanted if self._wanted < END else self.controller.at) + int(rest)))
+            self._go(
+                max(self._least, (self._wanted if self._wanted < END else self.controller.at) + int(rest))
+            )
         else:
             self._go(read_at(rest, "prompt"))
         return ""
@@ -310,6 +220,8 @@ class TimeLine:
             sets, dialect = ([], name.strip()) if verb == "dialect" else ([rest], None)
             if dialect is None and "=" not in rest:
                 raise mistake("prompt", shown(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
+            if self._capture is not None:
+                raise mistake("prompt", "a what-if on a capture", "`trcvtui watch --project` with other pins")
             run = WhatIf(self._journal.entries, self._where, sets, dialect)
             self._beside = RunBeside(run, rest)
         return ""
@@ -318,7 +230,7 @@ class TimeLine:
         """Go there, whatever was wanted before."""
         self._stop()
         if isinstance(to, int):
-            self._wanted = max(1, to)
+            self._wanted = max(self._least, to)
         else:
             self._search = to
 
@@ -341,11 +253,7 @@ class TimeLine:
     def _play(self) -> None:
         self._wanted = self.controller.at
         self.controller.holding = False
-        self._since = clock.now_ns(), self._time_at(self._wanted)
-
-    def _time_at(self, scan: int) -> int:
-        times = self.survey.times
-        return times[min(scan, len(times)) - 1] if scan > 0 and times else 0
+        self._since = clock.now_ns(), self.survey.time_of(self._wanted)
 
     # -- moving ----------------------------------------------------------------------------------------
 
@@ -390,7 +298,9 @@ class TimeLine:
             began, t_ns = self._since
             speed = SPEEDS[self._speed]
             now = t_ns + int((clock.now_ns() - began) * speed) if speed < END else None
-            self._wanted = END if now is None else max(self._wanted, bisect_right(survey.times, now))
+            self._wanted = (
+                END if now is None else max(self._wanted, survey.first + bisect_right(survey.times, now))
+            )
         if self._search is not None:
             found = survey.found(self._search, self._wanted)
             if found is None:
@@ -421,11 +331,21 @@ class TimeLine:
         if start <= at <= goal:
             self._coming = None
         elif self._coming is None or not start <= self._coming.at <= goal:
-            self._coming = ReplayController(self._run_at(start), self._obey)
+            self._coming = ReplayController(self._keyframes.run_at(start), self._obey)
         moving = self._coming or self.controller
         has_moved = moving.at < goal
         while moving.at < goal and clock.now_ns() < until:
-            moving.scan()
+            stood = moving.at
+            moving.run.limit = goal
+            try:
+                moving.scan()
+            except UserError as wrong:
+                self.survey.cut(stood, str(wrong))
+                self._coming, fresh = None, ReplayController(self._keyframes.run_at(start), self._obey)
+                fresh.follow(self.controller)
+                self.controller = fresh
+                return True
+            self._keyframes.seen(moving.run)
             if moving.fired:
                 self._note = f"trigger {moving.fired}"
                 self._stop()
@@ -439,79 +359,26 @@ class TimeLine:
         """Return what a picture is made of."""
         survey, controller, beside = self.survey, self.controller, self._beside
         controller.beside = beside
+        controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.position = Position(
             controller.at,
             survey.last,
-            self._time_at(controller.at),
+            self.survey.time_of(controller.at),
             survey.times[-1] if survey.times else 0,
             survey.is_over,
             self._wanted if self._search is None else END,
             _speed_text(SPEEDS[self._speed]),
             len(survey.errors),
             survey.marks(),
+            survey.first,
             self._note or survey.trouble,
             beside.lines() if beside is not None else (),
             beside.run.parts_at or 0 if beside is not None else 0,
+            self._capture.first_ns if self._capture else None,
+            (*self._capture.notes, *survey.notes_before(controller.at)) if self._capture else (),
         )
         return controller.collect(request, EngineTiming(mode="replay"), request.most_lines)
 
 
 def _speed_text(speed: float) -> str:
     return f"{speed:g}x" if speed < END else FASTEST
-
-
-# -- the process -------------------------------------------------------------------------------------------
-
-
-class ReplayDriver(EngineDriver):
-    """The replay of a recording in a process of its own; `at` says where it opens."""
-
-    def __init__(self, path: Path, at: str) -> None:
-        read_at(at, "--at")  # found out here, where there is no screen yet
-        self._recording = path, at
-        super().__init__(path, "replay")
-
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return replay_main, self._recording
-
-
-def replay_main(channel: Channel, path: Path, at: str) -> None:
-    """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
-    gc.freeze()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
-    from trcvtui.capture.recording import Recording
-
-    try:
-        try:
-            time_line = TimeLine(Recording(path), str(path), read_at(at, "--at"))
-            channel.send(time_line.controller.bench.project)
-            _serve(channel, time_line)
-        except UserError as wrong:
-            channel.send(wrong)
-        except (EOFError, OSError):
-            raise
-        except Exception:
-            import traceback
-
-            channel.send(traceback.format_exc())
-    except (EOFError, OSError):
-        return  # the screen is gone
-
-
-def _serve(channel: Channel, time_line: TimeLine) -> None:
-    pipe, request, is_busy = UpdatePipe(channel), None, True
-    while True:
-        waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
-        while channel.poll(waits):
-            message, waits = channel.recv(), 0.0
-            if isinstance(message, UpdateRequest):
-                request = message
-            else:
-                time_line.take(*message)
-        is_busy = time_line.work(clock.now_ns() + SLICE_NS)
-        if request is not None and not pipe.is_busy():
-            pipe.begin(time_line.collect(request))
-            request = None
-        if pipe.is_busy():
-            with suppress(BlockingIOError):
-                pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -13,7 +13,8 @@ from typing import Final
 from trcvtui.capture.journal import Entry
 from trcvtui.capture.partners import PartnersAgain
 from trcvtui.capture.recorded_run import RecordedRun
-from trcvtui.errors import UserError
+from trcvtui.capture.replay import Replay
+from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
@@ -92,8 +93,8 @@ class _RunChanged(RunAgain):
         self.notes: list[str] = []
         super().__init__(iter(()), where, partners, sets)
 
-    def changed(self, project: Project) -> Project:
-        """Return the project that runs."""
+    def project_to_run(self, project: Project) -> Project:
+        """Return the recorded one with other parameters."""
         pins = [tuple(text.partition("=")[0].strip().split(".")) for text in self._sets]
         self._held = _Held(frozenset((p[1], p[2]) for p in pins if len(p) == 3 and p[0] == "instance"))
         if self._dialect is not None:
@@ -106,7 +107,7 @@ class _RunChanged(RunAgain):
         """Return how many commands were left out because of a pin that is held."""
         return self._held.skipped
 
-    def tell(self, lines: Sequence[str]) -> None:
+    def follow(self, lines: Sequence[str]) -> None:
         """Do what the recorded run was told before this scan, and let the scan pass."""
         for line in lines:
             if line == REST_LINE:
@@ -129,6 +130,8 @@ class WhatIf:
     """Both runs, scan by scan; `recorded` and `what_if` are their benches."""
 
     def __init__(self, entries: Entries, where: str, sets: Sequence[str], dialect: str | None) -> None:
+        if Replay(entries(), where).is_in_the_middle:
+            raise mistake(where, "a file that begins in the middle", "the run's beginning, for a what-if")
         self._recorded = RunAgain(entries(), where)
         peers = frozenset(peer.name for peer in self._recorded.bench.project.peers)
         self._told = RecordedRun(entries(), peers)
@@ -162,7 +165,7 @@ class WhatIf:
         except UserError as wrong:
             self.trouble = str(wrong)
             return False
-        self._what_if.tell(self._recorded.take_lines())
+        self._what_if.follow(self._recorded.take_lines())
         was, now = self.edges()
         if self.parts_at is None and _shown(was) != _shown(now):
             self.parts_at = self.recorded.runtime.scans

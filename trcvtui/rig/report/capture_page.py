@@ -6,14 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.capture.command import PlcEnd, capture_notes, conversation_row, parse_plc
+from trcvtui.capture.command import capture_notes, conversation_row
+from trcvtui.capture.plc_end import PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.history.records import Moment
 from trcvtui.rig.report.page import ReportSource
 from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
-from trcvtui.rig.watch.command import MISSING, CapturePlayer, plan_capture
-from trcvtui.rig.watch.shadows import ShadowPlan
+from trcvtui.rig.watch.capture_player import CapturePlayer, plan_capture
+from trcvtui.rig.watch.command import MISSING
+from trcvtui.rig.watch.shadows import ShadowPlan, ports_of
 from trcvtui.rig.wording import count
 
 MOST_CONVERSATIONS: Final = 500
@@ -48,7 +50,10 @@ def capture_page(
     file: str,
     digest: str,
 ) -> tuple[ReportSource, RunNotes, list[str]]:
-    """Put a capture through shadow instances; return what the page says of it, and what to tell beside."""
+    """Put a capture through shadow instances; return what the page says of it, and what to tell beside.
+
+    `shadows`: project, PLC end and dialect, None where they are not chosen.
+    """
     plan, found, troubles = plan_capture([str(path)], *shadows)
     lines = _CaptureNotes(min(task.interval_ns for task in plan.project.tasks))
     player = CapturePlayer(plan, found.all, found.first_ns or 0, lines)
@@ -56,7 +61,9 @@ def capture_page(
     player.play([str(path)])
     notes.end()
     player.close()
-    given = None if shadows[1] is None else parse_plc(shadows[1])
+    project, plc, _ = shadows
+    ports = frozenset[int]() if project is None else ports_of(plan.project)
+    given = None if plc is None else parse_plc(plc)
     source = ReportSource(
         path.name,
         "a capture, put through shadow instances: what blocks with these parameters would show",
@@ -65,15 +72,17 @@ def capture_page(
         "the conversations of the capture",
         f"{file}, {count(found.packets, 'packet')}",
         digest,
-        conversations=tuple(_conversation(one, found, plan, given) for one in found.all[:MOST_CONVERSATIONS]),
+        conversations=tuple(
+            _conversation(one, found, plan, given, ports) for one in found.all[:MOST_CONVERSATIONS]
+        ),
     )
     return source, notes, [*plan.notes, *capture_notes(found, troubles)]
 
 
 def _conversation(
-    one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None
+    one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, ports: frozenset[int]
 ) -> tuple[str, ...]:
-    told: dict[str, Any] = conversation_row(found, one, given)
+    told: dict[str, Any] = conversation_row(found, one, given, ports)
     ends = [told[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
     to, back = told["to_plc"], told["from_plc"]
     sizes = [str(size) for size in (to["bytes"], back["bytes"], to["missing"] + back["missing"])]

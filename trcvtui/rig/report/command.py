@@ -7,22 +7,25 @@ from collections.abc import Iterator
 from hashlib import sha256
 from itertools import chain
 from pathlib import Path
-from typing import Final
 
-from trcvtui.capture.journal import DO, HOLDS_SECRETS, STEP, Answered, Entry
+from trcvtui.capture.journal import DO, HOLDS_SECRETS, SHOWS, STEP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import open_to_read, reason_of, replacing
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.diagnosis.doctor import DoctorQuestion, try_to_judge
+from trcvtui.rig.diagnosis.lint import receivers_of
 from trcvtui.rig.history.records import Moment
+from trcvtui.rig.replay.job_facts import recorded_facts
+from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.report.page import MARK, ReportSource, page
+from trcvtui.rig.report.page import MARK, FoundCause, ReportSource, page
 from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.scenario.runner import Runner, Verdict
+from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.rig.wording import count
 
 WHOLE, ENDS_EARLY = 0, 1
-SHOWS: Final = "shows"  # the call of an instance that tells its outputs
 
 
 class _NotedScans:
@@ -42,10 +45,10 @@ class _NotedScans:
 class _Heard:
     """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
 
-    def __init__(self, entries: Iterator[Entry]) -> None:
+    def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
         self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
         self._entries = entries
-        self._at = Moment()
+        self._at = Moment(scan)
 
     def __iter__(self) -> Iterator[Entry]:
         """Yield them all."""
@@ -66,15 +69,21 @@ class _Heard:
 
 
 def look_at(
-    entries: Iterator[Entry], where: str, has_payload: bool
+    journal: Journal, where: str, has_payload: bool
 ) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
-    heard = _Heard(entries)
-    run = RunAgain(iter(heard), where)
+    keyframes = Keyframes(journal, where)
+    if keyframes.first:
+        run = keyframes.begin()
+        heard = _Heard(run.replay.entries, keyframes.first + 1)
+        run.replay.entries = iter(heard)
+    else:
+        heard = _Heard(journal.entries())
+        run = RunAgain(iter(heard), where)
     notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
     run.before_close = notes.end
     try:
-        if run.scenario is not None:
+        if run.scenario is not None and not keyframes.first:
             steps = (*run.scenario.start, *run.scenario.steps)
             scans = _NotedScans(run, notes)
             verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
@@ -143,16 +152,42 @@ def report_file(
 
         source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
     else:
-        run, notes, verdict, stopped = look_at(recording.entries(), path.name, has_payload)
+        run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
         lines = [recording.stopped or stopped]
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
+    source = source._replace(findings=_findings(path, shadows[0], shadows[1]))
     with replacing(out, where, is_own=True, mode=0o600) as file:
         for part in page(source, notes, verdict):
             file.write(part.encode())
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))
     return ENDS_EARLY if source.stopped else WHOLE
+
+
+def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[FoundCause, ...]:
+    """Return what the doctor says of the file, the surest first."""
+    receivers = () if project is None else receivers_of(load_bench(project))
+    answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, recorded_facts))
+    if isinstance(answer, UserError):
+        return ()
+    found = [
+        (finding["confidence"], verdict["conversation"], finding)
+        for verdict in answer[0]
+        for finding in verdict["findings"]
+    ]
+    found.sort(key=lambda one: -one[0])
+    return tuple(
+        [
+            FoundCause(
+                f"{finding['cause']}, {sure:.0%} sure"
+                + (f": {ends['plc']} with {ends['partner']}" if ends is not None else ""),
+                tuple(finding["evidence"]),
+                tuple([mend["text"] for mend in finding["mend"]]),
+            )
+            for sure, ends, finding in found
+        ]
+    )
 
 
 def _recording(path: Path) -> Recording | None:

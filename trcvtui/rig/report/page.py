@@ -90,10 +90,22 @@ pre{white-space:pre-wrap;font-size:7.5pt;border:1px solid var(--line)}}
 """
 
 
+MOST_FINDINGS: Final = 20
+
+
+class FoundCause(NamedTuple):
+    """What the doctor has found: where and how sure, the evidence, what mends it."""
+
+    head: str
+    evidence: tuple[str, ...]
+    mends: tuple[str, ...]
+
+
 class ReportSource(NamedTuple):
     """What a report is made of. `seen`: by which way, where it was seen to its end; else `stopped` says why.
 
     `files` (name, bytes, SHA-256) and `conversations` (by the titles of CONVERSATION) are rows of tables.
+    `findings` are the doctor's, the surest first.
     """
 
     title: str
@@ -105,17 +117,19 @@ class ReportSource(NamedTuple):
     sha256: str
     files: tuple[Sequence[str], ...] = ()
     conversations: tuple[Sequence[str], ...] = ()
+    findings: tuple[FoundCause, ...] = ()
 
 
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
     """Yield the document."""
-    told, title = _Told(source, notes), _text(source.title)
+    told, title = _PageParts(source, notes), _text(source.title)
     yield MARK.decode()
     yield '<html lang="en"><head><meta charset="utf-8">'
     yield f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
     yield '<meta name="viewport" content="width=device-width"><meta name="robots" content="noindex">'
     yield f"<title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n"
     yield from told.verdict(verdict)
+    yield from told.findings()
     yield from told.facts()
     yield from told.time_line()
     yield from told.instances()
@@ -123,7 +137,7 @@ def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) 
     yield "</body></html>\n"
 
 
-class _Told:
+class _PageParts:
     """The parts of the page."""
 
     def __init__(self, source: ReportSource, notes: RunNotes) -> None:
@@ -169,6 +183,15 @@ class _Told:
             line = f"step {failure.step}: {self._line(failure.line)}"
             found = f"found: {failure.found}" if self._has_payload else ""
             yield f'<div class="card bad"><b>{_text(line)}</b><p>{_text(found)}</p></div>\n'
+
+    def findings(self) -> Iterator[str]:
+        """Yield what the doctor says of the conversations."""
+        found = self._source.findings
+        for one in found[:MOST_FINDINGS]:
+            evidence = one.evidence if self._has_payload else ()  # it may show bytes and values
+            yield _card(one.head, Advice("; ".join(evidence), one.mends), is_bad=True)
+        if len(found) > MOST_FINDINGS:
+            yield f'<p class="soft">{count(len(found) - MOST_FINDINGS, "finding")} more</p>\n'
 
     def facts(self) -> Iterator[str]:
         """Yield where all of it comes from."""

@@ -6,20 +6,20 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.files import noting_reads
+from trcvtui.files import make_folder, noting_reads
 from trcvtui.project.project import Project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import holds
 from trcvtui.rig.commands import words
 from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.recording.files import SUFFIX, TRIGGER, FileLimits, RecordTo
+from trcvtui.rig.recording.files import SUFFIX, TRIGGER, FileLimits, FileSink, RecordTo, Sink
 from trcvtui.rig.recording.recorder import recorder_of
 from trcvtui.rig.scenario.command import LivePace, RecordedPace
 from trcvtui.rig.scenario.runner import Pace, VirtualPace
@@ -69,11 +69,12 @@ def record(
     on: str | None,
     duration: str | None,
     has_secrets: bool,
+    follow: Callable[[FileSink, str], Sink],
 ) -> int:
-    """Record until the duration is over, SIGTERM or Ctrl+C; return 0."""
+    """Record until the duration is over, SIGTERM or Ctrl+C; return 0, 1 where nothing can be written."""
     until = NEVER if duration is None else parse_time(duration, "--duration")
-    out.mkdir(exist_ok=True)
-    asked = RecordTo(out, False, has_secrets, limits)
+    make_folder(out, "--out")
+    asked = RecordTo(out, False, has_secrets, limits, follow)
     recorder = recorder_of(asked, out / path.stem, waits=kernel == "sim")
     with ExitStack() as opened:
         opened.enter_context(noting_reads(recorder.reads))
@@ -90,7 +91,7 @@ def record(
             bench.do(step.command)
         recorder.begin(bench, path, (), is_scenario=False)
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
-        _run(bench, pace, until, signals, condition, on or "", out)
+        _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
     sys.stderr.write("".join(f"{line}\n" for line in recorder.lines()))
     return 1 if recorder.trouble else 0
 
@@ -106,7 +107,7 @@ def _run(
     bench: Bench,
     pace: Pace,
     until: int,
-    signals: Sequence[int],
+    is_over: Callable[[], bool],
     condition: words.Condition | None,
     on: str,
     out: Path,
@@ -114,7 +115,7 @@ def _run(
     """Let scans pass; each scan in which the condition begins to hold is a trigger."""
     triggers, held, told = 0, False, clock.now_ns()
     shows = sys.stderr.isatty()
-    while bench.now < until and not signals:
+    while bench.now < until and not is_over():
         pace.next_scan(bench)
         if condition is not None:
             holds_now = holds(bench, condition)

@@ -260,8 +260,13 @@ class JsonLines:
 
     def write(self, record: Mapping[str, object]) -> None:
         """Write one line."""
-        # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
-        self._write(json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n")
+        self._write(json_text(record))
+
+
+def json_text(record: Mapping[str, object]) -> str:
+    """Return a line of JSON."""
+    # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
+    return json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n"
 
 
 def outputs_record(edge: StatusEdge) -> dict[str, object]:

@@ -8,14 +8,14 @@ would make the partner wait. Where nobody ever takes them they are left out, and
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Protocol
 
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.results import Endpoint
 from trcvtui.net.sim.stream import SimStream, StreamPhase
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
 MOST_UNREAD: Final = 128 << 10  # bytes of one partner that a shadow has not read
@@ -27,11 +27,24 @@ SETTLING: Final = 1000  # scans at most after the last event, and after each job
 _WASTE: Final = memoryview(bytearray(1 << 16))
 
 
+def _do_nothing() -> None:
+    """Do nothing."""
+
+
+class _Waits(Protocol):
+    """What waits for a shadow that is not ready."""
+
+    gives_up_at: int
+
+    def go_on(self) -> None:
+        """Look again whether it is ready."""
+        ...
+
+
 class Shadows:
     """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
 
     It is called after each scan that changed or told anything.
-    `guess_from`: the first scan in which the conversation would have gone on otherwise, None: it would not.
     """
 
     def __init__(
@@ -39,13 +52,14 @@ class Shadows:
     ) -> None:
         self.bench = bench
         self.network = bench.network
-        self.guess_from: int | None = None
-        self.waiting: list[PlayedEnd] = []
+        self.waiting: list[_Waits] = []
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
         self.not_run = 0  # scans of which nobody knows that they change nothing
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
-        self._works_on = {each.name: each.connect for each in bench.project.instances}
+        self.after_scan: Callable[[], None] = _do_nothing
+        self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
+        self.works_on = {each.name: each.connect for each in bench.project.instances}
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
@@ -62,7 +76,7 @@ class Shadows:
                     self.step()
                     continue
                 left = -(-ns // self._interval) - due // self._interval
-                self.bench.runtime.skip(left)
+                self.bench.skip(left)
                 self.not_run += left
         self.network.advance(max(ns, self.network.now_ns))
 
@@ -88,7 +102,8 @@ class Shadows:
             return False
         reached = self.network.pass_time(limit)
         scans = -(-reached // self._interval) - due // self._interval
-        self.bench.runtime.skip(max(scans, 0))
+        if scans > 0:
+            self.bench.skip(scans)
         return scans > 0
 
     def step(self) -> None:
@@ -98,6 +113,7 @@ class Shadows:
             end.go_on()
         seq = ledger.last_seq
         self.bench.step()
+        self.after_scan()
         self.network.take_news()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
@@ -114,7 +130,7 @@ class Shadows:
             for edge in changed:
                 if edge.outputs.done and edge.outputs.rcvd_len:
                     self._jobs += 1
-                    self.last_job[self._works_on[edge.instance]] = edge.outputs.rcvd_len
+                    self.last_job[self.works_on[edge.instance]] = edge.outputs.rcvd_len
 
     def _see_holes(self, seq: int) -> None:
         for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
@@ -126,11 +142,6 @@ class Shadows:
             while holes and holes[0][1] <= end:
                 holes.popleft()
         self.holes = {connect: holes for connect, holes in self.holes.items() if holes}
-
-    def is_guess(self) -> None:
-        """Note that from this scan on the partner would perhaps have done something else."""
-        if self.guess_from is None:
-            self.guess_from = self.bench.runtime.scans + 1
 
 
 class PlayedEnd:
@@ -151,7 +162,7 @@ class PlayedEnd:
         self._is_begun = False
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
-        self._kept = 0  # bytes of these
+        self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
     def begin(self) -> None:
@@ -214,13 +225,16 @@ class PlayedEnd:
     def send(self, data: bytes) -> None:
         """Send bytes."""
         self._shadows.room += len(data)
-        self._do(lambda: self._send(data), len(data))
+        if self._stream is not None and self._is_begun:
+            self._send(data)
+        else:
+            self._do(lambda: self._send(data), len(data))
 
-    def leave_out(self, size: int) -> None:
+    def keep_place(self, size: int) -> None:
         """Keep a place for bytes that nobody knows, so that what follows stands where it stood."""
-        self._do(lambda: self._leave_place(size))
+        self._do(lambda: self._keep_place(size))
 
-    def _leave_place(self, size: int) -> None:
+    def _keep_place(self, size: int) -> None:
         if self.is_over:
             return
         shadows, place = self._shadows, size
@@ -233,38 +247,33 @@ class PlayedEnd:
         if not place:
             return
         shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + place))
-        self._send(bytes(place))
+        self._send(bytes(place), A_HOLE)
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes, what: str = A_PACKET) -> None:
         stream, rest = self._stream, memoryview(data)
         assert stream is not None
+        if self._shadows.sent is not None:
+            self._packets += 1
+            ends = str(stream.local), str(stream.remote)
+            self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)))
         self._sent += len(data)
         while rest:
-            part = rest[: max(MOST_UNREAD - self._unread(stream), 0)]
+            part = rest[: max(MOST_UNREAD - stream.untaken, 0)]
             got = stream.write(part) if part else 0
             if not isinstance(got, int):  # the shadow has ended the connection
-                self._give_up(len(rest))
+                self.left_out += len(rest)
                 return
             rest = rest[got:]
             if rest and not self._wait_for_room(stream):
-                self._give_up(len(rest))
+                self.left_out += len(rest)
                 return
-
-    def _give_up(self, size: int) -> None:
-        self.left_out += size
-        self._shadows.is_guess()
-
-    @staticmethod
-    def _unread(stream: SimStream) -> int:
-        path, partner = stream.path(), stream.partner
-        return path.unacked + path.unsent + (partner.unread if partner is not None else 0)
 
     def _wait_for_room(self, stream: SimStream) -> bool:
         """Let scans pass until the shadow has read something; return False where it reads nothing."""
-        unread = self._unread(stream)
+        unread = stream.untaken
         for _ in range(QUIET + 1):
             self._shadows.step()
-            if self._unread(stream) < unread:
+            if stream.untaken < unread:
                 return True
         return False
 
@@ -288,3 +297,82 @@ class PlayedEnd:
         """Answer nothing any more."""
         if self._stream is not None:
             self._stream.fall_silent()
+
+
+class PlayedLine:
+    """What comes to shadows without a connection: datagrams at a socket, bytes on a serial line.
+
+    `left_out` counts, by the number of their conversation, bytes that never reached the shadow.
+    """
+
+    def __init__(self, shadows: Shadows, link: str, left_out: Counter[int]) -> None:
+        self.gives_up_at = 0
+        self._shadows = shadows
+        self._link = link
+        self._left_out = left_out
+        self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
+        self._kept = 0  # bytes of these
+        self._packets = self._sent = 0
+        project = shadows.bench.project
+        of_udp = project.connect(link) or project.udp_config(link)
+        self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
+
+    def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
+        """Let a datagram, or bytes, come; of so many that follow it is known that they are missing."""
+        if not self._waiting and self._give(number, source, data, missing):
+            return
+        if not self._waiting:
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._shadows.waiting.append(self)
+        if self._kept + len(data) <= MOST_UNREAD:
+            self._waiting.append((number, source, data, missing))
+            self._kept += len(data)
+        else:
+            self._left_out[number] += len(data)
+
+    def go_on(self) -> None:
+        """Look again whether somebody receives."""
+        while self._waiting and self._give(*self._waiting[0]):
+            self._kept -= len(self._waiting.popleft()[2])
+        if self._shadows.network.now_ns >= self.gives_up_at:
+            self.close()
+        if not self._waiting:
+            self._shadows.waiting.remove(self)
+
+    def close(self) -> None:
+        """Count what still waits as left out."""
+        for number, _, data, _ in self._waiting:
+            self._left_out[number] += len(data)
+        self._waiting.clear()
+        self._kept = 0
+
+    def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
+        """Hand it over; return False where nobody receives yet."""
+        shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
+        if self._address:
+            port = shadows.bench.runtime.listening_port(self._link)
+            if port is None:
+                return False
+            target = Endpoint(self._address, port)
+            is_taken = shadows.network.datagrams.deliver(source, target, whole)
+        else:
+            line = shadows.bench.lines[self._link]
+            if not line.is_open:
+                return False
+            is_taken, target = line.arrive(whole), Endpoint(self._link, 0)
+            shadows.wake()
+        if not is_taken:
+            self._left_out[number] += len(data)
+            return True
+        self._packets += 1
+        if shadows.sent is not None:
+            ends = str(source), str(target)
+            shadows.sent(PeerSent(A_PACKET, self._packets, *ends, self._sent, len(data)))
+            if missing:
+                after = self._sent + len(data), len(whole) - len(data)
+                shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after))
+        self._sent += len(whole)
+        if missing:
+            holes = shadows.holes.setdefault(self._link, deque())
+            holes.append((self._sent - len(whole) + len(data), self._sent))
+        return True

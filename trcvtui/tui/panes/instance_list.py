@@ -20,6 +20,7 @@ NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
 MANY: Final = 8  # from here on there are keys to find one
 # What stands where no instance is.
+SHADOW: Final = "◌"  # before an instance that lives on a conversation of others
 EMPTY_BENCH: Final = (
     "  empty: press A, then enter, for an instance with its CONNECT and DATA",
     "  then t raises CONT (it listens) and n raises EN_R (it receives)",
@@ -86,6 +87,8 @@ class InstanceList(LineView):
         self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
         told = [f"{len(self._listed)} of {len(instances)} with {plain(' '.join(self._words))}, esc: all"]
         told = told if self._words else []
+        if self._view_model.shadows:
+            told.append(f"{SHADOW} looks on")
         if len(instances) > MANY and (errors := sum(map(self._shows_error, instances))):
             told.append(f"{errors} with ERROR")
         self.set_title(self._digit, "Instances", " · ".join(told))
@@ -156,7 +159,8 @@ class InstanceList(LineView):
         style = self.cursor_style(selected)
         connection = self._view_model.connection_of(instance)
         parts: list[Part] = [
-            ("▸ " if selected else "  ", "key"),
+            ("▸" if selected else " ", "key"),
+            (SHADOW if instance.name in self._view_model.shadows else " ", "dim"),
             (pad(squeeze(plain(instance.name), columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
             *_status(instance, self._view_model.project.dialect.label(instance.condition), columns),

@@ -17,6 +17,7 @@ from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
 from trcvtui.tui.panes.composer import Composer
+from trcvtui.tui.panes.talks import TalkList
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
@@ -218,6 +219,7 @@ class PeerPanel(Vertical):
         self._title = ""
         self.lines = LineFeed(view_model, actions)
         self.peers = PeerList(view_model)
+        self.talks = TalkList(view_model, actions)
         self.composer = Composer(view_model, actions)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._notes = PeerNotes(view_model)
@@ -229,6 +231,7 @@ class PeerPanel(Vertical):
         """Compose the pane."""
         yield self.lines
         yield self.peers
+        yield self.talks
         if self._speaks:
             yield self.composer
             yield self._buttons
@@ -247,12 +250,14 @@ class PeerPanel(Vertical):
     @property
     def first(self) -> LineView:
         """Return where the focus goes: the lines of a project without peers, else the peers."""
+        if self._view_model.talks or (self._view_model.shadows and self._view_model.project.taps):
+            return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
     @property
     def least_rows(self) -> int:
         """Return the rows of what stands in it: the others are empty."""
-        listed = [each for each in (self.lines, self.peers) if each.display]
+        listed = [each for each in (self.lines, self.peers, self.talks) if each.display]
         said = [self._buttons, self._notes] if self._speaks and self._notes.is_mounted else []
         composed = self.composer.size.height if said else 0
         return composed + sum(each.size.height for each in listed) + sum(each.row_count() for each in said)
@@ -264,10 +269,13 @@ class PeerPanel(Vertical):
             if self._view_model.peer or not self.lines.names
             else self.lines.chosen
         )
-        if name != self._title or not self.border_title:
-            self._title = name
-            kind = "Peer" if self.first is self.peers else "Line"
-            self.border_title = pane_title(7, f"{kind} {clip(name, 20)}".rstrip())
+        kind = "Peer" if self.first is self.peers else "Line"
+        title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
+        if title != self._title or not self.border_title:
+            self._title = title
+            self.border_title = pane_title(7, title)
+        self.talks.display = self.first is self.talks
+        self.talks.show()
         self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
         self.lines.show()
         self.peers.show()

@@ -13,6 +13,7 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
+from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.rig.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
@@ -21,7 +22,7 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.hex_view import CLOSES, OPENS, HexView, marks_of_data, marks_of_part
+from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine
 from trcvtui.udt.byte_text import Wanted
@@ -138,8 +139,9 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     job, recv, message = labels
     if job is None:
         return ""
-    words = [_value_words(*values, job)]
-    if message is not None:
+    is_hole = message is not None and message.peer == A_HOLE
+    words = [NOT_CAPTURED if is_hole else _value_words(*values, job)]
+    if message is not None and not is_hole:
         byte = message.first + place - message.position
         words.append(f"{plain(message.peer)} #{message.number} byte {byte}")
     byte = place - job.position
@@ -263,12 +265,12 @@ class Received(Vertical):
         declared = self._view_model.declaration
         if declared is not None:  # as high before its bytes have come: one layout, not two
             self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines
-        self.data.show_bytes(self._view_model.data, 0, self._starts(False))
+        self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
         self._line.show()
         self._size_job(instance)
         self._stand_together()
         grown = len(self._view_model.partial) > len(self.job.content)
-        self.job.show_bytes(self._view_model.partial, instance.need, self._starts(True))
+        self.job.show_bytes(self._view_model.partial, instance.need, *self._marks(True))
         self._show_origin()
         if grown and not self.job.has_focus:
             self.job.keep_in_view(max(0, len(self._view_model.partial) - 1) // self.job.per_row)
@@ -281,8 +283,9 @@ class Received(Vertical):
         self._line.show()
         self._show_origin()
 
-    def _starts(self, of_job: bool) -> frozenset[int]:
-        return self._view_model.stream_index.message_starts(self._view_model.selected, of_job)
+    def _marks(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
+        index, selected = self._view_model.stream_index, self._view_model.selected
+        return index.message_starts(selected, of_job), index.holes(selected, of_job)
 
     def _show_origin(self) -> None:
         if (
@@ -305,13 +308,15 @@ class Received(Vertical):
     def _origin(self, view: HexView, byte: int) -> str:
         value = view.content[byte]
         text = f"byte {byte} = 16#{value:02X} = {value}"
+        if view.is_hole(byte):
+            text = f"byte {byte}: {NOT_CAPTURED}"
         origin = self._view_model.stream_index.origin(self._view_model.selected, view.of_job, byte)
         if origin is None:
             return text
         text += f" · job {origin.job.number}"
         if origin.recv is not None:
             text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
-        if origin.message is not None:
+        if origin.message is not None and not view.is_hole(byte):
             text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message.first}"
         if origin.recv is not None:
             text += f" · {moment(origin.recv.t_ns)} s"

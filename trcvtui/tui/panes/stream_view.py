@@ -13,6 +13,7 @@ from typing import ClassVar, Final, Protocol, TypeVar
 
 from textual import events
 
+from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.records import NamedTuple
 from trcvtui.rig.history.records import (
     END,
@@ -32,6 +33,9 @@ from trcvtui.tui.widgets.hex_view import (
     GHOST_HEX,
     GHOST_TEXT,
     HEX_OF,
+    HOLE,
+    HOLE_HEX,
+    HOLE_TEXT,
     NARROW,
     WIDE,
     frame_signs,
@@ -47,6 +51,8 @@ from trcvtui.udt.byte_text import all_in
 SPLIT: Final = "╱"
 START: Final = "▕"
 MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
+PACKETS: Final = "packet"  # of a capture: in place of messages and recv calls
+OF_A_CAPTURE: Final = frozenset((A_PACKET, A_HOLE))
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
 _STOP: Final = attrgetter("stop")
 
@@ -169,10 +175,10 @@ def brackets(
 
 
 def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
-    """Return how a message is drawn."""
-    peer, number = plain(span.peer), f"#{span.number}"
+    """Return how a message is drawn, or a packet."""
+    peer, number = "" if span.peer == A_PACKET else f"{plain(span.peer)} ", f"#{span.number}"
     size = f"{span.first}.." if span.first else f"{span.whole} B"
-    return span.begins, span.ends, MESSAGE, (f"{peer} {number} {size}", f"{peer} {number}", number)
+    return span.begins, span.ends, MESSAGE, (f"{peer}{number} {size}", f"{peer}{number}", number)
 
 
 def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
@@ -246,6 +252,7 @@ class StreamView(LineView):
         self.shows_before = False
         self._rulers = 0
         self._knows_messages = False  # an outside partner says nothing of its messages
+        self._is_capture = False
         self._base = 0
         self._rows: dict[int, Row] = {}
         self._drawn: object = None
@@ -276,6 +283,7 @@ class StreamView(LineView):
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
+            self._is_capture = self._is_capture or any(m.peer in OF_A_CAPTURE for m in window.messages)
             self._matched = frozenset(self._matches())
             self._before = {
                 part.position + n: byte for part in window.before for n, byte in enumerate(part.content)
@@ -347,7 +355,9 @@ class StreamView(LineView):
     @property
     def tracks(self) -> tuple[str, ...]:
         """Return the rulers below each row of bytes."""
-        known = (track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages)
+        known = [track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages]
+        if self._is_capture:
+            known = [PACKETS if track == MESSAGES else track for track in known if track != RECVS]
         return (*((WAS,) if self.shows_before else ()), *known)
 
     @property
@@ -358,7 +368,8 @@ class StreamView(LineView):
     @property
     def digits(self) -> int:
         """Return how many digits a position has."""
-        return max(LEAST_DIGITS, len(f"{max(0, self.window.end - 1):x}"))
+        least = len(PACKETS) if self._is_capture else LEAST_DIGITS
+        return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
     def per_row(self) -> int:
@@ -411,7 +422,8 @@ class StreamView(LineView):
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
             byte = self._byte(position)
-            parts.append((GHOST_HEX if byte is None else HEX_OF[byte], styles[index]))
+            unknown = HOLE_HEX if self._is_hole(position) else GHOST_HEX
+            parts.append((unknown if byte is None else HEX_OF[byte], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
                 parts.append(before_byte(position + 1, signs, begins))
@@ -423,18 +435,26 @@ class StreamView(LineView):
     def _byte(self, position: int) -> int | None:
         """Return the byte at a position, None where it is not known."""
         window = self.window
-        if not window.start <= position < window.stop:
+        if not window.start <= position < window.stop or self._is_hole(position):
             return None
         job = span_at(window.jobs, position)
         return window.content[position - window.start] if job is not None and job.is_kept else None
 
+    def _is_hole(self, position: int) -> bool:
+        """Return whether a capture has not the byte at a position."""
+        message = span_at(self.window.messages, position) if self._is_capture else None
+        return message is not None and message.peer == A_HOLE
+
     def _character(self, position: int) -> str:
         byte = self._byte(position)
-        return GHOST_TEXT if byte is None else CHARACTER_OF[byte]
+        if byte is None:
+            return HOLE_TEXT if self._is_hole(position) else GHOST_TEXT
+        return CHARACTER_OF[byte]
 
     def _style_of(self, position: int) -> str:
         byte, job = self._byte(position), span_at(self.window.jobs, position)
         style = "ghost" if byte is None else CLASS_OF[byte]
+        style = HOLE if self._is_hole(position) else style
         if job is not None and (job.prefix or job.suffix or not job.done):
             style = marks_of_span(job).style(position) or (style if job.done else "ghost")
         if byte is not None and self._before.get(position, byte) != byte:
@@ -464,7 +484,7 @@ class StreamView(LineView):
     def _drawn_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
         window, width = self.window, self._width
         column = self._column
-        if track == MESSAGES:
+        if track in (MESSAGES, PACKETS):
             marks = sorted(message_splits(window, start, stop))
             drawn = brackets(window.messages, start, stop, column, bracket_of_message)
             return ruler_parts(drawn, width), beside_messages(marks, window.messages)

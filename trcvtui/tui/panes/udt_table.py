@@ -14,6 +14,7 @@ from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import FieldSelected, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.hex_view import HOLE, NOT_CAPTURED
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -44,6 +45,7 @@ class UdtTable(LineView):
         )
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
+        self._holes: tuple[range, ...] = ()
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -92,6 +94,8 @@ class UdtTable(LineView):
         stop = min(self._page[1] + 1, declared.layout.leaf_count)
         self._leaves = declared.layout.page(top, stop).leaves
         self._values = tuple(decode_leaves(declared.layout, self._bytes(), top, stop))
+        index, selected = self._view_model.stream_index, self._view_model.selected
+        self._holes = index.holes(selected, self.of_job) if self.past is None else ()
 
     @property
     def was_thrown_away(self) -> bool:
@@ -139,6 +143,8 @@ class UdtTable(LineView):
 
     def _value(self, index: int, leaf: Leaf) -> list[Part]:
         value, content = self._values[index], self._bytes()
+        if any(hole.start < leaf.offset + leaf.size and leaf.offset < hole.stop for hole in self._holes):
+            return [(f"? {NOT_CAPTURED}", HOLE)]
         if value is not None:
             return [(value_text(leaf, value, content[leaf.offset : leaf.offset + leaf.size]), "printable")]
         present = max(0, min(leaf.size, len(content) - leaf.offset))

@@ -18,7 +18,7 @@ from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow
 from trcvtui.rig.history.stream_index import StreamIndex
-from trcvtui.rig.snapshots import BESIDE, Answer, Fired, PeerSnapshot
+from trcvtui.rig.snapshots import BESIDE, Answer, Fired, PeerSnapshot, TalkSnapshot
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND
@@ -316,6 +316,16 @@ class ViewModel:
     def instances(self) -> tuple[InstanceSnapshot, ...]:
         """Return all instances in call order."""
         return self.picture.snapshot.instances if self.picture else ()
+
+    @property
+    def shadows(self) -> frozenset[str]:
+        """Return the instances that look on at conversations of others."""
+        return self.live.shadows if self.live is not None else frozenset()
+
+    @property
+    def talks(self) -> tuple[TalkSnapshot, ...]:
+        """Return these conversations, the newest first."""
+        return self.live.talks if self.live is not None else ()
 
     @property
     def t_ns(self) -> int:

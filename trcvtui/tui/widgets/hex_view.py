@@ -112,6 +112,8 @@ HEX_OF: Final = tuple(f"{byte:02x}" for byte in range(256))
 
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
+HOLE_HEX, HOLE_TEXT, HOLE = "??", "?", "warn"  # bytes that a capture has not
+NOT_CAPTURED: Final = "missing in the capture"
 START: Final = "▕"
 WIDE, NARROW = 16, 8
 LEAST_DIGITS: Final = 4
@@ -137,15 +139,25 @@ class HexView(LineView):
         self.cursor: int | None = None
         self.link = range(0)
         self.starts: frozenset[int] = frozenset()
+        self.holes: tuple[range, ...] = ()
         self.patterns: tuple[bytes, ...] = ()
         self.frame: Marked | None = None  # the frame that begins with the first byte
         self.before: Before | None = None
         self.shows_before = False
 
-    def show_bytes(self, content: bytes, need: int, starts: frozenset[int]) -> None:
-        """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ."""
-        self.content, self.need, self.starts = content, max(need, len(content)), starts
+    def show_bytes(
+        self, content: bytes, need: int, starts: frozenset[int], holes: tuple[range, ...] = ()
+    ) -> None:
+        """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ.
+
+        What stands in `holes` is no value: nobody knows it.
+        """
+        self.content, self.need, self.starts, self.holes = content, max(need, len(content)), starts, holes
         self.show()
+
+    def is_hole(self, offset: int) -> bool:
+        """Return whether nobody knows a byte: a capture has it not."""
+        return any(offset in hole for hole in self.holes)
 
     def show_before(self, before: Before | None) -> None:
         """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
@@ -236,10 +248,13 @@ class HexView(LineView):
 
     def _differs(self, offset: int) -> bool:
         was = self._was_byte(offset)
-        return was is not None and offset < len(self.content) and was != self.content[offset]
+        is_known = offset < len(self.content) and not self.is_hole(offset)
+        return was is not None and is_known and was != self.content[offset]
 
     def _style_of(self, offset: int) -> str:
         style = CLASS_OF[self.content[offset]] if offset < len(self.content) else "ghost"
+        if self.holes and self.is_hole(offset):
+            style = HOLE
         if self.frame is not None and offset < len(self.content):
             style = OLD if offset >= self.frame.stop else self.frame.style(offset) or style
         if self._differs(offset):
@@ -259,6 +274,8 @@ class HexView(LineView):
                 continue
             offset = start + index
             text = HEX_OF[self.content[offset]] if offset < len(self.content) else GHOST_HEX
+            if self.holes and self.is_hole(offset):
+                text = HOLE_HEX
             parts.append((text, styles[index]))
             parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
         return merged(parts)
@@ -279,6 +296,8 @@ class HexView(LineView):
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         shown = self.content[start : start + len(styles)]
         text = [CHARACTER_OF[byte] for byte in shown] + [GHOST_TEXT] * (len(styles) - len(shown))
+        if self.holes:
+            text = [HOLE_TEXT if self.is_hole(start + n) else one for n, one in enumerate(text)]
         return [(" │", "faint"), *merged(list(zip(text, styles, strict=True)))]
 
     # -- the cursor ---------------------------------------------------------------------------------

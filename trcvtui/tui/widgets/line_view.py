@@ -119,6 +119,8 @@ class LineView(ScrollView, can_focus=True):
             if self._painted.get(y) != fresh:
                 self.refresh_line(y)
                 self._fresh[y] = fresh
+            else:
+                self._fresh.pop(y, None)  # it changed, and changed back before it was painted
 
     def resize_rows(self) -> None:
         """Take over the number of rows; a new layout of the screen only where something would move."""

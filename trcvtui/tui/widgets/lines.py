@@ -302,6 +302,7 @@ class TabLine(OneLine):
             left += width
 
 
+NO_LIMIT: Final = 1 << 32  # connections: shadows of a capture have no limit
 MOST_TRIGGER: Final = 36
 
 
@@ -360,9 +361,11 @@ class HeaderLine(OneLine):
             style = "warn" if timing.overruns else "dim"
             pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))
-        if snapshot.connections_limit:
+        if 0 < snapshot.connections_limit < NO_LIMIT:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
             pieces.append(HeaderWord(used, "dim", 70))
+        if any(talk.is_held for talk in now.talks):
+            pieces.append(HeaderWord(" HELD BY THE TAP ", "stop", 0))
         if snapshot.faults:
             pieces.append(HeaderWord(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
         return pieces

@@ -1,0 +1,182 @@
+"""The tap between plain sockets: ends as they are, back-pressure, refusals, who listens where."""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.tapping import PATIENCE, Tap, calling, end_of, exactly, joined, listening, reset
+
+pytestmark = pytest.mark.live
+
+
+def test_a_half_close_passes_and_the_other_direction_goes_on() -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        near.sendall(b"question")
+        near.shutdown(socket.SHUT_WR)
+        assert (exactly(far, 8), end_of(far)) == (b"question", (0, "FIN"))
+        far.sendall(b"answer")
+        far.close()
+        assert (exactly(near, 6), end_of(near)) == (b"answer", (0, "FIN"))
+        near.close()
+        assert tap.end() == (0, "", "")
+
+
+@pytest.mark.parametrize("resets", [0, 1])
+def test_a_reset_passes_as_a_reset_after_the_bytes_before_it(resets: int) -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        ends = joined(door, tap.port)
+        ends[resets].sendall(bytes(100_000))
+        reset(ends[resets])
+        with ends[1 - resets] as other:
+            size, end = end_of(other)
+        assert (size <= 100_000, end) == (True, "RST")
+
+
+def test_a_reset_shows_at_once_to_an_end_whose_fin_has_passed() -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        with near:
+            far.shutdown(socket.SHUT_WR)
+            assert end_of(near) == (0, "FIN")
+            reset(far)
+            assert select.select((), (near,), (near,), PATIENCE)
+            with pytest.raises(OSError, match=r"reset|pipe"):
+                while True:
+                    near.sendall(b"x")
+
+
+def test_a_refusal_shows_as_a_reset_after_the_accept() -> None:
+    with socket.socket() as silent:  # it has the port, so nobody else listens there
+        silent.bind(("127.0.0.1", 0))
+        refused_by(silent.getsockname()[1])
+
+
+def refused_by(port: int) -> None:
+    with Tap(str(port)) as tap:
+        try:
+            near = calling(tap.port)
+        except ConnectionResetError:  # the RST was there before the call returned
+            return
+        with near:
+            assert end_of(near) == (0, "RST")
+
+
+def test_an_end_that_reads_nothing_closes_the_window_of_the_other() -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        with near, far:
+            near.setblocking(False)
+            sent = 0
+            while select.select((), (near,), (), 0.3)[1]:
+                sent += near.send(bytes(1 << 16))
+            assert sent < 64 << 20
+            before = resident(tap.process.pid)
+            assert len(exactly(far, sent)) == sent
+            assert before < 64 << 20
+
+
+def resident(pid: int) -> int:
+    """Return the bytes of memory of a process."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except OSError:
+        pytest.skip("a system without /proc")
+    return pages * 4096
+
+
+def test_urgent_data_arrives_as_ordinary_bytes() -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        with near, far:
+            near.sendall(b"ab")
+            near.send(b"!", socket.MSG_OOB)
+            near.sendall(b"cd")
+            assert exactly(far, 5) == b"ab!cd"
+
+
+def test_the_two_sides_may_speak_another_ip_each() -> None:
+    try:
+        door, port = listening(socket.AF_INET6)
+    except OSError:
+        pytest.skip("a system without IPv6")
+    with door, Tap(f"[::1]:{port}") as tap:
+        near, far = joined(door, tap.port)
+        with near, far:
+            near.sendall(b"six")
+            assert exactly(far, 3) == b"six"
+
+
+def test_datagrams_find_the_client_who_asked() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
+        far.bind(("127.0.0.1", 0))
+        far.settimeout(PATIENCE)
+        with Tap(f"udp:{far.getsockname()[1]}", listen="udp:127.0.0.1:0") as tap:
+            clients = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
+            for n, client in enumerate(clients):
+                client.settimeout(PATIENCE)
+                client.sendto(bytes([n]) * n, ("127.0.0.1", tap.port))
+                data, came_from = far.recvfrom(100)
+                assert data == bytes([n]) * n
+                far.sendto(b"answer %d" % n, came_from)
+                assert client.recv(100) == b"answer %d" % n
+                client.close()
+            assert tap.end() == (0, "", "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_tap_that_is_ended_ends_both_sides_with_fin(number: int) -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        with near, far:
+            near.sendall(b"last words")
+            assert exactly(far, 10) == b"last words"
+            assert tap.end(number) == (0, "", "")
+            assert end_of(near) == end_of(far) == (0, "FIN")
+
+
+def test_a_tap_that_is_killed_ends_both_sides() -> None:
+    door, port = listening()
+    with door, Tap(str(port)) as tap:
+        near, far = joined(door, tap.port)
+        with near, far:
+            tap.end(signal.SIGKILL)
+            assert {end_of(near)[1], end_of(far)[1]} <= {"FIN", "RST"}
+
+
+def test_it_says_whether_other_machines_reach_it() -> None:
+    with Tap("9", listen="0.0.0.0:0") as tap:
+        assert tap.process.stderr is not None
+        assert tap.process.stderr.readline().decode() == f"other machines reach 0.0.0.0:{tap.port}\n"
+
+
+@pytest.mark.parametrize(
+    ("listen", "connect", "said"),
+    [
+        ("here:2", "3", "LISTEN: found 'here:2', expected [ADDR:]PORT, udp:[ADDR:]PORT or serial:"),
+        ("2", "70000", "CONNECT: found '70000', expected [ADDR:]PORT"),
+        ("2", "udp:3", "CONNECT: found 'udp:3' after '2', expected two places of one kind"),
+        ("1502", "127.0.0.1:1502", "expected another place than that of LISTEN"),
+        ("serial:/dev/x,9600,9N1", "serial:/dev/y", "LISTEN: found 'serial:/dev/x,9600,9N1', expected"),
+        ("192.0.2.1:2", "3", "LISTEN: found 192.0.2.1:2 (EADDRNOTAVAIL), expected an address that is free"),
+        ("serial:/dev/not-there", "serial:/dev/neither", "/dev/not-there: found open ENOENT"),
+    ],
+)
+def test_a_wrong_place_is_one_line(listen: str, connect: str, said: str) -> None:
+    command = [sys.executable, "-m", "trcvtui", "tap", listen, connect]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert said in done.stderr

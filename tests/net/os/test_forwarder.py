@@ -1,0 +1,393 @@
+"""The tap's loop, turned by hand: who looks on, what is held, what does not answer, serial ports."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from trcvtui.net.os import forwarder, tapped_ends, tapped_lane
+from trcvtui.net.os.forwarder import Forwarder, PollOfSelect
+from trcvtui.net.os.system_calls import RESET_ON_CLOSE
+from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, events_of, place_of, route_of
+
+pytestmark = pytest.mark.live
+TURNS = 2000
+
+
+class Stand:
+    """A loop with one TCP tap, a door of the far end, one who looks on and gives orders."""
+
+    def __init__(self, poll: object = None) -> None:
+        self.said: list[str] = []
+        self.loop = Forwarder(self.said.append, poll)
+        self.door = socket.create_server(("127.0.0.1", 0))
+        self.door.setblocking(False)
+        to = f"127.0.0.1:{self.door.getsockname()[1]}"
+        self.loop.add_route(route_of("T", "127.0.0.1:0", to, ("LISTEN", "CONNECT")))
+        ours, self.looks = socket.socketpair()
+        self.looks.setblocking(False)
+        self.loop.add_looker(ours, "who looks on", gives_orders=True)
+        self._sockets = [self.door, self.looks]
+
+    def until(self, is_done: Callable[[], object]) -> None:
+        """Let the loop turn until something is so."""
+        for _ in range(TURNS):
+            if is_done():
+                return
+            self.loop.turn(0.01)
+        raise AssertionError("never")
+
+    def talk(self) -> tuple[socket.socket, socket.socket]:
+        """Return both ends of a new conversation."""
+        address = self.loop.routes[0].address
+        assert address is not None
+        near = socket.socket()
+        near.setblocking(False)
+        near.connect_ex(address)
+        far: list[socket.socket] = []
+
+        def comes() -> bool:
+            with suppress(BlockingIOError):
+                far.append(self.door.accept()[0])
+            return bool(far)
+
+        self.until(comes)
+        self.until(lambda: any(talk.lanes for talk in self.loop.routes[0].talks.values()))
+        far[0].setblocking(False)
+        self._sockets += [near, far[0]]
+        return near, far[0]
+
+    def read(self, sock: socket.socket, size: int) -> bytes:
+        """Return so many bytes that come to an end."""
+        got = bytearray()
+
+        def is_whole() -> bool:
+            with suppress(BlockingIOError):
+                while len(got) < size and (part := sock.recv(size - len(got))):
+                    got.extend(part)
+            return len(got) >= size
+
+        self.until(is_whole)
+        return bytes(got)
+
+    def is_quiet(self, sock: socket.socket) -> bool:
+        """Return whether nothing comes to an end while the loop has work."""
+        for _ in range(5):
+            self.loop.turn(0.005)
+        return not select.select((sock,), (), (), 0)[0]
+
+    def order(self, way: int, verb: str, *sizes: int, data: bytes = b"", number: int = 0) -> TapEvent:
+        """Give an order; return what was told of it."""
+        self.looks.sendall(TapOrder(0, number, way, verb, sizes, data).line())
+        answers: list[TapEvent] = []
+
+        def is_told() -> bool:
+            kinds = TapEventKind.OURS, TapEventKind.REFUSED
+            answers.extend(event for event in self.events() if event.kind in kinds)
+            return bool(answers)
+
+        self.until(is_told)
+        return answers[0]
+
+    def events(self) -> list[TapEvent]:
+        """Return what has been told since."""
+        whole = bytearray()
+        with suppress(BlockingIOError):
+            while part := self.looks.recv(1 << 20):
+                whole += part
+        parts = iter([bytes(whole), b""])
+        return [event for found in events_of(lambda _: next(parts)) for event in found]
+
+    def close(self) -> None:
+        """Close all."""
+        with suppress(Exception):
+            self.loop.close()
+        for sock in self._sockets:
+            sock.close()
+
+
+@pytest.fixture(params=[None, PollOfSelect])
+def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
+    made = Stand(request.param and request.param())
+    yield made
+    made.close()
+
+
+def test_what_passes_is_told_with_its_direction_and_its_place_in_the_stream(stand: Stand) -> None:
+    near, far = stand.talk()
+    for part in (b"one", b"three"):
+        near.send(part)
+        assert stand.read(far, len(part)) == part
+    far.send(b"back")
+    assert stand.read(near, 4) == b"back"
+    near.close()
+    stand.until(lambda: select.select((far,), (), (), 0)[0])
+    told = [(event.kind, event.way, event.at, event.data) for event in stand.events()]
+    assert told[1:] == [
+        (TapEventKind.STANDS, BACK, 0, b""),
+        (TapEventKind.BYTES, TO, 0, b"one"),
+        (TapEventKind.BYTES, TO, 3, b"three"),
+        (TapEventKind.BYTES, BACK, 0, b"back"),
+        (TapEventKind.FIN, TO, 8, b""),
+    ]
+    assert told[0][3].split(b"|")[:2] == [b"tcp", b"127.0.0.1"]
+
+
+@pytest.mark.parametrize(("waits_ns", "gets_all"), [(60_000_000_000, True), (30_000_000, False)])
+def test_before_a_reset_what_was_read_is_delivered_for_a_time(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch, waits_ns: int, gets_all: bool
+) -> None:
+    monkeypatch.setattr(tapped_lane, "RESET_WAIT_NS", waits_ns)
+    stand.door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    near, far = stand.talk()
+    lane, sent = stand.loop.routes[0].talks[1].lanes[TO], 0
+    while select.select((), (near,), (), 0)[1]:  # until the far end, the stacks and the tap are full
+        with suppress(BlockingIOError):
+            sent += near.send(bytes(1 << 16))
+        stand.loop.turn(0)
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+    near.close()
+    stand.until(lambda: lane.end is TapEventKind.RST)
+    if not gets_all:
+        stand.until(lambda: not stand.loop.routes[0].talks)
+    size, is_reset = 0, False
+    for _ in range(TURNS * 10):
+        for _ in range(5):  # the tap is quicker than who reads
+            stand.loop.turn(0)
+        try:
+            size += len(far.recv(1 << 16))
+        except BlockingIOError:
+            stand.loop.turn(0.01)
+        except ConnectionResetError:
+            is_reset = True
+            break
+    assert (is_reset, size == lane.at) == (True, gets_all)
+    assert 0 < size <= lane.at <= sent
+
+
+def test_a_held_frame_is_edited_and_let_go(stand: Stand) -> None:
+    near, far = stand.talk()
+    stand.order(TO, "hold")
+    near.send(bytes(range(10)))
+    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[TO].held)
+    stand.order(TO, "edit", 2, data=b"\xaa\xbb")
+    stand.order(TO, "drop", 1)
+    stand.order(TO, "insert", data=b"\xff")
+    assert stand.is_quiet(far)
+    assert stand.order(TO, "go").kind is not TapEventKind.REFUSED
+    assert stand.read(far, 10) == b"\xff\x01\xaa\xbb" + bytes(range(4, 10))
+    far.send(b"the other way was never held")
+    assert stand.read(near, 28)
+
+
+def test_a_held_direction_holds_its_end_and_no_more_than_it_may(stand: Stand) -> None:
+    near, far = stand.talk()
+    stand.order(TO, "hold")
+    lane = stand.loop.routes[0].talks[1].lanes[TO]
+    sent = 0
+    while lane.room():
+        with suppress(BlockingIOError):
+            sent += near.send(bytes(1 << 16))
+        stand.loop.turn(0)
+    while select.select((), (near,), (), 0)[1]:  # what the stacks take
+        with suppress(BlockingIOError):
+            sent += near.send(bytes(1 << 16))
+        stand.loop.turn(0)
+    assert len(lane.held or b"") == 1 << 20
+    near.close()
+    assert stand.is_quiet(far)
+    stand.order(TO, "go")
+    assert len(stand.read(far, sent)) == sent
+    stand.until(lambda: select.select((far,), (), (), 0)[0])
+    assert far.recv(1) == b""
+
+
+def test_bytes_are_delayed_in_order_and_split_where_asked(stand: Stand) -> None:
+    near, far = stand.talk()
+    stand.order(TO, "delay", 30_000_000)
+    near.send(b"late")
+    assert not select.select((far,), (), (), 0)[0]
+    assert stand.read(far, 4) == b"late"
+    stand.order(TO, "delay", 0)
+    stand.order(TO, "split", 3, 2)
+    stand.events()
+    near.send(b"aaabbcccc")
+    assert stand.read(far, 9) == b"aaabbcccc"
+    pieces = [event.data for event in stand.events() if event.kind == TapEventKind.BYTES]
+    assert pieces == [b"aaa", b"bb", b"cccc"]
+    near.send(b"whole")
+    assert stand.read(far, 5) == b"whole"
+
+
+@pytest.mark.parametrize(("verb", "ends"), [("fin", (False, True)), ("rst", (True, True))])
+def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends: tuple[bool, bool]) -> None:
+    near, far = stand.talk()
+    near.send(b"before")
+    assert stand.read(far, 6) == b"before"
+    answer = stand.order(TO, verb)
+    assert (answer.kind, answer.data, answer.at) == (TapEventKind.OURS, verb.encode(), 6)
+    stand.until(lambda: select.select((far,), (), (), 0)[0])
+    if verb == "rst":
+        with pytest.raises(ConnectionResetError):
+            far.recv(1)
+    else:
+        assert far.recv(1) == b""
+        near.send(b"nobody gets this")
+        far.send(b"still heard")
+        assert stand.read(near, 11) == b"still heard"
+
+
+@pytest.mark.parametrize(
+    ("verb", "sizes", "said"),
+    [
+        ("drop", (9,), "4 bytes are held, not 9"),
+        ("edit", (3,), "4 bytes are held: byte 4 is none of them"),
+        ("insert", (), "the tap holds no more than 1 MiB of a direction"),
+    ],
+)
+def test_an_order_that_cannot_be_done_says_why(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch, verb: str, sizes: tuple[int, ...], said: str
+) -> None:
+    monkeypatch.setattr(tapped_lane, "MOST_HELD", 5)
+    near, _ = stand.talk()
+    stand.order(TO, "hold")
+    near.send(b"four")
+    stand.until(lambda: stand.loop.routes[0].talks[1].lanes[TO].held)
+    answer = stand.order(TO, verb, *sizes, data=b"xy")
+    assert (answer.kind, answer.data.decode()) == (TapEventKind.REFUSED, said)
+
+
+def test_an_order_without_a_conversation_says_so(stand: Stand) -> None:
+    assert stand.order(TO, "hold").data == b"a conversation is not there"
+    assert stand.order(TO, "hold", number=7).data == b"conversation 7 is not there"
+
+
+def test_all_is_let_go_when_who_gives_the_orders_is_gone(stand: Stand) -> None:
+    near, far = stand.talk()
+    stand.order(TO, "hold")
+    near.send(b"held")
+    assert stand.is_quiet(far)
+    stand.looks.close()
+    assert stand.read(far, 4) == b"held"
+    assert stand.said == ["who looks on has ended: bytes still go on"]
+
+
+def test_who_looks_on_and_does_not_read_delays_nothing_and_is_told_what_he_missed(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forwarder, "MOST_UNTOLD", 1 << 20)
+    near, far = stand.talk()
+    size = 0
+    for _ in range(400):
+        with suppress(BlockingIOError):
+            size += near.send(bytes(1 << 16))
+        stand.loop.turn(0)
+        with suppress(BlockingIOError):
+            while part := far.recv(1 << 20):
+                size -= len(part)
+    stand.read(far, size)
+    told: list[TapEvent] = []
+    whole = bytearray()
+
+    def is_told() -> bool:
+        with suppress(BlockingIOError):
+            while part := stand.looks.recv(1 << 20):
+                whole.extend(part)
+        parts = iter([bytes(whole), b""])
+        told[:] = [event for found in events_of(lambda _: next(parts)) for event in found]
+        return told[-1].kind == TapEventKind.OPEN and told[-2].kind == TapEventKind.LOST
+
+    stand.until(is_told)
+    got = sum(len(event.data) for event in told if event.kind == TapEventKind.BYTES)
+    lost_bytes = int.from_bytes(told[-2].data[8:16], "little")
+    assert (lost_bytes > 0, got + lost_bytes) == (True, stand.loop.routes[0].talks[1].lanes[TO].at)
+    assert (told[-1].number, told[-1].at) == (1, 1)
+
+
+def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tapped_ends, "CONNECT_NS", 50_000_000)
+    full = socket.socket()
+    full.bind(("127.0.0.1", 0))
+    full.listen(0)
+    callers = [socket.socket() for _ in range(4)]
+    for caller in callers:  # the door is full: nobody is answered any more
+        caller.setblocking(False)
+        caller.connect_ex(full.getsockname())
+    loop = Forwarder(str)
+    loop.add_route(route_of("T", "127.0.0.1:0", f"127.0.0.1:{full.getsockname()[1]}", ("", "")))
+    address = loop.routes[0].address
+    with socket.create_connection(address or ("", 0)) as near:
+        near.setblocking(False)
+        for _ in range(TURNS):
+            loop.turn(0.01)
+            if select.select((near,), (), (), 0)[0]:
+                break
+        with pytest.raises(ConnectionResetError):
+            near.recv(1)
+    loop.close()
+    for sock in (full, *callers):
+        sock.close()
+
+
+def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: object
+) -> None:
+    monkeypatch.setattr(tapped_ends, "AGAIN_NS", 1_000_000)
+    pairs = [os.openpty() for _ in range(2)]
+    for master, slave in pairs:
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+    said: list[str] = []
+    loop = Forwarder(said.append)
+    names = [f"serial:{os.ttyname(slave)},19200,8E1" for _, slave in pairs]
+    loop.add_route(route_of("T", names[0], names[1], ("LISTEN", "CONNECT")))
+    for _, slave in pairs:
+        os.close(slave)
+
+    def until(is_done: Callable[[], object]) -> None:
+        for _ in range(TURNS):
+            if is_done():
+                return
+            loop.turn(0.01)
+        raise AssertionError("never")
+
+    def comes(master: int) -> Callable[[], bool]:
+        got = bytearray()
+
+        def is_whole() -> bool:
+            with suppress(BlockingIOError):
+                got.extend(os.read(master, 100))
+            return bytes(got) == b"\x00\x11\x13\xff over"
+
+        return is_whole
+
+    for one, other in (pairs, pairs[::-1]):
+        os.write(one[0], b"\x00\x11\x13\xff over")
+        until(comes(other[0]))
+    os.close(pairs[0][0])
+    until(lambda: said)
+    assert said == [f"T: {place_of(names[0], '')} is gone (EIO): it is opened again"]
+    loop.close()
+    os.close(pairs[1][0])
+
+
+def test_a_loop_that_is_ended_by_its_timer_waits_for_nothing_more() -> None:
+    """A timer that is due when a turn begins: poll(-1) after it would wait for ever."""
+
+    waited: list[float] = []
+
+    class Poll(PollOfSelect):
+        def poll(self, seconds: float) -> list[tuple[int, int]]:
+            waited.append(seconds)
+            return []
+
+    loop = Forwarder(lambda _: None, Poll())
+    loop.stop_after(0)
+    loop.turn(-1)
+    assert waited == [0]

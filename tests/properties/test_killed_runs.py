@@ -1,0 +1,119 @@
+"""A run on real sockets, or who writes it down, is killed at random moments: the file runs again to its end.
+
+TRCVTUI_SOAK kills 200 times; the suite a few.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.test_cli import ENVIRONMENT
+from trcvtui.capture.journal import STEP, Answered, RunBegins
+from trcvtui.capture.recording import Recording
+from trcvtui.rig.replay.command import check
+from trcvtui.rig.replay.run_again import RunAgain
+
+KILLS = 200 if os.environ.get("TRCVTUI_SOAK") else 3
+VICTIMS = ("engine", "writer", "both")
+MOST_MISSING_NS = 1_000_000_000
+PROJECT = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..63] OF BYTE"
+[[connect]]
+name = "C1"
+LocalAddress = "127.0.0.1"
+LocalPort = 0
+[[instance]]
+name = "A"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+active = true
+remote = "@C1"
+reconnect = "T#50ms"
+every = "T#20ms"
+says = ["hex {}"]
+""".format("5a " * 64)
+
+
+def children(process: int) -> list[int]:
+    """Return the processes that one has started."""
+    return [*map(int, Path(f"/proc/{process}/task/{process}/children").read_text().split())]
+
+
+def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int, int | None]:
+    """Record a run and kill; return the file, UTC of the kill in ns, and how a run ended that was spared."""
+    (folder / "P.toml").write_text(PROJECT)
+    path = folder / "out" / "P-0001.pcapng"
+    words = [sys.executable, "-m", "trcvtui", "record", "P.toml", "--out", "out"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, cwd=folder, env=ENVIRONMENT, stdout=pipe, stderr=pipe) as engine:
+        least = chance.randint(1, 30_000)  # bytes
+        while not path.is_file() or path.stat().st_size < least:
+            assert engine.poll() is None
+        with suppress(subprocess.TimeoutExpired):  # somewhere between two blocks
+            engine.wait(chance.random() / 2)
+        (writer,) = children(engine.pid)
+        at = time.time_ns()
+        if victim != "writer":
+            engine.kill()
+        if victim != "engine":
+            os.kill(writer, signal.SIGKILL)
+        told = None
+        if victim == "writer":
+            told = engine.wait()
+            assert engine.stderr is not None and b"the writer has ended" in engine.stderr.read()
+        while os.path.exists(f"/proc/{writer}/task/{writer}/children") and is_running(writer):
+            pass  # he writes what he had
+    return path, at, told
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process has not ended."""
+    with suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+@pytest.mark.parametrize("number", range(KILLS))
+def test_a_killed_run_lacks_a_second_at_most_and_runs_again_up_to_there(tmp_path: Path, number: int) -> None:
+    victim = VICTIMS[number % len(VICTIMS)]
+    path, at, told = killed(tmp_path, victim, random.Random(number))
+    recording = Recording(path)
+    found = list(recording.entries())
+    steps = [one.answer for one in found if isinstance(one, Answered) and one.call == STEP]
+    if not steps:  # killed before the first block
+        assert at - path.stat().st_mtime_ns < MOST_MISSING_NS
+        return
+    begins = found[0]
+    assert isinstance(begins, RunBegins) and isinstance(steps[-1], int)
+    assert at - (begins.wall_ns + steps[-1]) < MOST_MISSING_NS
+    said = check(RunAgain(recording.entries(), "R"))
+    assert said == "" or said.startswith("R: found the end of the journal after ")
+    assert told in (None, 1)
+    tshark = shutil.which("tshark")
+    if tshark is not None:
+        seen = subprocess.run(
+            [tshark, "-r", path, "-Y", "_ws.malformed || tcp.checksum.status == Bad"], capture_output=True
+        )
+        assert seen.stdout == b""
+        assert seen.returncode == 0 or b"cut short" in seen.stderr

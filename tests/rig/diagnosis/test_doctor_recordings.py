@@ -1,0 +1,79 @@
+"""A recording of ours is judged with its own project, and with what its program did."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trcvtui.cli import main
+
+SCENARIOS = Path(__file__).parents[3] / "configs" / "scenarios"
+
+
+def judged(scenario: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
+    recording = folder / "run.pcapng"
+    main(["scenario", str(SCENARIOS / scenario), "--record", str(recording)])
+    capsys.readouterr()
+    main(["doctor", str(recording), "--format", "json"])
+    told = capsys.readouterr()
+    assert "not read" not in told.err
+    found: list[dict[str, Any]] = json.loads(told.out)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("scenario", "cause"),
+    [
+        ("stories/byte-order-swapped.toml", "byte-order"),
+        ("stories/four-bytes-short.toml", "frame-short"),
+        ("stories/en-r-dropped.toml", "shifted"),
+        ("stories/udt-mismatch.toml", "padding"),
+        ("baosky/80a0-refused.toml", "refused"),
+        ("baosky/row-21-second-client.toml", "second-client"),
+        ("baosky/note-req-during-7005.toml", "request-too-fast"),
+        ("baosky/80a1-en-r-rises-during-7002.toml", "not-connected-request"),
+    ],
+)
+def test_the_story_of_a_recording_is_told(
+    scenario: str, cause: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    causes = [one["findings"][0]["cause"] for one in judged(scenario, tmp_path, capsys) if one["findings"]]
+    assert cause in causes
+
+
+@pytest.mark.parametrize("scenario", ["baosky/7006-7008-static.toml", "baosky/7000-no-job.toml"])
+def test_a_recording_of_a_good_run_is_healthy(
+    scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert all(one["healthy"] for one in judged(scenario, tmp_path, capsys))
+
+
+def test_a_plc_that_calls_is_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (one, *_) = judged("baosky/80a0-refused.toml", tmp_path, capsys)
+    assert one["findings"][0]["where"]["direction"] == "to-plc"
+
+
+def test_a_fault_of_a_program_names_scan_and_instance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = judged("baosky/note-req-during-7005.toml", tmp_path, capsys)
+    where = next(f["where"] for one in found for f in one["findings"] if f["cause"] == "request-too-fast")
+    assert where["scan"] > 1 and where["instance"]
+
+
+def test_a_report_shows_the_findings_first_and_no_bytes_without_payload(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    judged("stories/byte-order-swapped.toml", tmp_path, capsys)
+    pages = []
+    for name, options in (("a.html", []), ("b.html", ["--no-payload"])):
+        out = tmp_path / name
+        main(["report", str(tmp_path / "run.pcapng"), "--out", str(out), *options])
+        pages.append(out.read_text(encoding="utf-8"))
+    whole, without = pages
+    assert 0 < whole.find("byte-order, 95% sure") < whole.find("<h2>")
+    assert "voltage = 230" in whole and "byte-order, 95% sure" in without
+    assert "voltage = 230" not in without

@@ -1,0 +1,117 @@
+"""Pane 7 on the line: figures of conversations, and the keys with which a tap intervenes."""
+
+from __future__ import annotations
+
+from tests.capture.wire import NS, PARTNER, PLC
+from tests.tui.fakes import picture
+from tests.tui.looking import WIDE, looking
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind, WireDirection
+from trcvtui.records import replace
+from trcvtui.rig.snapshots import TalkSnapshot
+from trcvtui.rig.watch.talks import SECONDS, Talks
+
+SECOND = 1_000_000_000
+
+
+class Told:
+    """Figures of one conversation that is told event by event."""
+
+    def __init__(self) -> None:
+        self.talks = Talks()
+        self.talk = Conversation(1, "tcp", NS)
+        there = self.talk.there = WireDirection(self.talk, (bytes([10, 0, 0, 9]), PARTNER[1]), b"")
+        back = self.talk.back = WireDirection(self.talk, (bytes([10, 0, 0, 5]), PLC[1]), b"")
+        there.other, back.other = back, there
+
+    def tell(
+        self, kind: EventKind, s: float = 0, from_plc: bool = False, data: bytes = b"", size: int = 0
+    ) -> None:
+        says = self.talk.back if from_plc else self.talk.there
+        event = ConversationEvent(NS + int(s * SECOND), self.talk, says, kind, 0, size or len(data), data)
+        self.talks.take(event, from_plc, "T")
+
+    @property
+    def shown(self) -> TalkSnapshot:
+        return self.talks.snapshot()[0]
+
+
+def connected() -> Told:
+    told = Told()
+    told.tell(EventKind.SYN)
+    assert told.shown.state == "connecting"
+    told.tell(EventKind.ESTABLISHED, 0.002)
+    told.tell(EventKind.BYTES, 1, data=b"12345")
+    told.tell(EventKind.BYTES, 1.5, from_plc=True, data=b"ok")
+    return told
+
+
+def test_bytes_are_counted_by_direction_and_by_second() -> None:
+    shown = connected().shown
+    assert (shown.plc, shown.partner, shown.state) == ("10.0.0.5:2000", "10.0.0.9:51000", "open")
+    assert (shown.to_plc.size, shown.from_plc.size, shown.to_plc.segments) == (5, 2, 1)
+    assert shown.handshake_ns == 2_000_000
+    assert shown.seconds[-1] == 7 and len(shown.seconds) == SECONDS
+
+
+def test_a_rate_is_that_of_the_newest_second_and_falls_to_none() -> None:
+    told = connected()
+    assert told.shown.to_plc.rate == 5
+    told.tell(EventKind.KEEP_ALIVE, 9)
+    assert told.shown.to_plc.rate == 0
+
+
+def test_what_is_not_as_it_should_be_is_counted() -> None:
+    told = connected()
+    told.tell(EventKind.RETRANSMISSION, 2, size=5)
+    told.tell(EventKind.MISSING, 2, size=7)
+    told.tell(EventKind.ZERO_WINDOW, 2, from_plc=True)
+    assert (told.shown.to_plc.again, told.shown.to_plc.missing, told.shown.to_plc.is_closed) == (5, 7, True)
+    told.tell(EventKind.WINDOW_OPENS, 3, from_plc=True)
+    assert not told.shown.to_plc.is_closed
+    told.tell(EventKind.RST, 3)
+    assert told.shown.state == "reset"
+
+
+def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
+    told = connected()
+    for number in range(2, 2000):
+        told.talk = Conversation(number, "tcp", NS)
+        told.talk.there = WireDirection(told.talk, (bytes(4), number), b"")
+        told.talk.back = WireDirection(told.talk, (bytes(4), 1), b"")
+        told.talk.there.other, told.talk.back.other = told.talk.back, told.talk.there
+        told.tell(EventKind.BYTES, 2, data=b"x")
+        told.tell(EventKind.FIN, 2)
+    listed = told.talks.snapshot()
+    assert listed[0].number == 1 and len(listed) == 64
+
+
+async def test_keys_of_the_pane_are_bench_commands_of_the_tap() -> None:
+    told = connected()
+    async with looking(WIDE) as looker:
+        await looker.show(replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"})))
+        assert "open 10.0.0.9:51000 → 10.0.0.5:2000 round trip 2.0 ms" in looker.pane("talks")
+        await looker.press("7", "h")
+        told.talks.hold(1, True, 3, b"\\x01\\x02\\x03")
+        await looker.show(replace(picture(), talks=told.talks.snapshot()))
+        assert "HELD BY THE TAP" in looker.text and "3 B held" in looker.pane("talks")
+        await looker.press("h", "down", "r", "e")
+        assert looker.lines[-3:] == [
+            "tap T to-plc hold conversation 1",
+            "tap T to-plc go conversation 1",
+            "tap T from-plc rst conversation 1",
+        ]
+        assert "nothing is held in this direction" in looker.text
+        await looker.press("up", "d")
+        assert "tap T to-plc drop 3" in looker.text
+
+
+async def test_who_only_watches_cannot_intervene() -> None:
+    told = connected()
+    only_watched = replace(told.shown, tap="")
+    async with looking(WIDE) as looker:
+        await looker.show(replace(picture(), talks=(only_watched,)))
+        await looker.press("7", "h")
+        assert not looker.lines
+        assert "only a tap can intervene" in looker.text
+        await looker.press("w")
+        assert looker.lines == ["watch"]

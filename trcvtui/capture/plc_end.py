@@ -1,0 +1,78 @@
+"""Which end of a conversation is the PLC: as the user says, or a guess with its reason."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.capture.reassembly import SENT_END, Conversation, WireDirection
+from trcvtui.errors import mistake
+from trcvtui.net.results import end_in_words
+from trcvtui.records import NamedTuple
+
+# The first three bytes of MACs, as the IEEE gave them.
+_MACS: Final = {
+    "Beckhoff": "000105",
+    "Bosch Rexroth": "000B0F 006034",
+    "Mitsubishi Electric": "002692 080070 104B46 28E98E 30BE3B 38E08E 58528A 588D39 94A4B5",
+    "Omron": "00000A 3CF7D1",
+    "Phoenix Contact": "00A045 A8741D CCCCEA",
+    "Pilz": "000248",
+    "Rockwell Automation": "0000BC 001D9C 086195 184C08 34C0F9 404101 5C2167 5C8816 68C8EB BCF499 E48EBB "
+    "E49069 F45433",
+    "Schneider Electric": "000054 000417 0080F4 9C0E51",
+    "Siemens": "0001E3 000BA3 000E8C 001B1B 001C06 001FF8 080006 10DFFC 208756 20A8B9 286336 301389 302F1E "
+    "30B851 384B24 40ECF8 4CE705 681FD8 683E02 789F87 883F99 8CF319 AC6417 D4F527 E0DCA0 E8EF22 EC1C5D",
+    "WAGO": "0030DE",
+}
+VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
+
+
+class PlcEnd(NamedTuple):
+    """What `--plc` names: an address as bytes; None: any port."""
+
+    address: bytes
+    port: int | None
+
+
+class PlcGuess(NamedTuple):
+    """Which end is the PLC's: what it says, how sure that is (0 to 1), and why."""
+
+    says: WireDirection
+    confidence: float
+    why: str
+
+
+def parse_plc(text: str) -> PlcEnd:
+    """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
+    found = end_in_words(text)
+    if found is None:
+        raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000")
+    return PlcEnd(*found)
+
+
+def guess_plc(
+    conversation: Conversation, given: PlcEnd | None = None, plc_ports: frozenset[int] = frozenset()
+) -> PlcGuess:
+    """Return the PLC end: as given, by a vendor's MAC, by the project's ports, or the listening end."""
+    ends = (conversation.there, conversation.back)
+    if given is not None:
+        fits = [
+            end for end in ends if end.address[0] == given.address and given.port in (None, end.address[1])
+        ]
+        if fits:
+            return PlcGuess(fits[-1], 1.0, "--plc")
+    if conversation.protocol == "serial":
+        sends = next(end for end in ends if end.address[1] == SENT_END)
+        return PlcGuess(sends, 0.6, "who captured has sent this")
+    vendors = [end for end in ends if end.mac[:3] in VENDORS]
+    if len(vendors) == 1:
+        return PlcGuess(vendors[0], 0.9, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
+    listening = [end for end in ends if end.address[1] in plc_ports]
+    if len(listening) == 1:
+        return PlcGuess(listening[0], 0.8, f"port {listening[0].address[1]} of the project")
+    if conversation.listener is not None:
+        return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
+    lower = min(ends, key=lambda end: end.address[1])
+    if ends[0].address[1] == ends[1].address[1]:
+        return PlcGuess(conversation.back, 0.2, "the first packet went there")
+    return PlcGuess(lower, 0.3, "the lower port: it may listen there")

@@ -1,0 +1,386 @@
+"""The tap's loop: bytes and ends from one side to the other as they come, told to those who look on.
+
+Rule 1: nothing here waits for anybody but all: who looks on and does not read misses events, and is told.
+Rule 2: without who gives the orders nothing is held.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from heapq import heappop, heappush
+from itertools import count
+from typing import Any, Final
+
+from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT
+from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
+from trcvtui.net.os.tapped_lane import READ, TapLane, in_words, intervene, refusal
+from trcvtui.net.tap import EVENT, LOSS, NEWEST, TO, Route, TapEventKind, TapOrder, end_text, order_of
+
+FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
+TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
+MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for one who looks on
+MOST_LINE: Final = 4 << 20  # bytes of an order
+
+
+class PollOfSelect:
+    """What select.epoll offers, on a system without it; there an RST of who is not read shows late."""
+
+    def __init__(self) -> None:
+        self._wanted: dict[int, int] = {}
+
+    def register(self, fd: int, mask: int) -> None:
+        """Take fd in, or change what is wanted of it."""
+        self._wanted[fd] = mask
+
+    modify = register
+
+    def unregister(self, fd: int) -> None:
+        """Take fd out."""
+        del self._wanted[fd]
+
+    def poll(self, timeout: float) -> list[tuple[int, int]]:
+        """Wait so many seconds at most, -1: for ever; return (descriptor, events)."""
+        if HAS_POLL:
+            poller = select.poll()
+            for fd, mask in self._wanted.items():
+                poller.register(fd, mask)
+            return poller.poll(None if timeout < 0 else timeout * 1000)
+        readers = [fd for fd, mask in self._wanted.items() if mask & IN]
+        writers = [fd for fd, mask in self._wanted.items() if mask & OUT]
+        if not readers and not writers:
+            time.sleep(0.05 if timeout < 0 else timeout)
+            return []
+        ready = select.select(readers, writers, writers, None if timeout < 0 else timeout)
+        return [(fd, mask) for fds, mask in zip(ready, (IN, OUT, OUT), strict=True) for fd in fds]
+
+
+class LookerOn:
+    """Who is told events over a socket, and may give orders over it. He never makes the loop wait."""
+
+    def __init__(
+        self, loop: Forwarder, sock: socket.socket, what: str, gives_orders: bool, wants_bytes: bool
+    ) -> None:
+        self.lost = self.lost_bytes = 0
+        self.wants_bytes = wants_bytes
+        self.what, self.gives_orders = what, gives_orders
+        self._loop, self._sock = loop, sock
+        self._waiting: deque[memoryview] = deque()
+        self._size = 0
+        self._orders = b""
+        self.is_gone = False
+        sock.setblocking(False)
+        with suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
+        loop.hear(sock.fileno(), IN, self._ready)
+
+    def take(self, head: bytes, data: bytes | memoryview) -> None:
+        """Hand an event over, or let it wait; leave it out where too much waits."""
+        if self.is_gone:
+            return
+        if self._size > MOST_UNTOLD or self.lost:
+            self.lost += 1
+            self.lost_bytes += len(data)
+            return
+        sent = 0
+        if not self._waiting:
+            try:
+                sent = self._sock.sendmsg((head, data))
+            except BlockingIOError:
+                pass
+            except OSError:
+                self.end()
+                return
+            if sent == len(head) + len(data):
+                return
+            self._loop.want(self._sock.fileno(), IN | OUT)
+        rest = memoryview(b"".join((head, data)))[sent:]
+        self._waiting.append(rest)
+        self._size += len(rest)
+
+    def _ready(self, events: int) -> None:
+        if events & (IN | ERR | HUP):
+            self._hear_orders()
+        if events & OUT and not self.is_gone:
+            self.go_on()
+
+    def go_on(self) -> None:
+        """Hand over what waits, as much as he takes."""
+        try:
+            while self._waiting:
+                first = self._waiting[0]
+                sent = self._sock.send(first)
+                self._size -= sent
+                if sent < len(first):
+                    self._waiting[0] = first[sent:]
+                else:
+                    self._waiting.popleft()
+        except BlockingIOError:
+            return
+        except OSError:
+            self.end()
+            return
+        self._loop.want(self._sock.fileno(), IN)
+        if self.lost:
+            lost, size, self.lost, self.lost_bytes = self.lost, self.lost_bytes, 0, 0
+            self._loop.tell_again(self, LOSS.pack(lost, size))
+
+    def _hear_orders(self) -> None:
+        try:
+            said = self._sock.recv(1 << 16)
+        except BlockingIOError:
+            return
+        except OSError:
+            said = b""
+        if not said or len(self._orders) > MOST_LINE:
+            self.end()
+            return
+        *lines, self._orders = (self._orders + said).split(b"\n")
+        for line in lines if self.gives_orders else ():
+            self._loop.obey(order_of(line))
+
+    def end(self) -> None:
+        """Forget him; nothing that he holds stays held."""
+        if not self.is_gone:
+            self.is_gone = True
+            self._loop.forget(self._sock.fileno())
+            self._sock.close()
+            self._waiting.clear()
+            self._loop.lose(self)
+
+    def finish(self, until_ns: int) -> None:
+        """Hand over what waits, for so long at most."""
+        with suppress(OSError):
+            self._sock.settimeout(max(until_ns - time.monotonic_ns(), 0) / 1e9)
+            for each in self._waiting:
+                self._sock.sendall(each)
+        self.end()
+
+
+class Forwarder:
+    """The loop; `say` gets lines for the user."""
+
+    def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
+        self._say = say
+        self.buffer = memoryview(bytearray(READ))
+        self._numbers = count(1)
+        self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
+        self._poll: Any = poll or (select.epoll() if hasattr(select, "epoll") else PollOfSelect())
+        self._heard: dict[int, Callable[[int], None]] = {}
+        self._timers: list[tuple[int, int, Callable[[], None]]] = []
+        self._timer_numbers = count()
+        self._lookers: tuple[LookerOn, ...] = ()
+        self.holds = False  # each direction from its beginning
+        self._ends = False
+
+    # -- the poll set -----------------------------------------------------------------------------------
+
+    def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
+        """Call `ready` with what the poll set says of a descriptor."""
+        self._poll.register(fd, mask)
+        self._heard[fd] = ready
+
+    def want(self, fd: int, mask: int) -> None:
+        """Change what is wanted of a descriptor."""
+        self._poll.modify(fd, mask)
+
+    def forget(self, fd: int) -> None:
+        """Hear of a descriptor no more."""
+        if self._heard.pop(fd, None) is not None:
+            self._poll.unregister(fd)
+
+    def at(self, ns: int, call: Callable[[], None]) -> None:
+        """Call at a time of the monotonic clock."""
+        heappush(self._timers, (ns, next(self._timer_numbers), call))
+
+    def next_number(self) -> int:
+        """Return the number of a new conversation."""
+        return next(self._numbers)
+
+    def say(self, line: str) -> object:
+        """Say a line to the user."""
+        return self._say(line)
+
+    # -- who looks on ----------------------------------------------------------------------------------------
+
+    def add_route(self, route: Route) -> None:
+        """Listen, or open the ports; raise UserError."""
+        kinds: dict[str, Callable[..., TcpRoute | UdpRoute | SerialTalk]] = {
+            "tcp": TcpRoute,
+            "udp": UdpRoute,
+            "serial": SerialTalk,
+        }
+        self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
+
+    @staticmethod
+    def pair() -> tuple[socket.socket, socket.socket]:
+        """Return our end and the other one of what events cross to one who looks on."""
+        return socket.socketpair()
+
+    def add_looker(
+        self, sock: socket.socket, what: str, gives_orders: bool = False, wants_bytes: bool = True
+    ) -> None:
+        """Tell events to one more, and obey him; `what` he does, for when he is gone."""
+        looker = LookerOn(self, sock, what, gives_orders, wants_bytes)
+        self._lookers += (looker,)
+        self._tell_all(looker)
+
+    def tell_typed(self, data: bytes) -> None:
+        """Hand on what the user has typed, to who gives orders."""
+        self._tell_ordering(TapEventKind.LINE, data)
+
+    def tell_time(self) -> None:
+        """Let who gives orders know the time, again and again."""
+        self._tell_ordering(TapEventKind.NOW, b"")
+        self.at(time.monotonic_ns() + TICK_NS, self.tell_time)
+
+    def _tell_ordering(self, kind: TapEventKind, data: bytes) -> None:
+        for looker in self._lookers:
+            if looker.gives_orders and not (looker.lost and kind is TapEventKind.NOW):
+                self._tell_one(looker, kind, 0, 0, 0, data)
+
+    def let_all_go(self) -> None:
+        """Hold and delay nothing any more."""
+        self.holds = False
+        for lane in self._lanes():
+            lane.let_go()
+
+    def lose(self, looker: LookerOn) -> None:
+        """Go on without one who looks on; what was held goes on, too."""
+        self._lookers = tuple([each for each in self._lookers if each is not looker])
+        if not self._ends:
+            self.say(f"{looker.what} has ended: bytes still go on")
+        if looker.gives_orders:
+            self.let_all_go()
+
+    def _lanes(self) -> list[TapLane]:
+        return [lane for route in self.routes for talk in route.talks.values() for lane in talk.lanes]
+
+    def tell(
+        self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
+    ) -> None:
+        """Tell an event to all."""
+        if self._lookers:
+            head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
+            for looker in self._lookers:
+                if looker.wants_bytes or kind is not TapEventKind.BYTES:
+                    looker.take(head, data)
+
+    def tell_again(self, looker: LookerOn, loss: bytes) -> None:
+        """Tell one who has missed something how much that is, and what there is now."""
+        numbers = b"".join([number.to_bytes(4, "little") for route in self.routes for number in route.talks])
+        self._tell_one(looker, TapEventKind.LOST, 0, 0, 0, loss + numbers)
+        self._tell_all(looker)
+
+    def _tell_all(self, looker: LookerOn) -> None:
+        for route in self.routes:
+            for number, talk in route.talks.items():
+                self._tell_one(looker, TapEventKind.OPEN, route.place, number, 1, talk.said)
+
+    @staticmethod
+    def _tell_one(
+        looker: LookerOn, kind: TapEventKind, place: int, number: int, at: int, data: bytes
+    ) -> None:
+        looker.take(EVENT.pack(kind, TO, place, number, at, time.time_ns(), len(data)), data)
+
+    # -- orders --------------------------------------------------------------------------------------------
+
+    def obey(self, order: TapOrder) -> None:
+        """Intervene, and tell what was done, or why it cannot be."""
+        route = self.routes[order.route]
+        number = order.number or max((n for n, talk in route.talks.items() if talk.lanes), default=NEWEST)
+        talk = route.talks.get(number)
+        if talk is None or not talk.lanes:
+            what = f"conversation {number}" if number else "a conversation"
+            why = "datagrams go on as they come" if route.route.to.kind == "udp" else f"{what} is not there"
+            self.tell(TapEventKind.REFUSED, order.way, order.route, number, 0, why.encode())
+            return
+        lane = talk.lanes[order.way]
+        why = refusal(lane, order)
+        kind = TapEventKind.REFUSED if why else TapEventKind.OURS
+        self.tell(kind, order.way, order.route, number, lane.at, (why or in_words(order)).encode())
+        if not why:
+            intervene(lane, order)
+            if lane.held is not None:
+                lane.tell_held()
+        lane.source.want()
+
+    # -- the loop ------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Forward until SIGTERM or Ctrl+C; then end both ends of all."""
+        wakes, wakened = socket.socketpair()
+        for sock in (wakes, wakened):
+            sock.setblocking(False)
+        self.hear(wakened.fileno(), IN, lambda _: self.stop())
+        signal.set_wakeup_fd(wakes.fileno())
+        for name in ("SIGTERM", "SIGINT", "SIGHUP"):  # the last: its terminal is gone
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), lambda *_: None)
+        while not self._ends:
+            self.turn(-1)
+        self.close()
+        signal.set_wakeup_fd(-1)
+        self.forget(wakened.fileno())
+        wakes.close()
+        wakened.close()
+
+    def stop(self) -> None:
+        """End the loop after this turn."""
+        self._ends = True
+
+    def stop_after(self, ns: int) -> None:
+        """End the loop when so much time has passed."""
+        self.at(time.monotonic_ns() + ns, self.stop)
+
+    def turn(self, seconds: float) -> None:
+        """Do what there is to do; wait so long at most for it, -1: for ever."""
+        while self._timers and self._timers[0][0] <= time.monotonic_ns():
+            heappop(self._timers)[2]()
+            seconds = 0  # it may have ended the loop
+        if self._timers:
+            left = max(self._timers[0][0] - time.monotonic_ns(), 0) / 1e9
+            seconds = left if seconds < 0 else min(left, seconds)
+        heard = self._heard
+        for fd, events in self._poll.poll(seconds):
+            ready = heard.get(fd)
+            if ready is not None:
+                ready(events)
+
+    def close(self) -> None:
+        """Listen no more, end both ends of all, let those who look on have what waits."""
+        self._ends = True
+        for route in self.routes:
+            route.stop()
+        for lane in self._lanes():
+            lane.let_go()
+        until = time.monotonic_ns() + FLUSH_NS
+        while any(lane.out for lane in self._lanes()) and (left := until - time.monotonic_ns()) > 0:
+            self.turn(left / 1e9)
+        for route in self.routes:
+            for talk in tuple(route.talks.values()):
+                talk.finish()
+        self.routes.clear()
+        for looker in self._lookers:
+            looker.finish(time.monotonic_ns() + FLUSH_NS)
+
+
+def raise_limit() -> None:
+    """Ask the system for as many descriptors as it gives."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
+def reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
+    """Return those of the addresses that other machines reach."""
+    from ipaddress import ip_address
+
+    return [end_text(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]

@@ -1,0 +1,110 @@
+"""Packets that another program pipes to us: read as they come, and who reads lets time go on meanwhile."""
+
+from __future__ import annotations
+
+import os
+import queue
+import select
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+MOST: Final = 256 << 10  # bytes of one read
+ROOM: Final = 1 << 20  # in the pipe, where the system lets us have so much
+FEW: Final = 32 << 10  # after fewer bytes a rest: packets read one by one cost several times as much
+REST_S: Final = 0.005
+TICK_S: Final = 0.01  # between two calls of `waits`
+SLOW_TICK_S: Final = 0.05  # after so many ticks
+TICKS: Final = 200
+LAST_S: Final = 0.5  # after `stop`, for the other program to end
+_SET_ROOM: Final = 1031  # F_SETPIPE_SZ of Linux
+_CHUNKS: Final = 4  # read ahead by a thread
+
+
+class PacketPipe:
+    """A descriptor of packets; `waits` is called with the ns for which nothing has come."""
+
+    def __init__(self, fd: int, waits: Callable[[int], object]) -> None:
+        self._next, self._waits = _chunks_of(fd), waits
+        self._few = False
+        self.empty_at = time.monotonic_ns()  # when it was last seen empty
+        self._stops_at: float | None = None
+
+    def stop(self) -> None:
+        """End with what the other program still says."""
+        self._stops_at = time.monotonic() + LAST_S
+
+    @property
+    def is_stopped(self) -> bool:
+        """Return whether we have ended it."""
+        return self._stops_at is not None
+
+    @property
+    def busy_ns(self) -> int:
+        """Return how long there has been no moment without bytes."""
+        return time.monotonic_ns() - self.empty_at
+
+    def read(self, _most: int) -> bytes:
+        """Return the next bytes, b"" at the end."""
+        ticks, since = 0, 0
+        if self._few:
+            time.sleep(REST_S)
+        while True:
+            data = self._next(0.0 if not ticks else TICK_S if ticks < TICKS else SLOW_TICK_S)
+            if data is not None:
+                self._few = len(data) < FEW
+                if self._few:
+                    self.empty_at = time.monotonic_ns()
+                return data
+            self.empty_at = time.monotonic_ns()
+            if self._stops_at is not None and time.monotonic() > self._stops_at:
+                return b""
+            since = since or self.empty_at
+            self._waits(self.empty_at - since)
+            ticks += 1
+
+
+def _chunks_of(fd: int) -> Callable[[float], bytes | None]:
+    """Return what waits so many seconds for the next bytes; None: none have come."""
+    if hasattr(select, "poll"):
+        with suppress(ImportError, OSError):
+            import fcntl
+
+            fcntl.fcntl(fd, _SET_ROOM, ROOM)
+        poller = select.poll()
+        poller.register(fd, select.POLLIN)
+        return lambda seconds: os.read(fd, MOST) if poller.poll(seconds * 1000) else None
+    chunks = queue.Queue[bytes](_CHUNKS)
+
+    def fill() -> None:  # a pipe of Windows cannot be polled
+        data = b"."
+        while data:
+            try:
+                data = os.read(fd, MOST)
+            except OSError:
+                data = b""
+            chunks.put(data)
+
+    def wait(seconds: float) -> bytes | None:
+        with suppress(queue.Empty):
+            return chunks.get(timeout=seconds) if seconds else chunks.get_nowait()
+        return None
+
+    threading.Thread(target=fill, daemon=True).start()
+    return wait
+
+
+def take_stdin(with_keyboard: bool) -> int:
+    """Return the descriptor of what is piped to stdin; `with_keyboard`: stdin is the terminal from now on."""
+    fd = os.dup(0)
+    if with_keyboard:
+        keyboard = os.open("CONIN$" if os.name == "nt" else "/dev/tty", os.O_RDWR)
+        os.dup2(keyboard, 0)
+        os.close(keyboard)
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.setmode(fd, os.O_BINARY)  # type: ignore[attr-defined]
+    return fd

@@ -1,0 +1,420 @@
+"""What a tap joins: TCP ends, UDP ends, serial ports; each conversation with its two ends."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, Final
+
+from trcvtui.errors import mistake
+from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of
+from trcvtui.net.os.tapped_lane import GONE, TapEnd, TapLane, TapLoop
+from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
+
+CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
+LINES_NS: Final = 20_000_000  # between two looks at CTS
+AGAIN_NS: Final = 1_000_000_000  # between two attempts to open a port that is gone
+MOST_TALKS: Final = 1024  # UDP clients; then the one that is silent for longest goes
+
+
+class TcpTalk:
+    """A TCP conversation: the near end is there, the far end is called."""
+
+    has_ends = True
+
+    def __init__(self, route: TcpRoute, number: int, near: socket.socket, said: bytes) -> None:
+        self.route, self.number, self.loop, self.said = route, number, route.loop, said
+        self.lanes: tuple[TapLane, TapLane] | tuple[()] = ()
+        self.has_ended = False
+        self._near = near
+        place = route.route.to
+        family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
+        self._far = socket.socket(family, socket.SOCK_STREAM)
+        for sock in (near, self._far):
+            sock.setblocking(False)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_OOBINLINE, 1)
+        self.tell(TapEventKind.OPEN, TO, said)
+        error = self._far.connect_ex((place.address, place.port))
+        if error in (errno.EINPROGRESS, errno.EWOULDBLOCK):
+            self.loop.hear(self._far.fileno(), OUT, self._answered)
+            self.loop.at(time.monotonic_ns() + CONNECT_NS, self._give_up)
+        else:
+            self._end_attempt(error)
+
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        """Tell an event of it."""
+        self.loop.tell(kind, way, self.route.place, self.number, at, data)
+
+    @staticmethod
+    def sender(end: TapEnd) -> Callable[[Any], int]:
+        """Return what sends to an end."""
+        send: Callable[[Any], int] = end.port.send
+        return send
+
+    @staticmethod
+    def receiver(end: TapEnd) -> Callable[[Any], int]:
+        """Return what reads from an end."""
+        receive: Callable[[Any], int] = end.port.recv_into
+        return receive
+
+    def _answered(self, _: int) -> None:
+        self.loop.forget(self._far.fileno())
+        self._end_attempt(self._far.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
+
+    def _give_up(self) -> None:
+        if not self.lanes and not self.has_ended:
+            self.loop.forget(self._far.fileno())
+            self._end_attempt(errno.ETIMEDOUT)
+
+    def _end_attempt(self, error: int) -> None:
+        """Go on with an end that has answered; reset the near one for one that has not."""
+        if error:
+            self.has_ended = True
+            self._far.close()
+            with suppress(OSError):
+                self._near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+            self._near.close()
+            self.tell(TapEventKind.RST, BACK)
+            self._over()
+            return
+        self.tell(TapEventKind.STANDS, BACK)
+        near, far = TapEnd(self.loop, self._near), TapEnd(self.loop, self._far)
+        self.lanes = TapLane(self, TO, near, far), TapLane(self, BACK, far, near)
+        near.want()
+        far.want()
+
+    def ended(self, lane: TapLane) -> None:
+        """Take the FIN of a lane's source."""
+        lane.is_read = True
+        if lane.end is None:
+            lane.end = TapEventKind.FIN
+        lane.source.want()
+        lane.pass_end()
+
+    def failed(self, lane: TapLane, failed: OSError) -> None:
+        """Take the RST of a lane's source: nothing is left to read."""
+        lane.is_reset(True)
+
+    def refused(self, lane: TapLane, failed: OSError) -> None:
+        """Take the RST of a lane's target, which may have said something before it."""
+        lane.target.reads.is_reset(lane.target.reads.is_read)
+
+    def is_on_its_way(self, end: TapEnd) -> bool:
+        """Return whether the stack still has bytes that the end has not acknowledged."""
+        path = path_of(end.port)
+        return path is not None and path.unacked + path.unsent > 0
+
+    def pass_fin(self, lane: TapLane) -> None:
+        """Let the target see that no more comes."""
+        self.tell(TapEventKind.FIN, lane.way, at=lane.at)
+        try:
+            lane.target.port.shutdown(socket.SHUT_WR)
+        except OSError as failed:
+            self.refused(lane, failed)
+            return
+        if all(each.is_over for each in self.lanes):
+            self.close()
+
+    def pass_reset(self, lane: TapLane) -> None:
+        """Let the target see an RST; the source has sent one."""
+        self.tell(TapEventKind.RST, lane.way, at=lane.at)
+        self.close(reset=True)
+
+    def close(self, reset: bool = False) -> None:
+        """Close both ends: with RST, or as they stand."""
+        if not self.has_ended:
+            self.has_ended = True
+            for lane in self.lanes:
+                lane.is_over = True
+                lane.source.close(reset)
+            if not self.lanes:
+                with suppress(KeyError):
+                    self.loop.forget(self._far.fileno())
+                self._near.close()
+                self._far.close()
+            self._over()
+
+    def _over(self) -> None:
+        self.tell(TapEventKind.OVER, TO)
+        self.route.talks.pop(self.number, None)
+
+    def finish(self) -> None:
+        """End it when the tap ends: with FIN, if what waits can go in time."""
+        for lane in self.lanes:
+            if not lane.is_over:
+                self.tell(TapEventKind.FIN, lane.way, at=lane.at)
+            with suppress(OSError):
+                lane.source.port.shutdown(socket.SHUT_WR)
+            with suppress(OSError):
+                lane.source.port.recv_into(self.loop.buffer)  # closed with bytes unread it would be an RST
+        self.close()
+
+
+class TcpRoute:
+    """A tap between two TCP ends, for many clients."""
+
+    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
+        self.loop, self.route, self.place = loop, route, place
+        self.talks: dict[int, Any] = {}
+        self._door = _bound(route.listen, socket.SOCK_STREAM)
+        self._door.listen(512)
+        self._door.setblocking(False)
+        self.address = self._door.getsockname()[:2]
+        loop.hear(self._door.fileno(), IN, self._come)
+
+    def _come(self, _: int) -> None:
+        for _ in range(64):
+            try:
+                near, end = self._door.accept()
+            except OSError as failed:
+                if failed.errno in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                    self.loop.want(self._door.fileno(), 0)
+                    listens = lambda: self.loop.want(self._door.fileno(), IN)  # noqa: E731
+                    self.loop.at(time.monotonic_ns() + AGAIN_NS // 10, listens)
+                return
+            number = self.loop.next_number()
+            try:
+                talk = TcpTalk(self, number, near, _said(self.route.to, end))
+            except OSError:  # no descriptor for the far end
+                near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+                near.close()
+                continue
+            if not talk.has_ended:
+                self.talks[number] = talk
+
+    def stop(self) -> None:
+        """Listen no more."""
+        self.loop.forget(self._door.fileno())
+        self._door.close()
+
+
+class UdpRoute:
+    """A tap between UDP ends: a socket of its own for each client, so that the answers find him."""
+
+    lanes = ()
+
+    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
+        self.loop, self.route, self.place = loop, route, place
+        self.talks: dict[int, Any] = {}
+        self._clients: dict[Any, tuple[int, socket.socket, list[int]]] = {}  # the newest to speak is last
+        self._door = _bound(route.listen, socket.SOCK_DGRAM)
+        self._door.setblocking(False)
+        self.address = self._door.getsockname()[:2]
+        loop.hear(self._door.fileno(), IN, self._come)
+
+    def _come(self, _: int) -> None:
+        for _ in range(64):
+            try:
+                size, client = self._door.recvfrom_into(self.loop.buffer)
+            except OSError:  # nothing, or an ICMP message
+                return
+            found = self._clients.pop(client, None) or self._begin(client)
+            if found is None:
+                continue
+            self._clients[client] = found
+            number, sock, sent = found
+            with suppress(OSError):  # lost, as the network may lose it
+                sock.send(self.loop.buffer[:size])
+            self._tell(TapEventKind.BYTES, TO, number, self.loop.buffer[:size], sent)
+
+    def _begin(self, client: Any) -> tuple[int, socket.socket, list[int]] | None:
+        if len(self._clients) >= MOST_TALKS:
+            self._drop(next(iter(self._clients)))
+        place = self.route.to
+        try:
+            sock = socket.socket(
+                self._door.family if ":" not in place.address else socket.AF_INET6, socket.SOCK_DGRAM
+            )
+            sock.setblocking(False)
+            sock.connect((place.address, place.port))
+        except OSError:
+            return None
+        number = self.loop.next_number()
+        sent = [0, 0]
+        self.loop.hear(sock.fileno(), IN, lambda _: self._answer(number, sock, client, sent))
+        talk = self.talks[number] = UdpTalk(_said(place, client))
+        self._tell(TapEventKind.OPEN, TO, number, talk.said, sent)
+        return number, sock, sent
+
+    def _answer(self, number: int, sock: socket.socket, client: Any, sent: list[int]) -> None:
+        for _ in range(64):
+            try:
+                size = sock.recv_into(self.loop.buffer)
+            except OSError:
+                return
+            with suppress(OSError):
+                self._door.sendto(self.loop.buffer[:size], client)
+            self._tell(TapEventKind.BYTES, BACK, number, self.loop.buffer[:size], sent)
+
+    def _tell(self, kind: TapEventKind, way: int, number: int, data: Any, sent: list[int]) -> None:
+        self.loop.tell(kind, way, self.place, number, sent[way], data)
+        if kind is TapEventKind.BYTES:
+            sent[way] += len(data)
+
+    def _drop(self, client: Any) -> None:
+        number, sock, _ = self._clients.pop(client)
+        self.loop.forget(sock.fileno())
+        sock.close()
+        del self.talks[number]
+        self.loop.tell(TapEventKind.OVER, TO, self.place, number, 0, b"")
+
+    def stop(self) -> None:
+        """Listen no more."""
+        for client in tuple(self._clients):
+            self._drop(client)
+        self.loop.forget(self._door.fileno())
+        self._door.close()
+
+
+class UdpTalk:
+    """What one client says and hears."""
+
+    lanes = ()
+
+    def __init__(self, said: bytes) -> None:
+        self.said = said
+
+
+class SerialTalk:
+    """Two serial ports; also its own route. A port that is gone is opened again."""
+
+    said = b""
+    has_ends = False
+
+    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
+        self.loop, self.route, self.place = loop, route, place
+        self.address: tuple[str, int] | None = None
+        self.number = loop.next_number()
+        self.talks = {self.number: self}
+        self._ports = [_port(each) for each in (route.listen, route.to)]
+        ends = [TapEnd(loop, port) for port in self._ports]
+        self.lanes = TapLane(self, TO, *ends), TapLane(self, BACK, *ends[::-1])
+        self.said = f"serial|{route.listen.line and route.listen.line.port}|0|".encode()
+        self.said += f"{route.to.line and route.to.line.port}|0".encode()
+        self.tell(TapEventKind.OPEN, TO, self.said)
+        for end in ends:
+            end.want()
+        self._pass_lines()
+
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        """Tell an event of it."""
+        self.loop.tell(kind, way, self.place, self.number, at, data)
+
+    @staticmethod
+    def sender(end: TapEnd) -> Callable[[Any], int]:
+        """Return what sends to an end."""
+        return lambda data: os.write(end.fd, data)
+
+    @staticmethod
+    def receiver(end: TapEnd) -> Callable[[Any], int]:
+        """Return what reads from an end."""
+        return lambda view: os.readv(end.fd, [view])
+
+    def _pass_lines(self) -> None:
+        """Let each end see in its CTS the RTS of the other, where the driver has such lines."""
+        try:
+            for one, other in (self._ports, self._ports[::-1]):
+                if other.rts != (cts := one.cts):
+                    other.rts = cts
+        except Exception:  # whatever a driver raises that has none
+            return
+        self.loop.at(time.monotonic_ns() + LINES_NS, self._pass_lines)
+
+    def ended(self, lane: TapLane) -> None:
+        """Take it that a port is gone."""
+        self.failed(lane, OSError(errno.EIO, "gone"))
+
+    def failed(self, lane: TapLane, failed: OSError) -> None:
+        """Say that a port is gone, and open it again."""
+        place = self.route.listen if lane.way == TO else self.route.to
+        self.loop.say(f"{self.route.name}: {place} is gone ({error_name(failed)}): it is opened again")
+        end = lane.source
+        end.loop.forget(end.fd)
+        end.mask = GONE
+        end.writes.out.clear()
+        with suppress(Exception):
+            end.port.close()
+        self._reopen(lane, place)
+
+    def _reopen(self, lane: TapLane, place: TapPlace) -> None:
+        end = lane.source
+        if not end.is_open:
+            return
+        try:
+            port = _port(place)
+        except Exception:  # not there yet
+            self.loop.at(time.monotonic_ns() + AGAIN_NS, lambda: self._reopen(lane, place))
+            return
+        self._ports[lane.way] = end.port = port
+        end.fd, end.mask = port.fileno(), 0
+        self.loop.hear(end.fd, 0, end.ready)
+        end.want()
+        self.loop.say(f"{self.route.name}: {place} is there again")
+        self._pass_lines()
+
+    def refused(self, lane: TapLane, failed: OSError) -> None:
+        """Take it that a lane's target is gone."""
+        if lane.target.mask != GONE:
+            self.failed(lane.target.reads, failed)
+
+    def is_on_its_way(self, end: TapEnd) -> bool:
+        """Return that nobody knows."""
+        return False
+
+    def pass_fin(self, lane: TapLane) -> None:
+        """Pass nothing: a line has no end."""
+
+    pass_reset = pass_fin
+
+    def stop(self) -> None:
+        """Do nothing: nobody is called."""
+
+    def finish(self) -> None:
+        """Close both ports."""
+        for lane in self.lanes:
+            lane.source.close()
+
+
+def _said(place: TapPlace, near: Sequence[Any]) -> bytes:
+    """Return what an OPEN says: who came, and to whom he is brought."""
+    return f"{place.kind}|{near[0]}|{near[1]}|{place.address}|{place.port}".encode()
+
+
+def _bound(place: TapPlace, kind: int) -> socket.socket:
+    """Return a socket at a place; raise UserError where the system refuses."""
+    family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
+    sock = socket.socket(family, kind)
+    try:
+        if family == socket.AF_INET6:
+            sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        if kind == socket.SOCK_STREAM and os.name == "posix":
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((place.address, place.port))
+    except OSError as failed:
+        sock.close()
+        raise mistake("LISTEN", f"{place} ({error_name(failed)})", "an address that is free here") from None
+    return sock
+
+
+def _port(place: TapPlace) -> Any:
+    """Return a serial port that is open; raise UserError where it cannot be."""
+    from trcvtui.net.os.serial import PARITIES, fault_of
+
+    assert place.line is not None
+    try:
+        import serial  # type: ignore[import-untyped]
+    except ImportError:
+        expected = "it: pip install 'trcvtui[serial]'"
+        raise mistake(place.line.port, "a serial port, but no pyserial", expected) from None
+    s = place.line
+    try:
+        port = serial.Serial(s.port, s.baud, s.data_bits, PARITIES[s.parity], s.stop_bits, timeout=0)
+        os.set_blocking(port.fileno(), False)
+    except Exception as failed:  # whatever a driver raises
+        raise mistake(s.port, fault_of("open", failed), "a serial port that can be opened") from None
+    return port

@@ -1,0 +1,426 @@
+"""One direction of a tapped conversation: what waits between its two ends, and what is done to it on purpose.
+
+Rule 1: a direction is bounded: what the other end has not taken, what is held, what is delayed. Then its
+source is not read any more, and the stack closes its window.
+Rule 2: an end (FIN, RST) passes after the bytes before it; an RST waits for them RESET_WAIT_NS at most.
+Rule 3: a held direction holds its end, too.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final, Protocol
+
+from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT, RESET_ON_CLOSE
+from trcvtui.net.tap import MOST_HELD_SHOWN, TapEventKind, TapOrder
+
+RESET_WAIT_NS: Final = 1_000_000_000  # for what was read before an RST
+RESET_LOOK_NS: Final = 2_000_000  # between two looks at whether the other end has all of it
+UNHEARD, GONE = -1, -2  # in place of a mask: nothing is to be done with it; it is not there
+SPLIT_NS: Final = 50_000_000  # between two pieces
+READ: Final = 256 << 10  # bytes of one read
+MOST_HELD: Final = 1 << 20  # bytes of one direction that are held or delayed
+BOUNDED: Final = "the tap holds no more than 1 MiB of a direction"
+
+
+class TapLoop(Protocol):
+    """Whom conversations ask: the poll set, the timers, those who look on."""
+
+    buffer: memoryview
+    holds: bool  # each direction from its beginning
+
+    def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
+        """Call `ready` with what the poll set says of a descriptor."""
+        ...
+
+    def want(self, fd: int, mask: int) -> None:
+        """Change what is wanted of a descriptor."""
+        ...
+
+    def forget(self, fd: int) -> None:
+        """Hear of a descriptor no more."""
+        ...
+
+    def at(self, ns: int, call: Callable[[], None]) -> None:
+        """Call at a time of the monotonic clock."""
+        ...
+
+    def tell(
+        self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
+    ) -> None:
+        """Tell an event to all."""
+        ...
+
+    def say(self, line: str) -> object:
+        """Say a line to the user."""
+        ...
+
+    def next_number(self) -> int:
+        """Return the number of a new conversation."""
+        ...
+
+
+class Talk(Protocol):
+    """A conversation with two lanes; it knows what its ends are."""
+
+    loop: TapLoop
+    has_ends: bool  # FIN and RST
+
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        """Tell an event of it."""
+        ...
+
+    def sender(self, end: TapEnd) -> Callable[[Any], int]:
+        """Return what sends to an end."""
+        ...
+
+    def receiver(self, end: TapEnd) -> Callable[[Any], int]:
+        """Return what reads from an end."""
+        ...
+
+    def ended(self, lane: TapLane) -> None:
+        """Take the FIN of a lane's source."""
+        ...
+
+    def failed(self, lane: TapLane, failed: OSError) -> None:
+        """Take the RST of a lane's source: nothing is left to read."""
+        ...
+
+    def refused(self, lane: TapLane, failed: OSError) -> None:
+        """Take the RST of a lane's target, which may have said something before it."""
+        ...
+
+    def is_on_its_way(self, end: TapEnd) -> bool:
+        """Return whether the stack still has bytes that the end has not acknowledged."""
+        ...
+
+    def pass_fin(self, lane: TapLane) -> None:
+        """Let the target see that no more comes."""
+        ...
+
+    def pass_reset(self, lane: TapLane) -> None:
+        """Let the target see an RST."""
+        ...
+
+
+class TapEnd:
+    """One end of a conversation: its socket or port. `reads` is the lane that begins here."""
+
+    reads: TapLane
+    writes: TapLane
+
+    def __init__(self, loop: TapLoop, port: Any) -> None:
+        self.loop, self.port, self.fd = loop, port, port.fileno()
+        self.mask = 0
+        self.is_open = True
+        loop.hear(self.fd, 0, self.ready)
+
+    def ready(self, events: int) -> None:
+        """Do what the poll set says."""
+        if events & (IN | ERR | HUP):
+            if self.mask & IN:
+                self.reads.read()
+            elif events & (ERR | HUP):
+                self._look()
+        if events & OUT and self.mask & OUT and self.is_open:
+            self.writes.flush()
+
+    def _look(self) -> None:
+        """Find out what happened to who is not read."""
+        if not isinstance(self.port, socket.socket):
+            self.reads.talk.ended(self.reads)
+            return
+        if self.port.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self.reads.is_reset(self.reads.is_read)
+        if self.is_open and not self.mask:  # its end would be told again and again
+            self.loop.forget(self.fd)
+            self.mask = UNHEARD
+
+    def want(self) -> None:
+        """Let the poll set tell what can be done."""
+        if self.mask == GONE or not self.is_open:
+            return
+        mask = (IN if self.reads.may_read() else 0) | (OUT if self.writes.out else 0)
+        if mask and self.mask == UNHEARD:
+            self.mask = mask
+            self.loop.hear(self.fd, mask, self.ready)
+        elif mask != self.mask and self.mask != UNHEARD:
+            self.mask = mask
+            self.loop.want(self.fd, mask)
+
+    def close(self, reset: bool = False) -> None:
+        """Close it: with RST, or as it stands."""
+        if self.is_open:
+            self.is_open = False
+            if self.mask >= 0:
+                self.loop.forget(self.fd)
+            if reset:
+                with suppress(OSError):
+                    self.port.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+            self.port.close()
+
+
+class TapLane:
+    """One direction of one conversation: what waits between its source and its target, in this order."""
+
+    def __init__(self, talk: Talk, way: int, source: TapEnd, target: TapEnd) -> None:
+        self.talk, self.way, self.source, self.target = talk, way, source, target
+        source.reads = target.writes = self
+        self.loop = talk.loop
+        self.send = talk.sender(target)
+        self.receive = talk.receiver(source)
+        self.out = bytearray()  # what the target has not taken
+        self.held: bytearray | None = bytearray() if talk.loop.holds else None
+        self.late: deque[tuple[int, bytes]] = deque()  # what is delayed, and until when
+        self.late_size = 0
+        self.delay_ns = 0
+        self.cuts: list[int] = []
+        self.at = 0  # bytes that have gone on
+        self.end: TapEventKind | None = None  # FIN or RST, on its way
+        self.is_read = False  # to its end
+        self.is_over = False  # its end has passed, or nothing passes any more
+        self.is_timed = False  # `late` is looked at in time
+        self.is_deaf = False  # what comes is read away: our own FIN has passed before
+        self.gives_up_ns = 0
+
+    # -- in ---------------------------------------------------------------------------------------------
+
+    def room(self) -> int:
+        """Return how many bytes may be read."""
+        if self.out:
+            return 0
+        return MOST_HELD - self.late_size - (len(self.held) if self.held is not None else 0)
+
+    def may_read(self) -> bool:
+        """Return whether the source is to be read."""
+        return not self.is_read and (not self.is_over or self.is_deaf) and self.room() > 0
+
+    def read(self) -> None:
+        """Read once, and let it go on."""
+        room = self.room()
+        try:
+            size = self.receive(self.loop.buffer if room >= READ else self.loop.buffer[:room])
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as failed:
+            self.talk.failed(self, failed)
+            return
+        if not size:
+            self.talk.ended(self)
+        elif not self.is_deaf:
+            self.take(self.loop.buffer[:size])
+
+    def take(self, data: memoryview) -> None:
+        """Let bytes go on, or wait."""
+        if self.held is not None:
+            self.held += data
+            self.tell_held()
+            self.source.want()
+        elif self.delay_ns or self.late or self.cuts:
+            self.put_off(bytes(data))
+        else:
+            self.go(data)
+
+    def tell_held(self) -> None:
+        """Tell what is held here, or that nothing is held any more."""
+        held = self.held
+        told = b"" if held is None else b"!" + held[:MOST_HELD_SHOWN]
+        self.talk.tell(TapEventKind.HELD, self.way, memoryview(told), len(held or b""))
+
+    def put_off(self, data: bytes) -> None:
+        """Let bytes go on later, cut as asked."""
+        now = time.monotonic_ns()
+        due = max(now + self.delay_ns, self.late[-1][0] if self.late else 0)
+        while self.cuts and data:
+            piece, data = data[: self.cuts[0]], data[self.cuts[0] :]
+            self.cuts[0] -= len(piece)
+            self._append(due, piece)
+            if not self.cuts[0]:
+                del self.cuts[0]
+                due += SPLIT_NS
+        if data:
+            self._append(due, data)
+        self.pass_late()
+
+    def _append(self, due: int, data: bytes) -> None:
+        self.late.append((due, data))
+        self.late_size += len(data)
+
+    def pass_late(self, is_due: bool = False) -> None:
+        """Let go on whose time has come, or all."""
+        now = time.monotonic_ns()
+        while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
+            _, data = self.late.popleft()
+            self.late_size -= len(data)
+            self.go(memoryview(data))
+        if self.late and not self.is_timed:
+            self.is_timed = True
+            self.loop.at(self.late[0][0], self._pass_in_time)
+        self.source.want()
+        self.pass_end()
+
+    def _pass_in_time(self) -> None:
+        self.is_timed = False
+        self.pass_late()
+
+    def let_go(self) -> None:
+        """Hold and delay nothing any more."""
+        held, self.held, self.delay_ns = self.held, None, 0
+        if held is not None:
+            self.tell_held()
+        self.cuts.clear()
+        self.pass_late(is_due=True)
+        if held:
+            self.go(memoryview(held))
+        if self.end is TapEventKind.RST:
+            self.reset_from_now()
+        self.source.want()
+        self.pass_end()
+
+    # -- out --------------------------------------------------------------------------------------------
+
+    def go(self, data: memoryview) -> None:
+        """Send bytes, and tell that they went on."""
+        if self.is_over:
+            return
+        sent = 0
+        if not self.out:
+            try:
+                sent = self.send(data)
+            except (BlockingIOError, InterruptedError):
+                pass
+            except OSError as failed:
+                self.talk.refused(self, failed)
+                return
+        if sent < len(data):
+            self.out += data[sent:]
+            self.source.want()
+            self.target.want()
+        self.talk.tell(TapEventKind.BYTES, self.way, data, self.at)
+        self.at += len(data)
+
+    def flush(self) -> None:
+        """Send what the target has not taken."""
+        try:
+            del self.out[: self.send(self.out)]
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as failed:
+            self.talk.refused(self, failed)
+            return
+        if not self.out:
+            self.target.want()
+            self.source.want()
+            self.pass_end()
+
+    def is_reset(self, is_read: bool) -> None:
+        """Take an RST of the source; what it sent before may still be there to read."""
+        back = self.target.reads
+        if back.end is TapEventKind.RST:  # both have reset it: nobody is left to read anything
+            self.talk.pass_reset(self)
+            return
+        back.is_over = True
+        back.out.clear()
+        back.held, back.late_size = None, 0
+        back.late.clear()
+        self.is_read |= is_read
+        if self.end is not TapEventKind.RST:
+            self.end = TapEventKind.RST
+            if self.is_over and not self.is_deaf:  # its FIN has passed
+                self.is_read = True
+            if self.held is None:
+                self.reset_from_now()
+        self.source.want()
+        self.target.want()
+        self.pass_end()
+
+    def reset_from_now(self) -> None:
+        """Give what was read before an RST its time."""
+        self.gives_up_ns = time.monotonic_ns() + RESET_WAIT_NS
+        self.loop.at(self.gives_up_ns, self.pass_end)
+
+    def pass_end(self) -> None:
+        """Pass the end on, when all before it has gone."""
+        if self.end is None or self.held is not None or not self.target.is_open:
+            return
+        if self.end is TapEventKind.RST:
+            now = time.monotonic_ns()
+            if now < self.gives_up_ns:
+                if not self.is_read or self.out or self.late:
+                    return
+                if self.talk.is_on_its_way(self.target):
+                    self.loop.at(now + RESET_LOOK_NS, self.pass_end)
+                    return
+            self.talk.pass_reset(self)
+        elif not (self.out or self.late or self.is_over):
+            self.is_over = True
+            self.talk.pass_fin(self)
+
+
+def refusal(lane: TapLane, order: TapOrder) -> str:
+    """Return why an order cannot be done in a direction, "" where it can."""
+    held, has_ends = lane.held, lane.talk.has_ends
+    size = len(held or b"")
+    match order.verb:
+        case "rst" | "fin" if not has_ends:
+            return "a serial line has no FIN and no RST"
+        case "fin" | "insert" if lane.is_over:
+            return "this direction is over"
+        case "insert" if len(order.data) > lane.room():
+            return BOUNDED if not lane.out else "the other end takes nothing: nothing can be inserted"
+        case "drop" | "edit" if not held:
+            return "nothing is held in this direction"
+        case "drop" if order.sizes[0] > size:
+            return f"{size} bytes are held, not {order.sizes[0]}"
+        case "edit" if (last := order.sizes[0] + len(order.data)) > size:
+            return f"{size} bytes are held: byte {last - 1} is none of them"
+    return ""
+
+
+def intervene(lane: TapLane, order: TapOrder) -> None:
+    """Do what can be done in a direction."""
+    held = lane.held
+    match order.verb:
+        case "hold":
+            lane.held = bytearray() if held is None else held
+        case "go" if held is not None:
+            lane.held = None
+            lane.tell_held()
+            if held:
+                lane.take(memoryview(held))
+            if lane.end is TapEventKind.RST:
+                lane.reset_from_now()
+            lane.pass_end()
+        case "insert" if held is not None:
+            held[:0] = order.data
+        case "insert":
+            lane.take(memoryview(order.data))
+        case "drop" if held is not None:
+            del held[: order.sizes[0]]
+        case "edit" if held is not None:
+            held[order.sizes[0] : order.sizes[0] + len(order.data)] = order.data
+        case "delay":
+            lane.delay_ns = order.sizes[0]
+            if not lane.delay_ns:
+                lane.pass_late(is_due=True)
+        case "split":
+            lane.cuts = list(order.sizes)
+        case "rst":
+            lane.talk.pass_reset(lane)
+        case "fin":
+            lane.let_go()
+            lane.is_deaf, lane.end = True, TapEventKind.FIN
+            lane.pass_end()
+
+
+def in_words(order: TapOrder) -> str:
+    sizes = ",".join(map(str, order.sizes))
+    if order.verb == "delay":
+        sizes = f"{order.sizes[0] // 1_000_000} ms"
+    what = {"drop": f"{sizes} bytes", "edit": f"byte {sizes}", "split": sizes, "delay": sizes}.get(order.verb)
+    data = order.data[:32].hex(" ") + (f" ({len(order.data)} bytes)" if len(order.data) > 32 else "")
+    return " ".join(filter(None, (order.verb, what, data)))

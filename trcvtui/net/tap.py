@@ -1,0 +1,170 @@
+"""A tap's words: its places, what it tells those who look on (events), what it is told (orders)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.net.results import end_in_words
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.records import NamedTuple
+
+HERE: Final = "127.0.0.1"
+TO, BACK = 0, 1  # ways: from the end at LISTEN to the end at CONNECT, and back
+MOST_EVENT: Final = 1 << 20  # bytes of one event
+NEWEST: Final = 0  # in an order, in place of a conversation's number
+PLACE: Final = "[ADDR:]PORT, udp:[ADDR:]PORT or serial:DEVICE[,9600,8N1]"
+_PARITY: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "space"}
+
+
+class TapPlace(NamedTuple):
+    """Where a tap listens or connects to: `kind` is tcp, udp or serial, which alone has a `line`."""
+
+    kind: str
+    address: str
+    port: int
+    line: SerialSettings | None = None
+
+    def __str__(self) -> str:
+        """Return it as the user writes it."""
+        if self.line is not None:
+            return f"serial:{self.line.port}"
+        return ("udp:" if self.kind == "udp" else "") + end_text(self.address, self.port)
+
+
+class Route(NamedTuple):
+    """One tap: its name and its two places."""
+
+    name: str
+    listen: TapPlace
+    to: TapPlace
+
+
+def end_text(address: str, port: int) -> str:
+    """Return `10.0.0.5:2000` or `[fd00::1]:2000`."""
+    return f"[{address}]:{port}" if ":" in address else f"{address}:{port}"
+
+
+def place_of(text: str, where: str) -> TapPlace:
+    """Return the place that a text names; raise UserError, which says where it stands."""
+    kind, colon, rest = text.partition(":")
+    if kind == "serial" and colon:
+        return TapPlace("serial", "", 0, _line_of(rest, where, text))
+    rest = rest if kind == "udp" and colon else text
+    if rest.isascii() and rest.isdigit() and int(rest) < 65536:
+        return TapPlace("udp" if rest != text else "tcp", HERE, int(rest))
+    from ipaddress import ip_address
+
+    free = rest.endswith(":0")  # any port that is free
+    found = end_in_words(rest[:-1] + "1" if free else rest)
+    if found is None or found[1] is None:
+        raise mistake(where, f"'{text}'", PLACE)
+    return TapPlace("udp" if rest != text else "tcp", str(ip_address(found[0])), 0 if free else found[1])
+
+
+def _line_of(rest: str, where: str, text: str) -> SerialSettings:
+    device, *settings = rest.split(",")
+    baud, frame = (*settings, *("9600", "8N1")[len(settings) :])[:2]
+    known = baud.isascii() and baud.isdigit() and int(baud) > 0 and len(frame) >= 3
+    if not device or len(settings) > 2 or not known or frame[0] not in "5678" or frame[1] not in _PARITY:
+        raise mistake(where, f"'{text}'", PLACE)
+    if frame[2:] not in ("1", "1.5", "2"):
+        raise mistake(where, f"'{text}'", PLACE)
+    return SerialSettings(device, int(baud), int(frame[0]), _PARITY[frame[1]], float(frame[2:]))
+
+
+def route_of(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
+    """Return a tap; raise UserError for places that do not go together."""
+    route = Route(name, place_of(listen, where[0]), place_of(to, where[1]))
+    if route.listen.kind != route.to.kind:
+        raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
+    if str(route.listen) == str(route.to) or (route.to.line is None and not route.to.port):
+        raise mistake(where[1], f"'{to}'", "another place than that of LISTEN")
+    return route
+
+
+# -- events ----------------------------------------------------------------------------------------------
+
+
+class TapEventKind(IntEnum):
+    """What has happened. `size` bytes follow the head: see each."""
+
+    OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it had come before
+    STANDS = 2  # the far end has answered
+    BYTES = 3  # they went on to the other end; `at`: how many went before
+    FIN = 4
+    RST = 5
+    OVER = 6  # nothing more comes of it
+    OURS = 7  # an intervention, in words
+    REFUSED = 8  # an order that cannot be done: why
+    LINE = 10  # what the user has typed, as it comes: to who gives orders alone, as NOW is
+    NOW = 11  # time passes
+    HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
+    LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
+
+
+class TapEvent(NamedTuple):
+    """One event; `route` counts from 0, `number` from 1."""
+
+    kind: int
+    way: int
+    route: int
+    number: int
+    at: int
+    ns: int
+    data: bytes
+
+
+MOST_HELD_SHOWN: Final = 256  # bytes of what is held that are told, after a mark of one byte
+EVENT: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
+LOSS: Final = struct.Struct("<QQ")
+
+
+def events_of(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
+    """Yield what comes, as much as came at once, until nobody tells more."""
+    waiting = b""
+    head, unpack = EVENT.size, EVENT.unpack_from
+    while got := read(MOST_EVENT):
+        waiting = waiting + got if waiting else got
+        at, end, found = 0, len(waiting), []
+        while end - at >= head:
+            kind, way, route, number, offset, ns, size = unpack(waiting, at)
+            if end - at - head < size:
+                break
+            at += head + size
+            found.append(TapEvent(kind, way, route, number, offset, ns, waiting[at - size : at]))
+        waiting = waiting[at:]
+        yield found
+
+
+# -- orders ----------------------------------------------------------------------------------------------
+
+
+class TapOrder(NamedTuple):
+    """An intervention in one direction: hold, go, drop, insert, edit, delay, split, rst, fin.
+
+    `sizes`: of drop, edit (offset), delay (ns), split (pieces).
+    """
+
+    route: int
+    number: int
+    way: int
+    verb: str
+    sizes: tuple[int, ...] = ()
+    data: bytes = b""
+
+    def line(self) -> bytes:
+        """Return it as it crosses to the tap."""
+        sizes = ",".join(map(str, self.sizes))
+        return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
+
+
+def order_of(line: bytes) -> TapOrder:
+    """Return the order of a line."""
+    route, number, way, verb, rest = line.decode("ascii").split(" ")
+    sizes, _, data = rest.partition(";")
+    numbers = tuple([int(size) for size in sizes.split(",") if size])
+    return TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))

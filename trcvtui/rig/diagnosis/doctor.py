@@ -1,0 +1,329 @@
+"""`trcvtui doctor`: captures and recordings judged, as text or as JSON, one object a conversation."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.capture.command import capture_notes
+from trcvtui.capture.packets import NotRead
+from trcvtui.capture.plc_end import parse_plc
+from trcvtui.errors import UserError, one_line
+from trcvtui.records import NamedTuple
+from trcvtui.rig.diagnosis.causes import LineCase, LineFinding, cases_of, findings_of
+from trcvtui.rig.diagnosis.frame_causes import Receiver
+from trcvtui.rig.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
+from trcvtui.rig.diagnosis.sayings import Mend, Said
+from trcvtui.rig.wording import count, times
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import Project
+    from trcvtui.udt.layout.layout import Layout
+
+HEALTHY, FOUND, NOT_READ = 0, 1, 2
+NOBODY: Final = 0  # the number of no conversation
+
+
+class TroubleRow(NamedTuple):
+    """What is said of something that a program did wrong."""
+
+    confidence: float
+    text: str
+    mend: tuple[Mend, ...]
+
+
+TROUBLES: Final = {
+    "shifted": TroubleRow(
+        0.95,
+        "bytes of an unfinished frame were thrown away, and the next job began inside it:",
+        (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),),
+    ),
+    "request-too-fast": TroubleRow(
+        0.93,
+        "REQ rose while the job before was sending:",
+        (Mend("wait for DONE or ERROR before the next REQ"),),
+    ),
+    "not-connected-request": TroubleRow(
+        0.93,
+        "a job was asked for without a connection:",
+        (Mend("set EN_R or REQ after 7004: the connection stands then"),),
+    ),
+}
+Verdict = dict[str, Any]
+
+
+class JobTrouble(NamedTuple):
+    """What a program did wrong: first in which scan, when (UTC), how often."""
+
+    cause: str
+    instance: str
+    scan: int
+    ns: int
+    times: int
+
+
+class RecordedFacts(NamedTuple):
+    """What a recording of ours knows beside its packets; `calls`: its PLC calls, and nobody calls it."""
+
+    receivers: tuple[Receiver, ...]
+    calls: bool
+    troubles: tuple[JobTrouble, ...]
+
+
+class DoctorQuestion(NamedTuple):
+    """What stands beside the captures on the command line, as plain data: workers get it, too.
+
+    `recorded` returns what a recording knows; None: the capture is none.
+    """
+
+    plc: str | None = None
+    receivers: tuple[Receiver, ...] = ()
+    recorded: Callable[[str], RecordedFacts | None] | None = None
+
+    def ports(self, calls: bool) -> frozenset[int]:
+        """Return the ports that the PLC calls, or listens on."""
+        known = [one for one in self.receivers if one.connect and one.active == calls]
+        return frozenset(one.remote_port if calls else one.local_port for one in known) - {0}
+
+
+def receiver_of_type(layout: Layout) -> Receiver:
+    """Return a receiver that takes messages of one type, whatever the conversation."""
+    return Receiver(
+        "", "", layout.size, is_only=True, type_name=layout.name, type=layout.type, rules=layout.rules
+    )
+
+
+# -- one capture ---------------------------------------------------------------------------------------------
+
+
+def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], float]:
+    """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
+    given = None if asked.plc is None else parse_plc(asked.plc)
+    known = None if asked.recorded is None else asked.recorded(path)
+    if known is not None and not asked.receivers:
+        asked = asked._replace(receivers=known.receivers)
+    always = known is not None and known.calls
+    receives = any(not one.connect for one in asked.receivers)
+    ports = asked.ports(calls=False), asked.ports(calls=True)
+    facts = facts_of([path], given, *ports, always, receives)
+    if facts.troubles and not facts.found.packets:
+        raise UserError(facts.troubles)
+    if known is not None:
+        facts.found.not_read.pop(NotRead.JOURNAL, None)  # its journal
+    cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
+    told = {} if known is None else _told_of(known.troubles, cases)
+    verdicts = [verdict(path, case, told.get(case.line.number, [])) for case in cases]
+    alone = told.get(NOBODY, [])
+    if alone:
+        verdicts.append({"file": path, "conversation": None, "healthy": False, "findings": alone})
+    hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
+    return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
+
+
+def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
+    """Return the findings of a program, by the number of the conversation that stood then."""
+    found: dict[int, list[dict[str, Any]]] = {}
+    for one in troubles:
+        lines = [case.line for case in cases]
+        line = next((each for each in lines if each.first_ns <= one.ns <= each.last_ns), None)
+        line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
+        line = line or (lines[0] if lines else None)
+        row = TROUBLES[one.cause]
+        said = Said(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=row.mend)
+        made = _finding(None, LineFinding(one.cause, row.confidence, said, said.mend))
+        made["t_s"] = None if line is None else line.seconds(one.ns)
+        made["where"]["scan"] = one.scan
+        found.setdefault(NOBODY if line is None else line.number, []).append(made)
+    return found
+
+
+def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
+    """Return the conversations of the PLC end that was asked for; raise UserError where there is none."""
+    if asked.plc is None:
+        return facts.lines
+    found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
+    if not found and facts.lines:
+        from trcvtui.errors import mistake
+
+        ends = sorted({end for line in facts.lines for end in (line.plc, line.partner)})
+        raise mistake("--plc", f"'{asked.plc}', which no conversation has", "one of " + ", ".join(ends[:8]))
+    return found
+
+
+def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> Verdict:
+    """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too."""
+    line = case.line
+    ends = {"plc": line.plc, "partner": line.partner, "protocol": line.protocol}
+    made = _verdict(path, ends, findings_of(case), line)
+    if told:
+        made["findings"] = sorted((*made["findings"], *told), key=lambda one: -one["confidence"])
+        made["healthy"] = False
+    return made
+
+
+def _verdict(
+    path: str, ends: dict[str, str] | None, found: Sequence[LineFinding], line: LineFacts | None
+) -> Verdict:
+    findings = [_finding(line, one) for one in found]
+    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings}
+
+
+def verdict_on_project(project: Project) -> Verdict:
+    """Return the verdict on a project that has not run."""
+    from trcvtui.rig.diagnosis.lint import lint
+
+    return _verdict(str(project.path), None, lint(project), None)
+
+
+def _finding(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
+    said = found.said
+    at = said.at
+    return {
+        "cause": found.cause,
+        "confidence": round(found.confidence, 2),
+        "t_s": line.seconds(at.ns) if line is not None and at is not None else None,
+        "where": {
+            "direction": said.way,
+            "byte": at.at if at is not None and at.packet else None,
+            "packet": at.packet or None if at is not None else None,
+            "scan": None,
+            "instance": said.instance,
+        },
+        "evidence": list(said.evidence),
+        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+    }
+
+
+# -- all of them ---------------------------------------------------------------------------------------------
+
+
+def doctor(
+    paths: Sequence[str],
+    asked: DoctorQuestion,
+    form: str,
+    jobs: int,
+    before: Iterable[Verdict] = (),
+    names: Mapping[str, str] | None = None,
+) -> int:
+    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing read.
+
+    `names`: how a file is called in its verdicts, where that is another name.
+    """
+    write, total, is_first = sys.stdout.write, _Total(), True
+    for made in before:
+        is_first = _write(write, made, form, is_first)
+        total.add(made)
+    for path, answer in _answers(paths, asked, jobs):
+        if isinstance(answer, UserError):
+            for text in answer.lines():
+                sys.stderr.write(f"{text}\n")
+            continue
+        verdicts, notes, hours = answer
+        total.files += 1
+        total.hours += hours
+        for made in verdicts:
+            made["file"] = (names or {}).get(path, path)
+            is_first = _write(write, made, form, is_first)
+            total.add(made)
+        for note in notes:
+            sys.stderr.write(f"{(names or {}).get(path, path)}: {note}\n")
+        if len(paths) > 1 and sys.stderr.isatty():
+            sys.stderr.write(f"{total.files} of {len(paths)} captures\n")
+        sys.stdout.flush()
+    if form == "json":
+        write("[]\n" if is_first else "\n]\n")
+    if not (total.files or total.conversations):
+        return NOT_READ
+    if len(paths) > 1:
+        sys.stderr.write(total.text() + "\n")
+    return FOUND if total.causes else HEALTHY
+
+
+class _Total:
+    """What was found in all captures."""
+
+    def __init__(self) -> None:
+        self.files = self.conversations = 0
+        self.hours = 0.0
+        self.causes: Counter[str] = Counter()
+
+    def add(self, made: Verdict) -> None:
+        """Count a verdict."""
+        self.conversations += 1
+        self.causes.update({one["cause"] for one in made["findings"]})
+
+    def text(self) -> str:
+        """Return the summary in one line."""
+        found = ", ".join(f"{cause} {times}" for cause, times in self.causes.most_common())
+        return (
+            f"{count(self.files, 'capture')}, {count(self.conversations, 'conversation')}, "
+            f"{self.hours:.1f} h: {found or 'healthy'}"
+        )
+
+
+Answer = tuple[list[Verdict], list[str], float]
+
+
+def _answers(
+    paths: Sequence[str], asked: DoctorQuestion, jobs: int
+) -> Iterator[tuple[str, Answer | UserError]]:
+    if jobs <= 1 or len(paths) == 1:
+        for path in paths:
+            yield path, try_to_judge(path, asked)
+        return
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn")) as pool:
+        paths_of = {pool.submit(try_to_judge, path, asked): path for path in paths}
+        for future in as_completed(paths_of):
+            try:
+                yield paths_of[future], future.result()
+            except BrokenProcessPool:  # a worker died: this process has another try
+                yield paths_of[future], try_to_judge(paths_of[future], asked)
+
+
+def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
+    """Return the verdicts on one capture, or why there are none."""
+    try:
+        return judge(path, asked)
+    except UserError as error:
+        return error
+
+
+def _write(write: Callable[[str], object], made: Verdict, form: str, is_first: bool) -> bool:
+    if form == "json":
+        write(("[\n" if is_first else ",\n") + json.dumps(made))
+    elif form == "jsonl":
+        write(json.dumps(made) + "\n")
+    else:
+        write("\n".join(one_line(text) for text in _text(made)) + "\n")
+    return False
+
+
+MARK: Final = "    "
+
+
+def _text(made: Verdict) -> Iterator[str]:
+    ends = made["conversation"]
+    name = (
+        made["file"]
+        if ends is None
+        else f"{made['file']}: {ends['protocol']} {ends['plc']} <- {ends['partner']}"
+    )
+    if made["healthy"]:
+        yield f"{name}: healthy"
+        return
+    yield name
+    for one in made["findings"]:
+        when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
+        way = one["where"]["direction"]
+        place = "" if way is None else f", {way.replace('-', ' ')}"
+        yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}"
+        yield from (MARK + text for text in one["evidence"])
+        for mend in one["mend"]:
+            yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")

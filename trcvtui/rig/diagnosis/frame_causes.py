@@ -1,0 +1,527 @@
+"""Messages against what a receiver expects: sizes, where they begin, what their bytes mean.
+
+Rule: a receiver (of a project, of a type) alone knows LEN and members. Without one these rules stay silent,
+but for messages that come several at once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from math import gcd
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.records import NamedTuple
+from trcvtui.rig.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
+from trcvtui.rig.diagnosis.sayings import Mend, Said
+
+if TYPE_CHECKING:
+    from trcvtui.udt.layout.rules import LayoutRules
+    from trcvtui.udt.types import Type
+
+FEW: Final = 3  # messages, below which sizes say little
+SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
+STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
+CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
+MOST_FRAMES: Final = 8
+MOST_OF_FIT: Final = 8  # bytes of a header that `fit` tries
+LONGEST_HEADER: Final = 64
+
+
+class Receiver(NamedTuple):
+    """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`)."""
+
+    instance: str
+    connect: str
+    need: int
+    adhoc: bool = False
+    is_datagram: bool = False
+    is_whole: bool = False  # the connection keeps messages whole: ISO-on-TCP
+    interval_ns: int = 0
+    active: bool = False
+    local_port: int = 0
+    remote_port: int = 0
+    is_only: bool = False  # the only one of its project
+    data: str = ""
+    type_name: str = ""
+    type: Type | None = None
+    rules: LayoutRules | None = None
+    marks: tuple[bytes, bytes] = (b"", b"")
+    is_serial: bool = False
+
+    def fits(self, line: LineFacts) -> bool:
+        """Return whether the conversation is this receiver's."""
+        if self.is_serial or line.protocol == "serial":
+            return self.is_serial and line.protocol == "serial"
+        if (line.protocol == "udp") != self.is_datagram and not (self.is_only and not self.connect):
+            return False
+        if self.connect == "":
+            return True
+        if self.active or line.plc_calls:
+            return (self.remote_port or None) in (line.partner_end[1], None)
+        return self.local_port in (line.plc_end[1], 0)
+
+
+class FrameRule(NamedTuple):
+    """One row: as a CauseRule, with a judge that asks the receiver."""
+
+    cause: str
+    judge: Callable[[LineFacts, Receiver | None], Said | None]
+    mend: tuple[Mend, ...]
+    silenced_by: tuple[str, ...] = ()
+    weakened_by: tuple[str, ...] = ()
+
+
+class UsualSize(NamedTuple):
+    """The sizes of messages: the usual one, its share, how many different ones."""
+
+    usual: int
+    share: float
+    different: int
+    messages: int
+
+
+def _judged(line: LineFacts) -> tuple[LineMessage, ...]:
+    """Return the messages that are whole: not the one that the capture, or an end, may have cut."""
+    found = line.messages
+    if len(found) > FEW and not line.has_begin:
+        found = found[1:]
+    if len(found) > FEW and line.end is not None:
+        found = found[:-1]
+    return found
+
+
+def _sizes(messages: Sequence[LineMessage]) -> UsualSize:
+    counted = Counter(one.size for one in messages)
+    if not counted:
+        return UsualSize(0, 0.0, 0, 0)
+    base = min((size for size, often in counted.items() if often * 3 >= len(messages)), default=0)
+    usual, often = counted.most_common(1)[0]
+    if base and len(messages) >= 5 and usual % base == 0:
+        multiples = sum(n for size, n in counted.items() if size % base == 0)
+        if multiples * 10 >= len(messages) * 9 and len(counted) > 1:
+            return UsualSize(base, multiples / len(messages), len(counted), len(messages))
+    return UsualSize(usual, often / len(messages), len(counted), len(messages))
+
+
+def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+    """Return the receiver where it is of this kind, and the bytes are its own."""
+    if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
+        return None
+    known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
+    begins = bytes(line.to_plc.content[:3])
+    is_session = begins[:2] in (b"\x16\x03", b"\x15\x03") or begins == b"\x03\x00\x00"
+    return receiver if known == kind and not is_session else None
+
+
+def _aligned(messages: Sequence[LineMessage], need: int, start: int) -> list[bool]:
+    return [(one.at + one.size - start) % need == 0 for one in messages]
+
+
+def _start(line: LineFacts) -> int:
+    return 0 if line.has_begin else line.messages[0].at
+
+
+def _is_right(line: LineFacts, need: int) -> bool:
+    """Return whether frames of `need` bytes end where messages end."""
+    found = _judged(line)
+    start = _start(line) if line.has_begin else found[0].at
+    hits = _aligned(found, need, start)
+    if sum(hits) * 100 >= 97 * len(hits):
+        return True
+    ends = {one.at + one.size for one in found}
+    frames = range(start + need, found[-1].at + found[-1].size + 1, need)
+    whole = sum(end in ends for end in frames)
+    is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
+    return is_varied and len(frames) >= FEW and whole * 100 >= 97 * len(frames)  # each frame in pieces
+
+
+def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, UsualSize] | None:
+    """Return the static receiver and the sizes, where sizes are not right."""
+    found = _ready(line, receiver, STATIC)
+    if found is None or not line.messages or _is_right(line, found.need):
+        return None
+    return found, _sizes(_judged(line))
+
+
+def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+    name = receiver.instance
+    if not name:
+        return (Mend(f"a type, or LEN, of {size} bytes"),)
+    return (
+        Mend(f"LEN {size}, and DATA of that size", f"set {name} LEN={size}", f"instance.{name}.LEN={size}"),
+    )
+
+
+def _frame_short(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    if sizes.usual >= wanted.need or (sizes.share < 0.7 and sizes.messages >= FEW):
+        return None
+    last = line.messages[-1]
+    text = (
+        f"{sizes.share:.0%} of {sizes.messages} messages have {sizes.usual} bytes, a job wants {wanted.need}"
+    )
+    sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
+    is_soon = last.ns - line.messages[0].ns < 2_000_000_000  # pieces come soon after each other
+    whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
+    if sizes.messages < FEW and (whole or any(one.size == wanted.need for one in line.messages)):
+        return None
+    if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < 1_000_000_000:
+        return None
+    mends = _len_mends(wanted, sizes.usual)
+    return Said(sure, (text,), "to-plc", _at(last), wanted.instance or None, mends)
+
+
+def _frame_long(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    found = _static(line, receiver)
+    if found is not None:
+        wanted, sizes = found
+        if sizes.usual <= wanted.need or sizes.usual % wanted.need == 0:
+            return None
+        if sizes.share < 0.7 and sizes.messages >= FEW:
+            return None
+        left = sizes.usual % wanted.need
+        of_all = f"{sizes.share:.0%} of {sizes.messages} messages have {sizes.usual} bytes"
+        text = f"{of_all}, a job takes {wanted.need}"
+        more = f"the next frame begins {left} bytes before its message"
+        sure = 0.95 if sizes.messages >= 5 else 0.8
+        mends = _len_mends(wanted, sizes.usual)
+        return Said(sure, (text, more), "to-plc", _at(line.messages[0]), wanted.instance or None, mends)
+    room = _ready(line, receiver, AD_HOC)
+    if room is None:
+        return None
+    sizes = _sizes(_judged(line))
+    too_long = [one for one in _judged(line) if one.size > room.need]
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
+        return None
+    most = max(one.size for one in too_long)
+    text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
+    mends = _len_mends(room, most)
+    return Said(0.93, (text, f"up to {most}"), "to-plc", _at(too_long[0]), room.instance or None, mends)
+
+
+def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    messages = _judged(line)
+    counted = Counter(one.size for one in messages)
+    if sizes.messages < FEW or sizes.share >= 0.85 or (sizes.different < 3 and sizes.share > 0.8):
+        return None
+    some = sorted(counted)
+    if len(some) > 2 and sum(counted.values()) < 4:
+        return None
+    sure = 0.94 if sizes.share < 0.7 and sizes.messages >= 5 else 0.7
+    spread = f"messages have {some[0]} to {some[-1]} bytes ({sizes.different} sizes)"
+    text = f"{spread}, a static job wants {wanted.need}"
+    name = wanted.instance
+    mend = Mend(
+        "receive ad hoc, with DATA for the longest message",
+        f"set {name} ADHOC=1",
+        f"instance.{name}.ADHOC=true",
+    )
+    return Said(sure, (text,), "to-plc", _at(messages[0]), name or None, (mend,) if name else ())
+
+
+def _shifted(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    need, messages = wanted.need, line.messages
+    if sizes.messages < 4 or sizes.share < 0.6 or sizes.usual % need:
+        return None
+    start = _start(line)
+    off = [(one.at + one.size - start) % need for one in messages]
+    if line.end is not None and off:
+        off.pop()
+    since = next(
+        (n for n, rest in enumerate(off) if rest and sum(map(bool, off[n:])) * 10 >= 8 * len(off[n:])), None
+    )
+    if since is None or len(off) - since < 2:
+        return None
+    odd, rest = messages[since], Counter(off[since:]).most_common(1)[0][0]
+    what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
+    before = f"{since} messages fitted before" if since else "from the first message on"
+    text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
+    return Said(0.95, (text, f"{what}; {before}"), "to-plc", _at(odd), wanted.instance or None)
+
+
+def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    wanted = _ready(line, receiver, AD_HOC)
+    messages = _judged(line)
+    if wanted is None or len(messages) < FEW:
+        return None
+    split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
+    if len(split) < 2 or len(split) * 8 < len(messages):
+        return None
+    sizes = _sizes(messages)
+    sure = 0.94 if sizes.share > 0.7 or sizes.usual == wanted.need else 0.8
+    pause = sorted(one.pause_ns for one in split)[len(split) // 2]
+    pieces = max(one.pieces for one in split)
+    text = (
+        f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
+    )
+    more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
+    name = wanted.instance
+    mend = Mend(
+        f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
+        f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
+    )  # fmt: skip
+    return Said(sure, (text, more), "to-plc", _at(split[0]), name or None, (mend,) if name else ())
+
+
+def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
+        return None
+    known = _ready(line, receiver, AD_HOC)
+    if (receiver is not None and known is None) or _is_foreign(line):
+        return None
+    writes = line.to_plc.writes
+    counted = Counter(write.size for write in writes)
+    base, often = min(
+        counted.most_common(3), key=lambda one: one[0] if one[1] * 5 >= len(writes) else 1 << 30
+    )
+    several = {size: n for size, n in counted.items() if size > base and size % base == 0}
+    amount, others = sum(several.values()), len(writes) - often - sum(several.values())
+    share = amount / len(writes)
+    sure = 0.92 if known is not None else 0.7
+    if known is not None and known.type is not None and base % known.need == 0 and base > known.need:
+        base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
+        several = counted
+    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
+        several = {size: n for size, n in counted.items() if size > beat}
+        base, often, amount, share, others = beat, 0, sum(several.values()), 1.0, 0
+    elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
+        return None
+    if known is None and often and not _begins_alike(line, base):
+        return None
+    most = max(several) // base
+    at = next(write for write in writes if write.size in several)
+    text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
+    name = known.instance if known is not None else ""
+    mend = Mend(
+        f"receive static with LEN {base}: a job then takes one message",
+        f"set {name} ADHOC=0 LEN={base}",
+        None,
+    )
+    return Said(sure, (text,), "to-plc", at, name or None, (mend,) if name else ())
+
+
+def _is_foreign(line: LineFacts) -> bool:
+    begins = bytes(line.to_plc.content[:3])
+    return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
+
+
+def _recurs(line: LineFacts, beat: int) -> bool:
+    """Return whether each piece of `beat` bytes begins as all others do, and they do not all say the same."""
+    content = line.to_plc.content
+    parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
+    if len(parts) < 2 * FEW or any(write.size % beat for write in line.to_plc.writes):
+        return False
+    fixed = [n for n in range(beat) if len({part[n] for part in parts}) == 1]
+    return len(fixed) < beat and fixed[:1] == [0] and any(parts[0][n] for n in fixed)
+
+
+def _begins_alike(line: LineFacts, base: int) -> bool:
+    """Return whether a segment with several messages looks like several: bytes that never change recur."""
+    content = line.to_plc.content
+    single = [
+        content[w.at : w.at + base]
+        for w in line.to_plc.writes
+        if w.size == base and w.at + base <= len(content)
+    ]
+    inner = [
+        content[w.at + n * base : w.at + (n + 1) * base]
+        for w in line.to_plc.writes
+        if w.size > base and w.size % base == 0 and w.at + w.size <= len(content)
+        for n in range(1, w.size // base)
+    ]
+    if not single or not inner:
+        return False
+    fixed = [n for n in range(base) if len({part[n] for part in single}) == 1]
+    return bool(fixed) and all(
+        sum(part[n] == single[0][n] for n in fixed) * 10 >= 9 * len(fixed) for part in inner
+    )
+
+
+def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    wanted = _ready(line, receiver, DATAGRAM)
+    if wanted is None:
+        return None
+    large = [one for one in line.to_plc.writes if one.size > wanted.need]
+    if not large:
+        return None
+    most = max(one.size for one in large)
+    of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
+    text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
+    return Said(0.95, (text,), "to-plc", large[0], wanted.instance or None, _len_mends(wanted, most))
+
+
+def _framing(line: LineFacts, receiver: Receiver | None) -> Said | None:
+    if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW:
+        return None
+    content = bytes(line.to_plc.content)
+    messages = [
+        content[one.at : one.at + one.size] for one in line.messages if one.at + one.size <= len(content)
+    ]
+    for mark, place, fits in (
+        (receiver.marks[0], "prefix", bytes.startswith), (receiver.marks[1], "suffix", bytes.endswith),
+    ):  # fmt: skip
+        hits = sum(fits(one, mark) for one in messages) if mark else len(messages)
+        if messages and hits * 2 < len(messages) and content.count(mark) * 2 < len(messages):
+            shown = mark.hex(" ").upper()
+            seen = Counter(one[: len(mark)] if place == "prefix" else one[-len(mark) :] for one in messages)
+            usual, often = seen.most_common(1)[0]
+            texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
+            if often * 2 > len(messages):
+                texts.append(f"{often} have {usual.hex(' ').upper()} there")
+            return Said(0.9, tuple(texts), "to-plc", _at(line.messages[0]), receiver.instance or None)
+    return None
+
+
+# -- what the bytes mean -------------------------------------------------------------------------------------
+
+
+def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
+    """Return messages as they came, or frames of the stream where those end with messages."""
+    content, need = bytes(line.to_plc.content), receiver.need
+    found = _judged(line) or line.messages
+    sizes = _sizes(found)
+    if line.protocol == "tcp" and not receiver.adhoc and _is_right(line, need):
+        start = _start(line) if line.has_begin else found[0].at
+        parts = [content[at : at + need] for at in range(start, len(content) - need + 1, need)]
+    else:
+        parts = [
+            content[m.at : m.at + m.size]
+            for m in found
+            if m.size == sizes.usual and m.at + m.size <= len(content)
+        ]
+        if sizes.share < 0.6:
+            return []
+    step = max(len(parts) // MOST_FRAMES, 1)
+    return parts[::step][-MOST_FRAMES:]
+
+
+_READ: Final[dict[tuple[object, ...], tuple[str, Said] | None]] = {}
+MOST_READ: Final = 256
+
+
+def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | None:
+    """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
+    if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
+        return None
+    if receiver.is_whole or _is_foreign(line) or line.to_plc.cut:
+        return None
+    frames = _frames(line, receiver)
+    if len(frames) < 2 or len(frames[0]) > 4096:
+        return None
+    key = (receiver.instance, receiver.need, tuple(frames))
+    if key not in _READ:
+        if len(_READ) >= MOST_READ:
+            _READ.clear()
+        _READ[key] = _read(frames, receiver)
+    found = _READ[key]
+    return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
+
+
+def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
+    from trcvtui.udt.compare.fit import fit
+
+    rules, type_ = receiver.rules, receiver.type
+    if type_ is None or rules is None:
+        return None
+    extra = len(frames[0]) - receiver.need
+    if MOST_OF_FIT < extra <= LONGEST_HEADER:
+        fitted = [fit(type_, [one[at:][: receiver.need] for one in frames], own=rules) for at in (extra, 0)]
+        after, before = (
+            max((one.members for one in found if not one.cause.kind), default=0.0) for found in fitted
+        )
+        if after > max(before, 0.0) + 2 * CLEAR:
+            text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
+            mend = Mend(f"declare the {extra} bytes before the members, or let the partner leave them out")
+            return "header", Said(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
+    fits = fit(type_, frames, receiver.type_name, own=rules)
+    own = next(
+        (
+            one
+            for one in fits
+            if not one.cause.kind
+            and any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
+        ),
+        None,
+    )
+    best = fits[0] if fits else None
+    if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
+        return None
+    ahead = best.score - own.score if own is not None else 40.0
+    is_own_size = own is not None and own.layout.size == len(frames[0])
+    is_clear = best.fits_best or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
+    if ahead < CLEAR or (is_own_size and not is_clear):
+        return None
+    kind, name = best.cause.kind, receiver.data
+    order = best.layout.rules.byte_order
+    ours = "none" if own is None else f"{own.score:+.1f}"
+    said = (
+        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
+    )
+    texts = (said, *(reason.text for reason in best.reasons[:2]))
+    sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
+    by_layout = f"data.{name}.layout={best.profile.layout}" if name else None
+    by_order = f"data.{name}.byte_order={order}" if name else None
+    if kind in ("header", "trailer"):
+        side = "before" if kind == "header" else "after"
+        mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
+        return "header", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+    if kind in ("word-swap", "byte-swap"):
+        mend = Mend("swap what the partner swaps: words or bytes of each number")
+        return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+    if kind is not None:
+        return None
+    if best.layout.size != receiver.need or order == rules.byte_order:
+        mend = Mend(f"the partner packs as {best.profile}", None, by_layout)
+        return "padding", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+    mend = Mend(f"the partner's numbers are {order}-endian", None, by_order)
+    return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+
+
+def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Said | None]:
+    def judge(line: LineFacts, receiver: Receiver | None) -> Said | None:
+        found = _reading(line, receiver)
+        return found[1] if found is not None and found[0] == cause else None
+
+    return judge
+
+
+def _at(message: LineMessage) -> SaidBytes:
+    return SaidBytes(message.ns, message.at, message.size, message.packet)
+
+
+_MEANT: Final = ("header", "padding")
+_OTHER: Final = ("wrong-tsap", "tls-refused")
+_SPLITS: Final = Mend("receive static with a fixed LEN, or ReceiveData with a frame")
+FRAME_JUDGES: Final = (
+    FrameRule("header", _means("header"), (), _OTHER),
+    FrameRule("padding", _means("padding"), (), _OTHER),
+    FrameRule("byte-order", _means("byte-order"), (), _OTHER),
+    FrameRule("frame-short", _frame_short, (), _OTHER, _MEANT),
+    FrameRule("frame-long", _frame_long, (), (*_OTHER, "merged"), _MEANT),
+    FrameRule("adhoc-missing", _adhoc_missing, (Mend("receive ad hoc"),), _OTHER),
+    FrameRule(
+        "shifted", _shifted, (Mend("reset the connection (COM_RST) so that frames begin anew"),), _OTHER
+    ),
+    FrameRule("adhoc-splits", _adhoc_splits, (_SPLITS,), (*_OTHER, "frame-long")),
+    FrameRule(
+        "merged",
+        _merged,
+        (Mend("receive static with LEN of one message"),),
+        (*_OTHER, "closes-each-message"),
+        ("flood",),
+    ),
+    FrameRule("datagram-size", _datagram_size, ()),
+    FrameRule("framing", _framing, (Mend("set prefix and suffix as the partner sends them"),)),
+)

@@ -1,0 +1,529 @@
+"""One pass over the conversations of a capture: typed facts with numbers, nothing judged.
+
+CauseRule 1: what a source cannot know is None (windows and ACKs of our own recordings), never a guess.
+CauseRule 2: what is kept of one conversation, and of all, is bounded; what comes after the bound is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from math import log
+from typing import Final
+
+from trcvtui.capture.command import address_text, take_captures
+from trcvtui.capture.packets import NotRead
+from trcvtui.capture.plc_end import PlcEnd, PlcGuess, guess_plc
+from trcvtui.capture.reassembly import (
+    Conversation,
+    ConversationEvent,
+    Conversations,
+    EventKind,
+    WireDirection,
+)
+from trcvtui.errors import Problem
+from trcvtui.records import NamedTuple
+
+MOST_WRITES: Final = 4096  # of one direction
+MOST_WRITES_OF_ALL: Final = 400_000
+MOST_CONTENT: Final = 64 << 10  # bytes of one direction
+MOST_CONTENT_OF_ALL: Final = 48 << 20
+MOST_MOMENTS: Final = 256  # of one kind and direction
+WIRE_WINDOW: Final = 65_535  # the only window of our own recordings
+JOINED_NS: Final = 50_000_000  # the rest of what fills a segment follows so soon
+LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
+REORDERED_NS: Final = 3_000_000
+OUTAGE: Final = 2  # copies
+DOUBLE_NS: Final = 300_000  # a mirror port that shows a packet twice does so at once
+FULL: Final = 536  # bytes: a smaller segment is not full
+LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
+JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
+
+
+class SaidBytes(NamedTuple):
+    """Bytes that came at once: `at` is the byte of the direction, `packet` its number in the capture."""
+
+    ns: int
+    at: int
+    size: int
+    packet: int
+
+
+class LineMessage(NamedTuple):
+    """Writes that belong together, `pieces` of them; the longest pause between two."""
+
+    ns: int
+    at: int
+    size: int
+    pieces: int
+    pause_ns: int
+    packet: int
+
+
+class ClosedWindow(NamedTuple):
+    """A window of 0, from when to when; None: to the end."""
+
+    ns: int
+    until_ns: int | None
+    packet: int
+
+
+class LateAck(NamedTuple):
+    """A small write whose ACK came late: after how long, and how long after that the next write left."""
+
+    write: SaidBytes
+    wait_ns: int
+    after_ns: int
+
+
+class Outage(NamedTuple):
+    """Copies without an answer: how many, from when, to when; None: to the end."""
+
+    copies: int
+    ns: int
+    until_ns: int | None
+    packet: int
+
+
+class WireEnd(NamedTuple):
+    """How a conversation ended: `fin` or `rst`, of whom."""
+
+    kind: str
+    by_plc: bool
+    ns: int
+    packet: int
+
+
+class DirectionFacts:
+    """What one end said, in numbers."""
+
+    __slots__ = (
+        "acks",
+        "bytes",
+        "closed",
+        "content",
+        "copies_since",
+        "cut",
+        "early_ns",
+        "ended",
+        "highest_window",
+        "keep_alives",
+        "keep_alives_answered",
+        "last_ns",
+        "last_window",
+        "late",
+        "late_ack",
+        "lowest_window",
+        "missing",
+        "moments",
+        "outages",
+        "resent",
+        "resent_bytes",
+        "resent_since_heard",
+        "reset",
+        "segments",
+        "slow",
+        "syns",
+        "unacked",
+        "unacked_since_ns",
+        "writes",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.bytes = self.segments = self.cut = self.missing = 0
+        self.writes: list[SaidBytes] = []
+        self.content = bytearray()  # from byte 0 to the first hole, bounded
+        self.syns: list[SaidBytes] = []
+        self.resent = self.resent_bytes = 0
+        self.late = 0  # holes that were filled later than a reordered packet would be
+        self.early_ns: int | None = None
+        self.resent_since_heard = 0  # copies since the other end was heard
+        self.copies_since = SaidBytes(0, 0, 0, 0)
+        self.moments: list[tuple[SaidBytes, str]] = []  # of copies, early bytes, holes
+        self.outages: list[Outage] = []  # times in which copies alone were said, and nobody answered
+        self.closed: list[ClosedWindow] = []  # its own window
+        self.lowest_window: int | None = None
+        self.highest_window = self.last_window = 0
+        self.acks = self.keep_alives = self.keep_alives_answered = 0
+        self.slow: list[LateAck] = []
+        self.late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
+        self.last_ns = 0
+        self.unacked = 0
+        self.unacked_since_ns: int | None = None
+        self.ended: SaidBytes | None = None
+        self.reset: SaidBytes | None = None
+
+    def mark(self, write: SaidBytes, kind: str) -> None:
+        """Keep the place of something odd."""
+        if len(self.moments) < MOST_MOMENTS:
+            self.moments.append((write, kind))
+
+    def first_of(self, kind: str) -> SaidBytes | None:
+        """Return the first place of something odd."""
+        return next((write for write, known in self.moments if known == kind), None)
+
+
+class IdleTime(NamedTuple):
+    """A time without any packet: when it ended, how long it was, whose packet ended it."""
+
+    until_ns: int
+    size_ns: int
+    packet: int
+
+
+class LineFacts:
+    """What is known of one conversation; `to_plc` is what the partner says."""
+
+    def __init__(self, talk: _Talk, guess: PlcGuess, first_ns: int, is_recording: bool) -> None:
+        conversation = talk.conversation
+        self.number, self.protocol = conversation.number, conversation.protocol
+        self.guess = guess
+        is_there = guess.says is conversation.there
+        self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
+        self.plc_end, self.partner_end = guess.says.address, guess.says.other.address
+        self.plc, self.partner = address_text(self.plc_end), address_text(self.partner_end)
+        self.zero_ns = first_ns
+        self.first_ns, self.last_ns = conversation.first_ns, conversation.last_ns
+        self.has_begin = conversation.begins_with_syn
+        self.established_ns = talk.established_ns
+        self.answered_ns = talk.answered_ns
+        self.idles = talk.idles
+        listener = conversation.listener
+        self.plc_calls = None if listener is None else listener is not guess.says
+        self.end: WireEnd | None = None
+        if conversation.end is not None:
+            kind, who = conversation.end
+            said = self.from_plc if who is guess.says else self.to_plc
+            of_kind = said.ended if kind == "fin" else said.reset
+            at = of_kind or SaidBytes(self.last_ns, 0, 0, 0)
+            self.end = WireEnd(kind, who is guess.says, at.ns, at.packet)
+        ways = (self.to_plc, self.from_plc)
+        copies = any(way.resent or way.keep_alives or way.late for way in ways)
+        windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
+        has_acks = any(way.acks > 1 for way in ways)  # one is the handshake's, which a recording has, too
+        self.is_wire = not is_recording and (copies or has_acks or not windows <= {None, 0, WIRE_WINDOW})
+
+    @property
+    def caller(self) -> DirectionFacts:
+        """Return what the end says that called."""
+        return self.from_plc if self.plc_calls else self.to_plc
+
+    @property
+    def listener(self) -> DirectionFacts:
+        """Return what the end says that was called."""
+        return self.to_plc if self.plc_calls else self.from_plc
+
+    @property
+    def is_built(self) -> bool:
+        """Return whether the connection stood, or begins in the middle."""
+        return (
+            self.established_ns is not None
+            or self.answered_ns is not None
+            or not self.has_begin
+            or bool(self.to_plc.writes and self.from_plc.writes)
+        )
+
+    @property
+    def lasted_ns(self) -> int:
+        """Return how long it was seen."""
+        return self.last_ns - self.first_ns
+
+    def seconds(self, ns: int) -> float:
+        """Return a time as seconds from the first packet of the capture."""
+        return round((ns - self.zero_ns) / 1e9, 6)
+
+    @cached_property
+    def messages(self) -> tuple[LineMessage, ...]:
+        """Return the messages to the PLC, as pauses and turns tell them."""
+        return _messages(self.to_plc.writes, self.from_plc.writes, self.protocol == "udp")
+
+    @cached_property
+    def answers(self) -> tuple[LineMessage, ...]:
+        """Return the messages from the PLC."""
+        return _messages(self.from_plc.writes, self.to_plc.writes, self.protocol == "udp")
+
+
+class CaptureFacts(NamedTuple):
+    """What one capture says: its conversations, what could not be read, when it ended."""
+
+    lines: tuple[LineFacts, ...]
+    found: Conversations
+    troubles: tuple[Problem, ...]
+    last_ns: int
+
+
+class _Talk:
+    """One conversation while it is read."""
+
+    __slots__ = ("answered_ns", "back", "conversation", "established_ns", "idles", "there")
+
+    def __init__(self, conversation: Conversation) -> None:
+        self.conversation = conversation
+        self.there, self.back = DirectionFacts(), DirectionFacts()
+        self.answered_ns: int | None = None
+        self.established_ns: int | None = None
+        self.idles: list[IdleTime] = []
+
+
+class _Collector:
+    """Takes the events of all conversations."""
+
+    def __init__(self) -> None:
+        self.talks: list[_Talk] = []
+        self.found = Conversations(self._told, is_detailed=True)
+        self._writes = self._content = 0
+        self._on = {
+            EventKind.SYN: self._syn,
+            EventKind.ANSWER: self._answer,
+            EventKind.ESTABLISHED: self._established,
+            EventKind.FIN: self._fin,
+            EventKind.RST: self._rst,
+            EventKind.KEEP_ALIVE: self._keep_alive,
+            EventKind.KEEP_ALIVE_ACK: self._keep_alive_ack,
+            EventKind.ZERO_WINDOW: self._zero,
+            EventKind.WINDOW_OPENS: self._opens,
+            EventKind.RETRANSMISSION: self._resent,
+            EventKind.EARLY: self._early,
+            EventKind.MISSING: self._missing,
+            EventKind.SILENCE: self._silence,
+        }
+
+    def _told(self, event: ConversationEvent) -> None:
+        ns, conversation, direction, kind, at, size, data = event
+        number = conversation.number - 1
+        while number >= len(self.talks):
+            self.talks.append(_Talk(self.found.all[len(self.talks)]))
+        talk = self.talks[number]
+        there = direction is conversation.there
+        own, other = (talk.there, talk.back) if there else (talk.back, talk.there)
+        if kind is EventKind.BYTES:
+            self._bytes(own, other, ns, at, size, data)
+        elif kind is EventKind.ACK:
+            self._ack(own, other, ns, size, direction)
+        else:
+            take = self._on.get(kind)
+            if take is not None:
+                take(talk, own, other, SaidBytes(ns, at, size, self.found.packets))
+        if kind is not EventKind.MISSING and kind is not EventKind.SILENCE:
+            own.last_ns = ns
+            if other.resent_since_heard:
+                _heard(other, ns)
+
+    def _bytes(
+        self, own: DirectionFacts, other: DirectionFacts, ns: int, at: int, size: int, data: bytes
+    ) -> None:
+        own.segments += 1
+        own.bytes += size
+        if own.unacked_since_ns is None:
+            own.unacked_since_ns = ns
+        if own.early_ns is not None:
+            own.late += ns - own.early_ns > REORDERED_NS
+            own.early_ns = None
+        content = own.content
+        if len(content) == at and at < MOST_CONTENT and self._content < MOST_CONTENT_OF_ALL:
+            content += data
+            self._content += size
+        if len(own.writes) < MOST_WRITES and self._writes < MOST_WRITES_OF_ALL:
+            self._writes += 1
+            own.writes.append(SaidBytes(ns, at, size, self.found.packets))
+        late = own.late_ack
+        if late is not None:
+            own.late_ack = None
+            if len(own.slow) < MOST_MOMENTS:
+                own.slow.append(late._replace(after_ns=ns - late.after_ns))
+
+    def _ack(
+        self, own: DirectionFacts, other: DirectionFacts, ns: int, window: int, direction: WireDirection
+    ) -> None:
+        own.acks += 1
+        own.last_window = window
+        own.highest_window = max(own.highest_window, window)
+        own.lowest_window = window if own.lowest_window is None else min(own.lowest_window, window)
+        said = direction.other
+        if said.acked == said.next:
+            other.unacked_since_ns = None
+        if other.writes:
+            last = other.writes[-1]
+            wait = ns - last.ns
+            if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL and other.late_ack is None:
+                other.late_ack = LateAck(last, wait, ns)
+
+    def _syn(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        own.syns.append(at)
+
+    def _answer(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        talk.answered_ns = talk.answered_ns or at.ns
+
+    def _established(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        talk.established_ns = talk.established_ns or at.ns
+
+    def _fin(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        own.ended = own.ended or at
+
+    def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        own.reset = own.reset or at
+
+    def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        if not own.keep_alives or at.ns - own.last_ns >= DOUBLE_NS:
+            own.keep_alives += 1
+
+    def _keep_alive_ack(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        other.keep_alives_answered += 1
+
+    def _zero(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        if len(own.closed) < MOST_MOMENTS:
+            own.closed.append(ClosedWindow(at.ns, None, at.packet))
+
+    def _opens(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        if own.closed and own.closed[-1].until_ns is None:
+            own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
+
+    def _resent(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        if not at.size:
+            own.syns.append(at)
+            return
+        if any(at.at == one.at and at.ns - one.ns < DOUBLE_NS for one in own.writes[-8:]):
+            return
+        own.resent += 1
+        own.resent_bytes += at.size
+        own.resent_since_heard += 1
+        if own.resent_since_heard == 1:
+            own.copies_since = at
+        own.mark(at, "resent")
+
+    def _early(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        own.early_ns = own.early_ns or at.ns
+        own.mark(at, "early")
+
+    def _missing(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        last = own.writes[-1] if own.writes else None
+        if last is not None and last.packet == at.packet and last.at + last.size == at.at:
+            own.cut += at.size  # the capture keeps the first bytes of each packet alone
+            return
+        own.missing += at.size
+        own.mark(at, "missing")
+
+    def _silence(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        if len(talk.idles) < MOST_MOMENTS:
+            talk.idles.append(IdleTime(at.ns, at.size, at.packet))
+
+
+def _heard(said: DirectionFacts, ns: int | None) -> None:
+    """Take that the other end is heard again; None: to the end it was not."""
+    if said.resent_since_heard >= OUTAGE and len(said.outages) < MOST_MOMENTS:
+        since = said.copies_since
+        said.outages.append(Outage(said.resent_since_heard, since.ns, ns, since.packet))
+    said.resent_since_heard = 0
+
+
+def line_of_writes(protocol: str, writes: Sequence[SaidBytes], content: bytes) -> LineFacts:
+    """Return a line on which the partner says these bytes, and nothing else happens."""
+    conversation = Conversation(1, protocol, 0)
+    there = conversation.there = WireDirection(conversation, (bytes(4), 0), b"")
+    back = conversation.back = WireDirection(conversation, (bytes(4), 1), b"")
+    there.other, back.other = back, there
+    conversation.begins_with_syn = True
+    conversation.listener = back
+    conversation.last_ns = writes[-1].ns if writes else 0
+    talk = _Talk(conversation)
+    talk.established_ns = 0
+    said = talk.there
+    said.writes, said.content = list(writes), bytearray(content)
+    said.segments, said.bytes = len(writes), len(content)
+    return LineFacts(talk, PlcGuess(back, 1.0, "project"), 0, True)
+
+
+def facts_of(
+    paths: Sequence[str],
+    given: PlcEnd | None = None,
+    listens: frozenset[int] = frozenset(),
+    calls: frozenset[int] = frozenset(),
+    always_calls: bool = False,
+    receives: bool = False,
+) -> CaptureFacts:
+    """Return the facts of one capture; ports on which the PLC listens, and that it calls, name its end.
+
+    `receives`: somebody knows what the PLC receives; where one end alone says anything, it is the other one.
+    """
+    collector, troubles = _Collector(), list[Problem]()
+    found = collector.found
+    take_captures(paths, found, troubles)
+    first_ns = found.first_ns or 0
+    is_recording = NotRead.JOURNAL in found.not_read
+    last_ns = max((each.last_ns for each in found.all), default=first_ns)
+    while len(collector.talks) < len(found.all):
+        collector.talks.append(_Talk(found.all[len(collector.talks)]))
+    lines = []
+    for talk in collector.talks:
+        conversation = talk.conversation
+        guess = guess_plc(conversation, given, listens)
+        listener = conversation.listener
+        if guess.confidence < 0.8 and listener is not None and listener.address[1] in calls:
+            guess = PlcGuess(listener.other, 0.8, f"port {listener.address[1]}: the project calls it")
+        elif always_calls and guess.confidence < 0.8 and listener is not None:
+            guess = PlcGuess(listener.other, 0.9, "each CONNECT of the recording calls")
+        says = [one for one in (conversation.there, conversation.back) if one.bytes]
+        if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:
+            guess = PlcGuess(says[0].other, 0.65, "it receives alone")
+        for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):
+            left = (direction.next - direction.acked) & 0xFFFFFFFF
+            _heard(facts, None)
+            facts.unacked = left if left < 1 << 31 and direction.has_base else 0
+        lines.append(LineFacts(talk, guess, first_ns, is_recording))
+    if not is_recording and any(line.is_wire for line in lines):
+        for line in lines:
+            line.is_wire = True
+    return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns)
+
+
+# -- messages ------------------------------------------------------------------------------------------------
+
+
+def _messages(
+    writes: Sequence[SaidBytes], others: Sequence[SaidBytes], is_datagram: bool
+) -> tuple[LineMessage, ...]:
+    """Return the messages of one end: pauses that are clearly longer, and turns, part them."""
+    if is_datagram or len(writes) < 2:
+        return tuple([LineMessage(w.ns, w.at, w.size, 1, 0, w.packet) for w in writes])
+    most = max(write.size for write in writes)
+    turns, place = [False] * len(writes), 0
+    for number, write in enumerate(writes):
+        while place < len(others) and others[place].ns <= write.ns:
+            turns[number] = turns[number] or others[place].ns > writes[number - 1].ns
+            place += 1
+    gaps = [
+        writes[n].ns - writes[n - 1].ns
+        for n in range(1, len(writes))
+        if not turns[n] and writes[n].at == writes[n - 1].at + writes[n - 1].size
+    ]
+    limit = _parting(gaps)
+    found: list[LineMessage] = []
+    for number, write in enumerate(writes):
+        before = writes[number - 1]
+        gap = write.ns - before.ns
+        is_full = before.size == most and gap < (JOINED_NS if most >= LARGE else JOINED_NS // 25)
+        is_full = is_full and most >= FULL
+        goes_on = number and not turns[number] and write.at == before.at + before.size
+        if goes_on and (is_full or gap < limit):
+            last = found[-1]
+            found[-1] = last._replace(
+                size=last.size + write.size, pieces=last.pieces + 1, pause_ns=max(last.pause_ns, gap)
+            )
+        else:
+            found.append(LineMessage(write.ns, write.at, write.size, 1, 0, write.packet))
+    return tuple(found)
+
+
+def _parting(gaps: Sequence[int]) -> int:
+    """Return how long a pause between messages is at least; 0: pauses are all of one kind."""
+    ordered = sorted(max(gap, 1000) for gap in gaps)
+    low = max(2, len(ordered) // 7)
+    if len(ordered) < 2 * low:
+        return 0
+    jumps = [
+        (log(ordered[n] / ordered[n - 1]), n)
+        for n in range(low, len(ordered) - low + 1)
+        if n < len(ordered) and ordered[n - 1] < 2_000_000_000
+    ]
+    best = max(jumps, default=(0.0, 0))
+    return ordered[best[1]] if best[0] > log(JUMP) else 0

@@ -1,0 +1,85 @@
+"""The replay of a recording in a process of its own, and its end at the screen's side."""
+
+from __future__ import annotations
+
+import gc
+import signal
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.errors import UserError
+from trcvtui.rig import clock
+from trcvtui.rig.bench_update import UpdateRequest
+from trcvtui.rig.engine.driver import EngineDriver
+from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.replay.survey import read_at
+
+if TYPE_CHECKING:
+    from trcvtui.rig.replay.time_line import TimeLine
+
+SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
+PLAY_S: Final = 0.02  # between two looks at the clock while it plays
+
+
+class ReplayDriver(EngineDriver):
+    """The replay of a recording in a process of its own; `at` says where it opens."""
+
+    def __init__(self, path: Path, at: str) -> None:
+        read_at(at, "--at")  # found out here, where there is no screen yet
+        self._recording = path, at
+        super().__init__(path, "replay")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return replay_main, self._recording
+
+
+def replay_main(channel: Channel, path: Path, at: str) -> None:
+    """Serve the screen with a recording."""
+    from trcvtui.capture.recording import Recording
+    from trcvtui.rig.replay.time_line import TimeLine  # the screen's side needs none of it
+
+    serve_screen(channel, lambda: TimeLine(Recording(path), str(path), read_at(at, "--at")))
+
+
+def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
+    """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
+    gc.freeze()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+
+    try:
+        try:
+            time_line = begin()
+            channel.send(time_line.controller.bench.project)
+            _serve(channel, time_line)
+        except UserError as wrong:
+            channel.send(wrong)
+        except (EOFError, OSError):
+            raise
+        except Exception:
+            import traceback
+
+            channel.send(traceback.format_exc())
+    except (EOFError, OSError):
+        return  # the screen is gone
+
+
+def _serve(channel: Channel, time_line: TimeLine) -> None:
+    pipe, request, is_busy = UpdatePipe(channel), None, True
+    while True:
+        waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
+        while channel.poll(waits):
+            message, waits = channel.recv(), 0.0
+            if isinstance(message, UpdateRequest):
+                request = message
+            else:
+                time_line.take(*message)
+        is_busy = time_line.work(clock.now_ns() + SLICE_NS)
+        if request is not None and not pipe.is_busy():
+            pipe.begin(time_line.collect(request))
+            request = None
+        if pipe.is_busy():
+            with suppress(BlockingIOError):
+                pipe.go_on(clock.now_ns() + SLICE_NS)

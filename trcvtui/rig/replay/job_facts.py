@@ -1,0 +1,78 @@
+"""What a recording knows beside its packets: what the instances expect, and what its program did wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.table import block_row
+from trcvtui.capture.recording import Recording
+from trcvtui.errors import UserError
+from trcvtui.net.events import BytesDropped
+from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
+from trcvtui.rig.diagnosis.lint import receivers_of
+from trcvtui.rig.replay.keyframes import Keyframes
+from trcvtui.rig.replay.run_again import RunAgain
+
+MOST_SCANS: Final = 1_000_000
+
+
+def recorded_facts(path: str) -> RecordedFacts | None:
+    """Return what a recording of ours knows; None: it is none, or it cannot run."""
+    try:
+        run = Keyframes(Recording(Path(path)), path).begin()
+    except UserError:
+        return None
+    project = run.bench.project
+    connects = [each for each in project.connects if not each.is_datagram]
+    calls = bool(connects) and all(each.active for each in connects)
+    return RecordedFacts(receivers_of(project), calls, _troubles(run))
+
+
+def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
+    """Run it again, and count edges of REQ in a running job, and jobs without a connection."""
+    found: dict[tuple[str, str], JobTrouble] = {}
+    sends, asked = set[str](), set[str]()
+    dropped: dict[tuple[str, int], tuple[int, int]] = {}
+    streams = {each.name for each in run.bench.project.connects if not each.is_message_oriented}
+    receivers = {each.name for each in run.bench.project.instances if block_row(each.block).receives}
+    seq, wall_ns = 0, run.begins.wall_ns
+    ledger = run.bench.runtime.ledger
+
+    def tell(cause: str, instance: str, scan: int, t_ns: int) -> None:
+        known = found.get((cause, instance))
+        first = known or JobTrouble(cause, instance, scan, wall_ns + t_ns, 0)
+        found[cause, instance] = first._replace(times=first.times + 1)
+
+    try:
+        while run.scan() and run.bench.runtime.scans < MOST_SCANS:
+            if ledger.last_seq == seq:
+                continue
+            news, seq = ledger.stamped_since(seq), ledger.last_seq
+            for scan, t_ns, event in news:
+                match event:
+                    case InputEdge(instance, "REQ", value) if value and instance in sends:
+                        tell("request-too-fast", instance, scan, t_ns)
+                    case SendStarted():
+                        sends.add(event.instance)
+                    case SendEnded():
+                        sends.discard(event.instance)
+                    case StatusEdge() if event.outputs.error and event.condition == Condition.NOT_CONNECTED:
+                        tell("not-connected-request", event.instance, scan, t_ns)
+                    case InputEdge(instance, "EN_R", _) if scan > 1:
+                        asked.add(instance)
+                    case BytesDropped() if event.offset >= 0:
+                        dropped[event.connection, event.incarnation] = scan, t_ns
+                    case JobStarted() if not event.adhoc:
+                        lost = dropped.pop((event.connection, event.incarnation), None)
+                        if lost is not None and event.connection in streams:
+                            tell("shifted", event.instance, *lost)
+                    case _:
+                        pass
+    except UserError:
+        pass  # the recording ends here
+    # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
+    return tuple([one for one in found.values() if one.times > 1 or one.instance not in receivers - asked])

@@ -1,0 +1,157 @@
+"""What stands where in a recording: its journal read once, for the time of each scan, edges and ERRORs."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from itertools import islice
+from typing import Final, cast
+
+from trcvtui.capture.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, Answered, EntriesLost, Entry
+from trcvtui.capture.replay import ends_early
+from trcvtui.errors import mistake
+from trcvtui.project.tables import shown
+from trcvtui.rig import clock
+from trcvtui.udt.literals import parse_time
+
+END: Final = 1 << 62  # a scan that no recording has
+PIECES: Final = 1000  # of the run: in which of them an ERROR comes
+READ_AT_ONCE: Final = 256  # entries
+NOTE: Final = "note "  # how a line begins that tells of a capture
+NOTES_SHOWN: Final = 2
+ERROR_AT: Final = 4  # in what SHOWS tells
+AT_LINES: Final = "a scan, T#.., +1, -1, end, edge +1 INSTANCE or error +1"
+
+Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose
+
+
+def read_at(text: str, where: str) -> int | Search:
+    """Return the scan that a text names, or what is looked for; raise UserError."""
+    words = text.split()
+    words = words[1:] if words[:1] == ["scan"] else words
+    match words:
+        case ["end"]:
+            return END
+        case [number] if number.isascii() and number.isdigit() and len(number) < len(str(END)):
+            return int(number)
+        case [time] if "#" in time:
+            return "time", parse_time(time, where), ""
+        case ["error", "+1" | "-1" as step]:
+            return "error", int(step), ""
+        case ["edge", "+1" | "-1" as step, name]:
+            return "edge", int(step), name
+    raise mistake(where, shown(text) if text else "nothing more", AT_LINES)
+
+
+class Survey:
+    """The journal read once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
+
+    `first`: the last scan that cannot run again; `offset`: the last scan before the journal begins. 0: none.
+    """
+
+    def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
+        self.first, self._offset = first, offset
+        self.times = array("q")  # ns, of each scan
+        self.errors = array("q")  # scans in which an ERROR comes
+        self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
+        self.trouble = ""  # why the recording ends before the run
+        self.is_over = False
+        self._entries, self._where = entries, where
+        self._is_whole = False  # the run was ended here
+        self._skipped = 0
+        self._notes: list[tuple[int, str]] = []  # after which scan, and what was told
+        self._marks = (0, 0), b""
+
+    @property
+    def last(self) -> int:
+        """Return the last scan that was seen."""
+        return self.first + len(self.times)
+
+    def time_of(self, scan: int) -> int:
+        """Return the time of a scan, ns; that of the nearest one that was seen."""
+        at = min(scan, self.last) - self.first - 1
+        return self.times[max(0, at)] if self.times and scan > 0 else 0
+
+    def notes_before(self, scan: int) -> list[str]:
+        """Return the last notes up to a scan."""
+        before = bisect_right(self._notes, scan, key=lambda note: note[0])
+        return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
+
+    def go_on(self, until: int) -> None:
+        """Read until this moment."""
+        while not self.is_over and clock.now_ns() < until:
+            some = [*islice(self._entries, READ_AT_ONCE)]
+            for entry in some:
+                if self._take(entry):
+                    return
+            if len(some) < READ_AT_ONCE:
+                self._end("")
+
+    def _take(self, entry: Entry) -> bool:
+        """Note what an entry tells; return whether the run cannot go on after it."""
+        if isinstance(entry, EntriesLost) and (self.times or not self.first):
+            self._is_whole = entry.why == ENDED_HERE
+            self._end(str(entry))
+            return True
+        if not isinstance(entry, Answered):
+            return False
+        if entry.call == STEP and isinstance(entry.answer, int):
+            self._step(entry.answer)
+        elif entry.call == SKIP:
+            self._skipped += cast(int, entry.args[0])
+        elif entry.call == SHOWS and self.times:
+            self.edges.setdefault(entry.owner, array("q")).append(self.last)
+            if entry.args[ERROR_AT : ERROR_AT + 1] == (True,) and self.last not in self.errors[-1:]:
+                self.errors.append(self.last)
+        elif entry.call == DO and str(entry.args[0]).startswith(NOTE):
+            self._notes.append((self.last + self._skipped, str(entry.args[0]).removeprefix(NOTE)))
+        elif entry.call == CLOSE:
+            self._is_whole = True
+        return False
+
+    def _step(self, ns: int) -> None:
+        before = self.times[-1] if self.times else 0
+        for number in range(1, self._skipped + 1):  # scans that were counted and not run
+            self.times.append(before + number * (ns - before) // (self._skipped + 1))
+        self._offset += self._skipped + 1
+        self._skipped = 0
+        if self._offset > self.first:
+            self.times.append(ns)
+
+    def _end(self, lost: str) -> None:
+        self.is_over = True
+        if not self._is_whole:
+            self.trouble = str(ends_early(self._where, lost, self.last))
+
+    def cut(self, scan: int, why: str) -> None:
+        """Let the run end after a scan: it cannot go on."""
+        del self.times[max(0, scan - self.first) :]
+        for scans in (self.errors, *self.edges.values()):
+            del scans[bisect_right(scans, scan) :]
+        self.trouble, self.is_over = why, True
+
+    def found(self, search: Search, start: int) -> int | None:
+        """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
+        kind, step, name = search
+        if kind == "time":
+            scan = self.first + bisect_left(self.times, step) + 1
+            return scan if scan <= self.last else self.last if self.is_over else None
+        scans = self.errors if kind == "error" else self.edges.get(name, array("q"))
+        if step < 0 and (start <= self.last or self.is_over):
+            before = bisect_left(scans, start)
+            return scans[before - 1] if before else END
+        after = bisect_right(scans, start)
+        if step > 0 and after < len(scans):
+            return scans[after]
+        return END if self.is_over else None
+
+    def marks(self) -> bytes:
+        """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
+        known = self.last, len(self.errors)
+        if known != self._marks[0]:
+            marks = bytearray(PIECES)
+            for scan in self.errors:
+                marks[(scan - self.first - 1) * PIECES // len(self.times)] = 1
+            self._marks = known, bytes(marks)
+        return self._marks[1]

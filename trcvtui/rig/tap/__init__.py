@@ -1,0 +1,1 @@
+"""A tap: the process that forwards, who looks on, and the recording of what passes."""

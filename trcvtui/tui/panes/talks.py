@@ -1,0 +1,190 @@
+"""Pane 7 on the line: conversations of others, a row for each direction, and keys of a tap."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.records import NamedTuple
+from trcvtui.rig.snapshots import TalkSnapshot, WaySnapshot
+from trcvtui.tui.formatting import clip, pad, plain, short_time
+from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+BARS: Final = " ▁▂▃▄▅▆▇█"
+SPARKS: Final = 15  # seconds that are drawn
+ROOMY: Final = 110
+STYLES: Final = {"open": "on", "reset": "error", "ended": "dim", "connecting": "warn"}
+MOST_EDITED: Final = 64  # held bytes that the prompt is filled with
+
+
+class Intervention(NamedTuple):
+    """A key: the words after the direction; `is_asked`: more is typed in the prompt."""
+
+    key: str
+    verb: str
+    label: str
+    is_asked: bool = False
+
+
+INTERVENTIONS: Final = (
+    Intervention("h", "hold", "hold, go"),
+    Intervention("e", "edit", "edit", is_asked=True),
+    Intervention("i", "insert hex", "insert", is_asked=True),
+    Intervention("d", "drop", "drop", is_asked=True),
+    Intervention("y", "delay T#", "delay", is_asked=True),
+    Intervention("s", "split", "split", is_asked=True),
+    Intervention("r", "rst", "RST"),
+    Intervention("f", "fin", "FIN"),
+)
+
+
+class TalkList(LineView):
+    """Two rows for each conversation; the cursor is the direction that keys intervene in."""
+
+    KEYS: ClassVar = (*((each.key, each.label) for each in INTERVENTIONS), ("w", "shadow"))
+    BINDINGS: ClassVar = [
+        *((each.key, f"intervene('{each.key}')", each.label) for each in INTERVENTIONS),
+        ("w", "shadow", "shadow"),
+    ]
+    DEFAULT_CSS = "TalkList { height: 1fr; display: none; }"
+
+    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+        super().__init__(id="talks")
+        self._view_model, self._actions = view_model, actions
+        self._chosen = 0, True  # number of the conversation, is it the direction to the PLC end
+
+    @property
+    def title(self) -> str:
+        """Return how many there are, and whether anything is held."""
+        talks = self._view_model.talks
+        going = sum(talk.state not in ("ended", "reset") for talk in talks)
+        return f"Line · {going} open of {len(talks)}"
+
+    def row_count(self) -> int:
+        """Return two for each conversation; before the first one the taps."""
+        return 2 * len(self._view_model.talks) or len(self._view_model.project.taps)
+
+    def row_at(self, y: int) -> Row:
+        """Return one direction of a conversation."""
+        talks, taps = self._view_model.talks, self._view_model.project.taps
+        if not talks and y < len(taps):
+            tap = taps[y]
+            return row(
+                (f"  {plain(tap.name)}: {plain(tap.listen)} to {plain(tap.to)}: nobody has come yet", "dim")
+            )
+        if not 0 <= y < 2 * len(talks):
+            return EMPTY
+        talk, to_plc = talks[y // 2], not y % 2
+        is_chosen = (talk.number, to_plc) == self._here()
+        way = talk.to_plc if to_plc else talk.from_plc
+        parts: list[Part] = [
+            ("▸ " if is_chosen else "  ", "key"),
+            (pad(f"C{talk.number}" if to_plc else "", 5), "strong"),
+            (pad("to PLC" if to_plc else "from PLC", 9), ""),
+            *_lamp(way),
+            (f"{way.size:>9} B {way.rate:>7} B/s ", ""),
+        ]
+        parts += _ends(talk, self.line_width >= ROOMY) if to_plc else _spark(talk)
+        parts += _remarks(way)
+        return row(*parts, style=self.cursor_style(is_chosen))
+
+    def _here(self) -> tuple[int, bool]:
+        talks = self._view_model.talks
+        if self._chosen[0] not in {talk.number for talk in talks}:
+            self._chosen = talks[0].number if talks else 0, True
+        return self._chosen
+
+    def _talk(self) -> TalkSnapshot | None:
+        number = self._here()[0]
+        return next((talk for talk in self._view_model.talks if talk.number == number), None)
+
+    def action_move(self, rows: int) -> None:
+        """Choose another direction."""
+        numbers = [talk.number for talk in self._view_model.talks]
+        if numbers:
+            number, to_plc = self._here()
+            self._choose(2 * numbers.index(number) + (not to_plc) + rows)
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the direction under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] < self.row_count():
+            self._choose(place[1])
+
+    def _choose(self, y: int) -> None:
+        if not self._view_model.talks:
+            return
+        y = max(0, min(self.row_count() - 1, y))
+        self._chosen = self._view_model.talks[y // 2].number, not y % 2
+        self.keep_in_view(y)
+        self.show()
+
+    def action_shadow(self) -> None:
+        """Give the newest conversation that has no shadow one of its own; `watch C7` names another."""
+        self._actions.submit("watch")
+
+    def action_intervene(self, key: str) -> None:
+        """Intervene in the chosen direction, or ask for the rest of the line."""
+        talk = self._talk()
+        if talk is None or not talk.tap:
+            self._actions.complain("only a tap can intervene: trcvtui tap LISTEN CONNECT")
+            return
+        what = next(each for each in INTERVENTIONS if each.key == key)
+        to_plc = self._here()[1]
+        way = talk.to_plc if to_plc else talk.from_plc
+        if what.verb in ("edit", "drop") and not way.held:
+            self._actions.complain("nothing is held in this direction: h holds")
+            return
+        verb = "go" if what.verb == "hold" and way.held is not None else what.verb
+        line = f"tap {talk.tap} {'to-plc' if to_plc else 'from-plc'} {verb}"
+        if what.is_asked:
+            held = way.first[:MOST_EDITED].hex(" ")
+            self._actions.open_prompt(f"{line} 0 hex {held}" if verb == "edit" else _asking(line, way))
+        else:
+            self._actions.submit(f"{line} conversation {talk.number}")
+
+
+def _asking(line: str, way: WaySnapshot) -> str:
+    """Return the beginning of a line; `drop` begins with all that is held."""
+    if line.endswith(" drop"):
+        return f"{line} {way.held or 0}"
+    return line if line.endswith("#") else f"{line} "
+
+
+def _lamp(way: WaySnapshot) -> list[Part]:
+    if way.held is None:
+        return [("       ", "")]
+    return [(" HELD ", "hold"), (" ", "")]
+
+
+def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
+    ends = f"{plain(talk.partner)} → {plain(talk.plc)}" if is_roomy else plain(talk.partner)
+    parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
+    if talk.handshake_ns is not None and is_roomy:
+        parts.append((f"round trip {short_time(talk.handshake_ns)} ", "dim"))
+    return parts
+
+
+def _spark(talk: TalkSnapshot) -> list[Part]:
+    """Return the bytes of both directions, second by second."""
+    shown = talk.seconds[-SPARKS:]
+    most = max(shown, default=0)
+    bars = "".join(BARS[-(-size * (len(BARS) - 1) // most) if most else 0] for size in shown)
+    return [(f" {bars} ", "key")]
+
+
+def _remarks(way: WaySnapshot) -> list[Part]:
+    """Return what is not as it should be."""
+    told: list[Part] = []
+    if way.held:
+        told.append((f" {way.held} B held", "warn"))
+    if way.is_closed:
+        told.append((" window 0", "error"))
+    if way.again:
+        told.append((f" {way.again} B sent again", "warn"))
+    if way.missing:
+        told.append((f" {way.missing} B missing", "warn"))
+    return told

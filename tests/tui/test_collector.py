@@ -6,6 +6,8 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import pytest
+
 from tests.tui.on_a_bench import on_a_bench
 
 PANES = "12345678"
@@ -29,17 +31,22 @@ def generations() -> Iterator[list[int]]:
         gc.callbacks.remove(note)
 
 
-async def test_while_keys_come_only_young_objects_are_looked_at() -> None:
+async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trcvtui.tui.app.REST_S", 3600.0)  # the test says when it is
     async with on_a_bench() as screen:
         with generations() as seen:
             for _ in range(6):
                 await screen.press(*KEYS)
+                screen.app._collect_at_rest()
                 screen.bench.scan(20)
                 await screen.pictures()
         assert set(seen) <= {0}
 
 
-async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all() -> None:
+async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("trcvtui.tui.app.REST_S", 3600.0)
     async with on_a_bench() as screen:
         app = screen.app
         await screen.press(*KEYS)

@@ -275,6 +275,15 @@ def test_known_ends_one_after_the_other_are_one_suffix(suffix: bytes) -> None:
     assert [frame.content for frame in cut(recording, best.framing).good] == frames
 
 
+def test_three_equal_bytes_before_a_suffix_are_no_longer_suffix() -> None:
+    source = random.Random(0)
+    frames = [bytes(source.choices(range(1, 256), k=source.randint(4, 20))) + b"\0" for _ in range(22)]
+    for number in (6, 12, 21):
+        frames[number] = frames[number][:-2] + b"\xa7\0"
+    best = advise(cut_up(b"".join(frames), [])).proposals[0]
+    assert (best.title, best.frames) == ("suffix 00 (NUL)", 22)
+
+
 DELIMITERS = st.binary(min_size=1, max_size=4).filter(lambda mark: len(set(mark)) == len(mark))
 
 

@@ -15,6 +15,7 @@ from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.records import dataclass, replace
 from trcvtui.rig.framing_advice.marks import (
+    FEW,
     LONGEST_FRAME,
     USUAL_WIDTHS,
     Bursts,
@@ -298,6 +299,7 @@ def _group(tried: Tried) -> tuple[object, ...]:
 
 
 def _ranked(tried: list[Tried]) -> list[Tried]:
+    tried = [each for each in tried if not _is_chance(each, tried)]
     weights: dict[tuple[object, ...], float] = {}
     for each in tried:
         weights[_group(each)] = max(weights.get(_group(each), 0.0), each.bits)
@@ -321,6 +323,18 @@ def _is_like(tried: Tried, better: Tried) -> bool:
     is_coarser = len(ours) < LEAST_SHARE_OF_FRAMES * len(theirs) and both >= 0.9 * len(ours)
     is_shifted = 2 * both < len(ours) and abs(len(ours) - len(theirs)) <= 1 + len(theirs) // 8
     return is_coarser or is_shifted
+
+
+def _is_chance(tried: Tried, others: Sequence[Tried]) -> bool:
+    """Return whether its suffix is another one that a few times had the same byte before it."""
+    suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
+    return frames < FEW and any(
+        other.guess.framing.suffix != suffix
+        and suffix.endswith(other.guess.framing.suffix or b"-")
+        and len(other.cut.good) >= FEW * frames
+        for other in others
+        if other.guess.kind is CutKind.SUFFIX
+    )
 
 
 def _ranks(tried: Sequence[Tried]) -> list[int]:

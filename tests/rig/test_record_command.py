@@ -17,7 +17,7 @@ from trcvtui.capture.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, R
 from trcvtui.capture.pcap import open_capture
 from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.cli import main
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.rig.recording import files, writer
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.writer import WriterProcess
@@ -289,6 +289,33 @@ def test_options_that_do_not_fit_are_one_line(
     assert told in said and len(said.splitlines()) == 1
 
 
+@pytest.mark.parametrize("command", ["record", "scenario"])
+def test_a_disk_that_is_full_in_the_midst_of_a_run_is_one_line(
+    project: Path,
+    tmp_path: Path,
+    command: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    target = tmp_path / "out"
+    is_record = command == "record"
+    words = [str(project), "--out", str(target), "--kernel", "sim", "--duration", "T#1m"]
+    story = [str(CONFIGS / "scenarios" / "stories" / "en-r-dropped.toml"), "--record", str(target)]
+    write = RecordingWriter._write
+
+    def full(self: RecordingWriter, data: bytes) -> None:
+        if self.size + len(data) > 10_000:
+            self._file.close()
+            raise mistake("R", "No space left on device", "room for it")
+        write(self, data)
+
+    monkeypatch.setattr(RecordingWriter, "_write", full)
+    assert main([command, *(words if is_record else story)]) == is_record
+    printed = capsys.readouterr()
+    assert printed.err == "R: found No space left on device, expected room for it\n"
+    assert is_record or printed.out.startswith("passed")  # the run goes on without its recording
+
+
 @pytest.mark.parametrize(("out", "told"), [("bench.toml", "a file"), ("no/folder", "No such file")])
 def test_a_folder_that_cannot_be_made_is_one_line(
     project: Path, tmp_path: Path, out: str, told: str, capsys: pytest.CaptureFixture[str]
@@ -305,13 +332,16 @@ def test_a_folder_that_cannot_be_made_is_one_line(
 
 @pytest.mark.live
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_record_ends_cleanly_when_it_is_told_to(project: Path, tmp_path: Path, number: int) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_record_ends_cleanly_when_all_its_programs_are_told_to(
+    project: Path, tmp_path: Path, number: int
+) -> None:
     out = tmp_path / "out"
     words = ["record", str(project), "--out", str(out)]
-    with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
+    program = [sys.executable, "-m", "trcvtui", *words]
+    with subprocess.Popen(program, env=ENVIRONMENT, start_new_session=True) as run:
         while not out.exists() or not names(out) or (out / names(out)[0]).stat().st_size < 5_000:
             assert run.poll() is None
-        run.send_signal(number)
+        os.killpg(run.pid, number)
         assert run.wait() == 0
     assert main(["replay", str(out / names(out)[0]), "--check"]) == 0

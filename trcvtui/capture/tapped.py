@@ -29,6 +29,7 @@ from trcvtui.capture.wire import (
 )
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, events_of
 from trcvtui.records import NamedTuple
+from trcvtui.signals import OF_A_GROUP, leave
 
 WIRE: Final = 0  # the interface of IP packets; a serial line each from 1 on
 _V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
@@ -225,9 +226,7 @@ def _sum(data: bytes) -> int:
 
 def record_tap() -> None:
     """Write the events of stdin to stdout until nobody tells more; exit 2 where there is no room."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the tap, and its end ends us
+    leave(OF_A_GROUP)  # they end the tap, and its end ends us
     packets, interfaces = TapPackets(), 1
     try:
         _write(

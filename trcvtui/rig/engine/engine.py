@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 from collections.abc import Sequence
 from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
@@ -25,6 +24,7 @@ from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality, be_punctual, quiet_collector
 from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
+from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
     from trcvtui.rig.recording.files import RecordTo
@@ -42,7 +42,7 @@ def engine_main(
 ) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
     gc.disable()  # the engine collects at the beginning of each bench only
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+    leave(OF_A_TERMINAL)  # they belong to the screen
     try:
         _run(channel, path, kernel, overrides, netns, read_only, record)
     except UserError as wrong:

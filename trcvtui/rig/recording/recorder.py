@@ -24,7 +24,7 @@ from trcvtui.capture.journal import (
     Secrets,
 )
 from trcvtui.capture.seam import SeamRecorder
-from trcvtui.errors import one_line
+from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, unnamed
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
@@ -163,6 +163,8 @@ class RunRecorder:
         try:
             act(self._sink)
             self.trouble = self._sink.trouble
+        except UserError as wrong:  # such as a full disk
+            self.trouble = str(wrong)
         except OSError as failed:
             self.trouble = f"{self.file}: {failed.strerror}; nothing more is recorded"
         if self.trouble:

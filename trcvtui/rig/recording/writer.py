@@ -22,6 +22,7 @@ from trcvtui.capture.journal import BlockWriter, EntriesLost, Entry
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.rig import clock
 from trcvtui.rig.recording.files import FileLimits, RecordTo
+from trcvtui.signals import OF_A_GROUP, leave
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -233,9 +234,7 @@ class BlockSink(Protocol):
 
 def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> None:
     """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the run, and its pipe ends us
+    leave(OF_A_GROUP)  # they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(asked)
     with suppress(AttributeError, OSError):
         os.nice(NICE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
@@ -16,6 +15,7 @@ from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.replay.survey import read_at
+from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
     from trcvtui.rig.replay.time_line import TimeLine
@@ -47,7 +47,7 @@ def replay_main(channel: Channel, path: Path, at: str) -> None:
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
     """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
     gc.freeze()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+    leave(OF_A_TERMINAL)  # they belong to the screen
 
     try:
         try:

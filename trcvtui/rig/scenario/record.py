@@ -7,7 +7,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
@@ -71,7 +71,7 @@ def record(
     has_secrets: bool,
     follow: Callable[[FileSink, str], Sink],
 ) -> int:
-    """Record until the duration is over, SIGTERM or Ctrl+C; return 0, 1 where nothing can be written."""
+    """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written."""
     until = NEVER if duration is None else parse_time(duration, "--duration")
     make_folder(out, "--out")
     asked = RecordTo(out, False, has_secrets, limits, follow)
@@ -81,7 +81,7 @@ def record(
         project = load_bench(path)
         condition = None if on is None else _condition(on, project)
         signals: list[int] = []  # that ask for the end: after the scan, never in the middle of one
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in _ending():
             before = signal.signal(number, lambda came, _: signals.append(came))
             opened.callback(signal.signal, number, before)
         opened.enter_context(recorder)
@@ -92,8 +92,16 @@ def record(
         recorder.begin(bench, path, (), is_scenario=False)
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
-    sys.stderr.write("".join(f"{line}\n" for line in recorder.lines()))
+    _say("".join(f"{line}\n" for line in recorder.lines()))
     return 1 if recorder.trouble else 0
+
+
+def _ending() -> list[signal.Signals]:
+    """Return the signals that ask for the end; a closed terminal does not below nohup."""
+    ends = [signal.SIGTERM, signal.SIGINT]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
+    return ends
 
 
 def _condition(on: str, project: Project) -> words.Condition:
@@ -128,7 +136,12 @@ def _run(
             size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(SUFFIX))
             seconds = bench.now // clock.NS_PER_S
             elapsed = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
-            sys.stderr.write(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")
-            sys.stderr.flush()
+            _say(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")
     if shows:
-        sys.stderr.write("\n")
+        _say("\n")
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # a terminal that is gone ends no recording
+        sys.stderr.write(text)
+        sys.stderr.flush()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import struct
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -50,6 +49,7 @@ from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.rig.watch.capture_player import CapturePlayer, Played, ShadowLines
 from trcvtui.rig.watch.command import WatchLines
 from trcvtui.rig.watch.shadows import plan_ad_hoc, plan_of_project
+from trcvtui.signals import OF_A_GROUP, leave
 
 _ANY_PORT: Final = 49_152
 _KINDS: Final = {
@@ -331,7 +331,7 @@ class LookingOn:
 
 def look_on(asked: str) -> None:
     """Say an empty line when all is well; then play what comes over stdin until its end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the tap, and its end ends us
+    leave(OF_A_GROUP)  # they end the tap, and its end ends us
     places, project, plc, dialect, form, is_shown = json.loads(asked)
 
     def complain(text: str) -> None:

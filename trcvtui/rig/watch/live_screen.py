@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
@@ -17,6 +16,7 @@ from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
+from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
@@ -53,7 +53,7 @@ def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
 def serve_live(channel: Channel, run: Callable[[], None]) -> None:
     """Run until the screen is gone; tell it what is wrong."""
     gc.freeze()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+    leave(OF_A_TERMINAL)  # they belong to the screen
     try:
         try:
             run()

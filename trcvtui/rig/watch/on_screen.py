@@ -5,9 +5,11 @@ Rule: what is shown is the run of `trcvtui watch` on the same files, scan by sca
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import islice
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
@@ -106,6 +108,7 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
     first_ns, told = found.first_ns or 0, _Told()
     recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
     with recorder:
+        file = _without_name(file)
         player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
         bench = player.shadows.bench
         told.write = bench.told
@@ -124,6 +127,17 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
     lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
     capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES])
     return TimeLine(Recording(file), shown_name(paths), 1, capture)
+
+
+def _without_name(file: Path) -> Path:
+    """Return where to read an open file from whose name and folder are gone: who is killed leaves nothing."""
+    if not os.path.isdir("/proc/self/fd"):
+        return file
+    handle = os.open(file, os.O_RDONLY)
+    file.unlink()
+    with suppress(OSError):  # it holds something else
+        file.parent.rmdir()
+    return Path(f"/proc/self/fd/{handle}")
 
 
 def shown_name(paths: Sequence[str]) -> str:

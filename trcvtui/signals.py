@@ -1,0 +1,17 @@
+"""Signals that a program leaves to the one at the other end of its pipe, whose end ends it too."""
+
+import signal
+from typing import Final
+
+OF_A_TERMINAL: Final = (
+    "SIGINT",
+    "SIGHUP",
+)  # Ctrl+C, and a terminal that is closed: sent to all programs of it
+OF_A_GROUP: Final = (*OF_A_TERMINAL, "SIGTERM")  # what `timeout` and a service's end send to all of them, too
+
+
+def leave(names: tuple[str, ...]) -> None:
+    """Do nothing when one of these comes; not every system has all of them."""
+    for name in names:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)

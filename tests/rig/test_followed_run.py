@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -96,8 +97,24 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
     assert main(["replay", str(path), "--format", "jsonl"]) == 0
     printed = capsys.readouterr().out
     assert printed.count("\n") > 1
-    assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 2
-    assert "found a file that begins in the middle" in capsys.readouterr().err
+
+
+def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    first = begun(path)[1]
+    assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"they part at scan \d+", said[0]) and int(said[0].split()[-1]) > first
+    assert said[-1] == f"changed from scan {first + 1} on: the file begins there"
+    for late in (
+        ["--set", "options.retry=T#1s"],
+        ["--dialect", "s7-1500"],
+        ["--set", "connect.C1.LocalPort=1"],
+    ):
+        assert main(["replay", str(path), *late]) == 2
+        assert "all else needs the run's beginning" in capsys.readouterr().err
 
 
 def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

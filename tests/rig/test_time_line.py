@@ -262,3 +262,16 @@ def test_another_value_that_is_none_is_told_in_one_line(line: str) -> None:
     update = stood.go(line)
     assert "expected" in update.answers[0].error and "\n" not in update.answers[0].error
     assert update.position is not None and not update.position.what_if
+
+
+def test_a_what_if_reads_the_journal_in_slices_and_the_screen_goes_on() -> None:
+    stood = Stood("200")
+    stood.line.take(1, f"if instance.{INSTANCE}.LEN=1")
+    beside = stood.line._beside
+    assert beside is not None
+    is_reading = [beside.run.is_reading]
+    position = stood.update().position
+    assert position is not None and position.what_if == (f"what if instance.{INSTANCE}.LEN=1: reading ..",)
+    stood.line.take(1, "at 100")
+    stood.settle()
+    assert [*is_reading, beside.run.is_reading, beside.is_over] == [True, False, True]

@@ -5,16 +5,19 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import SCENARIOS, recorded
-from trcvtui.capture.journal import Answered, Entry
-from trcvtui.capture.recording import RecordingWriter
+from tests.rig.test_time_line import InMemory
+from trcvtui.capture.journal import Answered, EntriesLost, Entry, Keyframe
+from trcvtui.capture.recording import IS_KEYFRAME, BlockPlace, RecordingWriter
 from trcvtui.cli import main
+from trcvtui.rig.replay import keyframes
+from trcvtui.rig.replay.keyframes import EntriesFrom, Keyframes
 from trcvtui.rig.replay.what_if import Sum, WhatIf, print_both
 
 STORIES = CONFIGS / "scenarios" / "stories"
@@ -34,9 +37,13 @@ FAULTS = [
 ]
 
 
+def in_memory(entries: Sequence[Entry]) -> Keyframes:
+    return Keyframes(InMemory(tuple(entries)), "R.pcapng")
+
+
 def what_if(path: Path, *sets: str, dialect: str | None = None, file: Path | None = None) -> WhatIf:
     _, entries = recorded(path, file=file)
-    run = WhatIf(lambda: iter(entries), "R.pcapng", sets, dialect)
+    run = WhatIf(in_memory(entries), sets, dialect)
     run.play()
     return run
 
@@ -49,6 +56,37 @@ def nothing_differs(run: WhatIf) -> None:
 @pytest.mark.parametrize("path", [*SCENARIOS[::EACH], *FAULTS], ids=lambda path: path.stem)
 def test_a_run_with_nothing_changed_is_the_recorded_one(path: Path) -> None:
     nothing_differs(what_if(path))
+
+
+class Late(InMemory):
+    """A journal that begins in the middle, at a keyframe."""
+
+    def __init__(self, whole: Sequence[Entry], frame: Keyframe) -> None:
+        rest = EntriesFrom(InMemory(tuple(whole)), frame.steps, frame.beyond)
+        super().__init__((whole[0], EntriesLost(1, "it begins in the middle"), *rest))
+        self._frame = frame._replace(steps=0, beyond=2)
+
+    def keyframes(self) -> tuple[BlockPlace, ...]:  # type: ignore[override]
+        return (BlockPlace(0, IS_KEYFRAME, self._frame.scan, self._frame.ns),)
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        return self._frame
+
+
+@pytest.mark.parametrize("path", SCENARIOS[7 :: EACH * 3], ids=lambda path: path.stem)
+def test_a_run_from_a_keyframe_on_with_nothing_changed_is_the_recorded_one(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = recorded(path)[1]
+    monkeypatch.setattr(keyframes, "SPACING", 9)
+    known = in_memory(whole)
+    run = known.begin()
+    while run.scan():
+        known.seen(run)
+    for frame in known._kept[:: 1 + len(known._kept) // 3]:
+        late = WhatIf(Keyframes(Late(whole, frame), "R.pcapng"), [], None)
+        late.play()
+        nothing_differs(late)
 
 
 @pytest.mark.live
@@ -102,7 +140,7 @@ def records(run: WhatIf) -> list[dict[str, object]]:
 
 def test_jsonl_has_both_runs_in_scan_order_and_then_what_has_come_of_them() -> None:
     _, entries = recorded(STORIES / "four-bytes-short.toml")
-    lines = records(WhatIf(lambda: iter(entries), "R", ["instance.TRCV_C_1.LEN=20"], None))
+    lines = records(WhatIf(in_memory(entries), ["instance.TRCV_C_1.LEN=20"], None))
     *edges, last = lines
     assert last == {
         "parts_at_scan": 53,
@@ -209,7 +247,7 @@ def test_a_journal_with_strange_answers_ends_there() -> None:
 
     entries = entries_of_a_run(strange)
     good = entries_of_a_run(lambda entry: entry)
-    run = WhatIf(lambda: iter(good), "R", [], None)
+    run = WhatIf(in_memory(good), [], None)
     run.play()
     nothing_differs(run)
     from trcvtui.capture.recorded_run import RecordedRun

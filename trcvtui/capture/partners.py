@@ -8,8 +8,9 @@ Rule 3: bytes that nobody has read in the recorded run are a number; nobody know
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Mapping
-from typing import TypeVar, cast
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Final, TypeVar, cast
 
 from trcvtui.capture.journal import STEP, Answered
 from trcvtui.capture.recorded_run import (
@@ -22,12 +23,16 @@ from trcvtui.capture.recorded_run import (
     DialledAttempt,
     Partner,
     RecordedRun,
+    Standing,
 )
 from trcvtui.capture.replay import Replay
+from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
 T = TypeVar("T")
+FIRST_MADE: Final = 1 << 32  # the number of the first socket; smaller ones were there before the file begins
+LAST: Final = 1 << 30  # a call after all others of a scan
 
 
 class _Socket:
@@ -43,6 +48,14 @@ class _Socket:
         self.read = self.messages_read = self.sent = 0
 
 
+class _Sockets(dict[int, _Socket]):
+    """Sockets by handle; of one that was there before the file begins nobody may know whose it is."""
+
+    def __missing__(self, handle: int) -> _Socket:
+        made = self[handle] = _Socket("")
+        return made
+
+
 class PartnersAgain(Replay):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
@@ -55,9 +68,11 @@ class PartnersAgain(Replay):
         self.bytes_read = 0
         self.peers = peers
         self._told = told
+        self.scan = told.first
         self._calls = 0
-        self._sockets: dict[int, _Socket] = {}
-        self._made = 0
+        self._is_between = False
+        self._sockets = _Sockets()
+        self._made = FIRST_MADE
         self._seen: dict[Handle, str] = {}
         self._clients = {owner: deque(found) for owner, found in told.clients.items()}
         self._attempts = {owner: deque(found) for owner, found in told.attempts.items()}
@@ -71,19 +86,44 @@ class PartnersAgain(Replay):
             for name in dir(self)
             if name.startswith("_at_")
         }
+        for one in told.standing:
+            self._sockets[one.handle] = self._standing(one)
+
+    def _standing(self, one: Standing) -> _Socket:
+        """Return a socket that was there before the file begins."""
+        socket = _Socket(one.owner)
+        socket.listens = one.use is SocketUse.LISTENS
+        socket.is_udp = one.use is SocketUse.DATAGRAMS
+        socket.is_polled = True
+        socket.partner = self._told.stands.get(one.handle)
+        socket.attempt = self._told.tried.get(one.handle)
+        if socket.attempt is not None and self._attempts.get(one.owner):
+            self._attempts[one.owner].popleft()
+        return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return what a partner, or nobody, answers."""
         if call in TRANSPARENT:
             return do()
         if call == STEP:
-            return cast(T, self._step())
+            return cast(T, do() if self._is_between else self._step())
         if self.is_busy and owner not in self.peers:
             self._calls += 1
         found = self._calls_at.get(call)
+        if owner in self.peers and args and type(args[0]) is int and args[0] < FIRST_MADE:
+            args = (~args[0], *args[1:])  # it was there before the file begins; no CONNECT has this number
         if found is None:
             return cast(T, self._as_told(owner, call))
         return cast(T, found(owner, *args))
+
+    @contextmanager
+    def nothing_coming(self) -> Iterator[None]:
+        """Let scans pass that the recorded run has counted and not run: partners do nothing in these."""
+        self._is_between, self._calls = True, LAST
+        try:
+            yield
+        finally:
+            self._is_between = False
 
     def call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
@@ -97,10 +137,10 @@ class PartnersAgain(Replay):
         self._calls = 0
         self._nth.clear()
         times = self._told.times
-        if self.scan > 1:
+        if self.scan > self._told.first + 1:
             self._look_back()
-        if self.scan <= len(times):
-            self._now = times[self.scan - 1]
+        if self.scan <= self._told.scan:
+            self._now = times[self.scan - self._told.first - 1]
         return self._now
 
     def _look_back(self) -> None:
@@ -129,7 +169,7 @@ class PartnersAgain(Replay):
     def _as_told(self, owner: str, call: str) -> object:
         """Return the Fault of the same call in the recorded scan; of a call in STAYS, the newest answer."""
         key = owner, call
-        self._nth[key] += 1
+        self._nth[key] += LAST if self._is_between else 1
         now, answers = CallPlace(self.scan, self._nth[key]), self._answers.get(key)
         while answers and answers[0][0] <= now:
             at, answer = answers.popleft()

@@ -13,6 +13,7 @@ from operator import itemgetter
 from typing import Any, Final, cast
 
 from trcvtui.capture.journal import GAP, STEP, Answered, EntriesLost, Entry, RunBegins
+from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import Accepted, KernelLoss
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.records import NamedTuple
@@ -92,10 +93,28 @@ class DialledAttempt:
         return is_refused or over.scan < scan
 
 
-class RecordedRun:
-    """All that a recorded run was told: partners, attempts, answers by owner and call, times of scans."""
+class Standing(NamedTuple):
+    """What a CONNECT holds where a file begins in the middle: a socket, and what that is for."""
 
-    def __init__(self, entries: Iterable[Entry], peers: Collection[str]) -> None:
+    owner: str
+    handle: int
+    use: SocketUse
+
+
+class RecordedRun:
+    """All that a recorded run was told: partners, attempts, answers by owner and call, times of scans.
+
+    `first`: the last scan before these entries; `standing`: the sockets that there were then.
+    """
+
+    def __init__(
+        self,
+        entries: Iterable[Entry],
+        peers: Collection[str],
+        standing: Iterable[Standing] = (),
+        first: int = 0,
+    ) -> None:
+        self.first, self.standing = first, tuple(standing)
         self.times: list[int] = []
         self.clients: dict[str, list[Partner]] = {}
         self.attempts: dict[str, list[DialledAttempt]] = {}
@@ -114,10 +133,33 @@ class RecordedRun:
         self.looks_at_all: set[int] = set()  # scans in which every handle is looked at
         self._short: set[int] = set()
         self._nth = Counter[tuple[str, str]]()
+        self.stands: dict[int, Partner] = {}  # who was there at the beginning, by the handle
+        self.tried: dict[int, DialledAttempt] = {}
+        for one in self.standing:
+            self._stand(one)
         for entry in entries:
-            if not self._take(entry):
-                self.cut = len(self.times) + 1
+            if not self.take(entry):
                 break
+
+    @property
+    def scan(self) -> int:
+        """Return the last scan that has begun."""
+        return self.first + len(self.times)
+
+    def _stand(self, one: Standing) -> None:
+        if one.use is SocketUse.STANDS:
+            self.stands[one.handle] = self._partners[one.handle] = Partner(NOBODY, CallPlace(self.first))
+        elif one.use is SocketUse.CALLS:
+            attempt = self.tried[one.handle] = DialledAttempt()
+            self._dialled[one.handle] = NOBODY, attempt
+            self.attempts.setdefault(one.owner, []).append(attempt)
+
+    def take(self, entry: Entry) -> bool:
+        """Take the next entry; return whether it is known what comes after it."""
+        is_known = self._take(entry)
+        if not is_known:
+            self.cut = self.scan + 1
+        return is_known
 
     def _take(self, entry: Entry) -> bool:
         if isinstance(entry, RunBegins):
@@ -135,7 +177,7 @@ class RecordedRun:
 
     def _read_more(self, size: int) -> None:
         self._size += size
-        self.read.append((len(self.times), self._size))
+        self.read.append((self.scan, self._size))
 
     def _take_call(self, entry: Answered) -> None:
         owner, call, args, answer = entry
@@ -151,7 +193,7 @@ class RecordedRun:
             if call == GAP + "unread" and (partner := self._partners.get(cast(int, args[0]))):
                 unread = cast(int, answer)
                 partner.most_unread = max(partner.most_unread, unread)
-                partner.note_bytes(CallPlace(len(self.times) + 1), len(partner.data) + unread)
+                partner.note_bytes(CallPlace(self.scan + 1), len(partner.data) + unread)
             return
         self._calls += call not in TRANSPARENT
         note = _NOTES.get(call)
@@ -165,17 +207,17 @@ class RecordedRun:
         fault = answer[0] if isinstance(answer, tuple) and answer else answer
         known = self.answers.get(key, ())
         if isinstance(fault, Fault) or (key[1] in STAYS and not (known and known[-1][1] == answer)):
-            self.answers.setdefault(key, []).append((CallPlace(len(self.times), self._nth[key]), answer))
+            self.answers.setdefault(key, []).append((CallPlace(self.scan, self._nth[key]), answer))
 
     def _now(self, handle: int) -> CallPlace:
         """Return since when one can see what is told now: what the poll saw, from the scan's beginning on."""
         was_seen = handle in self._polled and handle not in self._short
-        return CallPlace(len(self.times), 0 if was_seen else self._calls)
+        return CallPlace(self.scan, 0 if was_seen else self._calls)
 
     def _ready(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         self._polled = set(answer or ())
         if answer is None:
-            self.looks_at_all.add(len(self.times))
+            self.looks_at_all.add(self.scan)
 
     def _readable(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is True:
@@ -203,7 +245,7 @@ class RecordedRun:
         if answer is WOULD_BLOCK or handle not in self._dialled:
             return
         end, attempt = self._dialled.pop(handle)
-        attempt.answered, attempt.answer = CallPlace(len(self.times)), cast(Fault | None, answer)
+        attempt.answered, attempt.answer = CallPlace(self.scan), cast(Fault | None, answer)
         if answer is None:
             attempt.partner = self._partners[handle] = Partner(end, attempt.answered)
 
@@ -239,7 +281,7 @@ class RecordedRun:
             partner.note_end(self._now(handle), answer)
         before = partner.taken[-1][1] if partner.taken else 0
         size = answer if isinstance(answer, int) else 0
-        partner.taken.append((len(self.times), before + size, size == args[1]))
+        partner.taken.append((self.scan, before + size, size == args[1]))
 
     def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
@@ -250,7 +292,7 @@ class RecordedRun:
             partner.note_end(self._now(handle), None)
 
     def _left(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        now = CallPlace(len(self.times), self._calls)
+        now = CallPlace(self.scan, self._calls)
         if handle in self._dialled:
             self._dialled.pop(handle)[1].gone = now
         partner = self._partners.pop(handle, None)
@@ -259,7 +301,7 @@ class RecordedRun:
 
     def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, bytes) and answer:
-            self.serial.setdefault(owner, []).append((CallPlace(len(self.times)), answer))
+            self.serial.setdefault(owner, []).append((CallPlace(self.scan), answer))
             self._read_more(len(answer))
 
 

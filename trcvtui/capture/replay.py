@@ -145,6 +145,11 @@ class Replay:
         return None
 
     @property
+    def front(self) -> Entry | None:
+        """Return the entry that comes next, None: the journal is at its end."""
+        return self._front
+
+    @property
     def lost(self) -> str:
         """Return what was not recorded here, "" where the journal goes on or has ended."""
         return str(self._front) if isinstance(self._front, EntriesLost) else ""

@@ -11,10 +11,10 @@ import struct
 import sys
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from functools import partial
-from types import BuiltinMethodType, FunctionType, MethodType, ModuleType
+from types import BuiltinMethodType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any, Final, cast
 
 from trcvtui.errors import UserError, mistake
@@ -45,6 +45,8 @@ NONE, FALSE, TRUE, INT, FLOAT, TEXT, BYTES, BUFFER, TUPLE, LIST, MAPPING, SET, F
 NAMED, SHARED, OBJECT, METHOD, VIEW = range(13, 18)
 NEWOBJ: Final = object().__reduce_ex__(2)[0]  # what `__reduce_ex__` says where `__new__` makes it
 NEW, CALLED = range(2)  # how an object is made: by __new__, or called
+Instead = Mapping[type, Callable[[], object]]
+NOTHING_ELSE: Final[Instead] = MappingProxyType({})
 _SINGLES: Final[dict[object, int]] = {None: NONE, False: FALSE, True: TRUE}
 _ONE: Final = struct.Struct("<I")
 _FLOAT: Final = struct.Struct("<d")
@@ -248,8 +250,9 @@ def state_of(one: object, shared: Shared) -> bytes:
 class _Made:
     """The objects of one state, made one after the other: first themselves, then what they hold."""
 
-    def __init__(self, content: bytes, shared: Shared, where: str) -> None:
+    def __init__(self, content: bytes, shared: Shared, where: str, instead: Instead) -> None:
         self._content, self._shared, self._where = content, shared.objects, where
+        self._instead = instead
         self._at = 0
         self._nodes: list[tuple[int, Any]] = []
         self._made: list[Any] = []
@@ -347,6 +350,8 @@ class _Made:
         make, args = self._make(held[0], depth + 1), [self._make(each, depth + 1) for each in held[2]]
         if not isinstance(make, type) and not (isinstance(make, FunctionType) and held[1] == CALLED):
             raise self.wrong(f"an object of {make!r:.40}", "a class")
+        if make in self._instead:
+            return self._instead[cast(type, make)]()
         made = cast(Callable[..., Any], make.__new__ if held[1] == NEW else make)
         return made(make, *args) if held[1] == NEW else made(*args)
 
@@ -399,9 +404,12 @@ class _Made:
                 one[made[key]] = made[value]
 
 
-def from_state(content: bytes, shared: Shared, where: str) -> Any:
-    """Return the object of a state; raise UserError that begins with `where` for what is none."""
-    made = _Made(content, shared, where)
+def from_state(content: bytes, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> Any:
+    """Return the object of a state; raise UserError that begins with `where` for what is none.
+
+    Objects of the classes in `instead` are made by what stands there, and get the fields of the state.
+    """
+    made = _Made(content, shared, where, instead)
     try:
         return made.root()
     except UserError:

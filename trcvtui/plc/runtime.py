@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, TypeVar
 
 from trcvtui import lane_note
@@ -21,7 +21,7 @@ from trcvtui.blocks.serial.com_buffer import LineRecording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
-from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.connection.connection import Connection, SocketUse, State
 from trcvtui.net.connection.resources import Resources
 from trcvtui.net.connection.udp import UdpEndpoint, connection_of
 from trcvtui.net.events import ConnectionChanged, What
@@ -193,6 +193,12 @@ class Runtime:
     def scans(self) -> int:
         """Return how many scans have passed."""
         return self._env.scan
+
+    def sockets(self) -> Iterator[tuple[str, Handle, SocketUse]]:
+        """Yield who has which socket, and what for."""
+        for name, connection in (*self._connections.items(), *self._ports.items()):
+            for handle, use in connection.sockets:
+                yield name, handle, use
 
     def listening_port(self, connect: str) -> int | None:
         """Return the port that a CONNECT or a UDP_CONFIG listens on, None while it does not."""

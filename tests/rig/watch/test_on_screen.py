@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from trcvtui.plc.ledger import PeerSent
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.replay.time_line import TimeLine
+from trcvtui.rig.replay.what_if import WhatIf
 from trcvtui.rig.watch.on_screen import WatchDriver, _played
 
 __all__ = ["watch"]
@@ -77,15 +79,65 @@ def test_missing_bytes_are_told_from_their_scan_on(watch: Watch, tmp_path: Path)
     assert job.endswith("R1: ? missing in the capture")
 
 
-def test_the_time_of_a_capture_is_that_of_its_packets_and_what_if_says_what_it_needs(
-    watch: Watch, tmp_path: Path
-) -> None:
+def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Path) -> None:
     watch([*handshake(), *stream(12)], "--project", str(project(tmp_path)))
     line = shown(watch.path, project(tmp_path))
     update = line.collect(UpdateRequest()).update
     assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
-    line.take(1, "if instance.R1.EN_R=0")
-    assert "what-if on a capture" in line.controller._answers[-1].error
+
+
+def test_nothing_changed_in_a_what_if_on_a_capture_is_its_run(watch: Watch, tmp_path: Path) -> None:
+    watch([*handshake(), *stream(12, 12, 5, 7)], "--project", str(project(tmp_path)), step_ms=60_000)
+    line = shown(watch.path, project(tmp_path))
+    assert line._capture is not None
+    run = WhatIf(line._keyframes, [], None, line._capture.change)
+    run.play()
+    was, now = run.sums()
+    assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
+    assert run.at == run.recorded.runtime.scans > 10_000 and was.jobs == 3
+
+
+def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Path) -> None:
+    bench = project(tmp_path)
+    seen = watch([*handshake(), *stream(6, 6, 6, 6)], "--project", str(bench), step_ms=60_000)
+    assert next(r["scan"] for r in seen.of("R1") if r["DONE"]) > 18_001
+    line = shown(watch.path, bench)
+    line.take(1, "if instance.R1.LEN=6")
+    work(line)
+    position = line.collect(UpdateRequest()).update.position
+    assert position is not None
+    first, *_ = position.what_if
+    assert first.startswith("what if instance.R1.LEN=6: they part at scan ")
+    assert position.scan == position.parts_at == 18_001
+
+
+def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(
+    watch: Watch, tmp_path: Path
+) -> None:
+    watch([*handshake(), *stream(6, 6)])
+    line = _played([str(watch.path)], (None, None, None), tmp_path / "shadows.pcapng")
+    line.take(1, "if instance.C1_TO_PLC.LEN=4")
+    work(line)
+    assert line._beside is not None and line._beside.run.parts_at
+    line.take(1, "if instance.NOBODY.LEN=4")
+    assert "C1_TO_PLC, C1_FROM_PLC" in line.controller._answers[-1].error
+    line.take(1, "if dialect s7-1500")
+    work(line)
+    assert line._beside.run.parts_at
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs /proc")
+def test_nothing_is_left_in_the_folder_for_such_while_a_capture_is_shown(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch([*handshake(), *stream(12)])
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    driver = WatchDriver([str(watch.path)], (None, None, None))
+    assert driver.project().instances
+    assert not [*(tmp_path / "tmp").iterdir()]
+    driver.close()
 
 
 def shown(path: Path, bench: Path) -> TimeLine:

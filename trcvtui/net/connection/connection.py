@@ -10,7 +10,7 @@ Rule 4: who comes after the partner's FIN or RST is his successor, and waits; no
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import Enum, StrEnum, auto
 from typing import ClassVar, Final
 
@@ -123,6 +123,15 @@ class Sent(Enum):
     DEAD = auto()
 
 
+class SocketUse(Enum):
+    """What a socket of a CONNECT is for."""
+
+    LISTENS = auto()
+    CALLS = auto()
+    STANDS = auto()
+    DATAGRAMS = auto()
+
+
 class DeadLinkWatch:
     """The watch over one connection's sent bytes; `begin` with each TCP connection."""
 
@@ -201,6 +210,17 @@ class Connection:
     def is_up(self) -> bool:
         """Return whether the connection stands, as far as anybody knows."""
         return self.state is State.CONNECTED and self.pending_loss is None
+
+    @property
+    def sockets(self) -> Iterator[tuple[Handle, SocketUse]]:
+        """Yield the sockets that it has."""
+        of = SocketUse.STANDS, SocketUse.CALLS if self.config.active else SocketUse.LISTENS
+        found = zip(
+            (self.handle, self.set_up.attempt, self.set_up.listener), (*of, SocketUse.LISTENS), strict=True
+        )
+        for handle, use in found:
+            if handle is not None:
+                yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def stands_for(self, claim: Claim) -> bool:
         """Return whether the connection stands for this instance: a reader has it to the last byte."""

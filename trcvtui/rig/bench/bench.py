@@ -414,6 +414,10 @@ class Bench:
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
         return self._outside("do", line, lambda: act(self, command))
 
+    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+        """Let the PLC's program do what is left of its commands."""
+        self._program.leave_out(left_of)
+
     def skip(self, scans: int) -> None:
         """Count scans in which nothing happens; they are not run."""
         if self._seam is not None:

@@ -5,11 +5,12 @@ Rule: it writes what a program can write, inputs and DATA; whatever else happens
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
+from trcvtui.records import replace
 from trcvtui.rig.bench.conditions import Watched, found, holds
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.table import parse_script
@@ -50,6 +51,11 @@ class Program:
         self._at = 0  # the step that is next, or under way
         self._left: int | None = None  # scans that the one under way lets pass yet
         self.is_over = False
+
+    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+        """Let each step be what is left of it; a step of which nothing is left keeps its place."""
+        nothing = words.RunScans(0)
+        self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
 
     def go_on(self) -> None:
         """Do what is due before the next scan."""

@@ -61,7 +61,7 @@ def what_if_file(
     if is_check:
         raise mistake("trcvtui replay", "--check with --set or --dialect", "one of them")
     recording = Recording(path)
-    run = WhatIf(recording.entries, str(path), sets, dialect)
+    run = WhatIf(Keyframes(recording, str(path)), sets, dialect)
     if form is not None:
         print_both(run, sys.stdout.write)
     else:

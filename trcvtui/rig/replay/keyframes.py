@@ -7,17 +7,19 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from typing import Final, Protocol
+from itertools import chain
+from typing import Final, Protocol, TypeVar, cast
 
 from trcvtui.capture.journal import STEP, Answered, Entry, Keyframe, RunBegins
 from trcvtui.capture.recording import BlockPlace
 from trcvtui.capture.replay import Replay
-from trcvtui.capture.state import Shared, from_state, state_of
+from trcvtui.capture.state import NOTHING_ELSE, Instead, Shared, from_state, state_of
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
 from trcvtui.project.project import Project
-from trcvtui.rig.replay.run_again import RunAgain, declared
+from trcvtui.rig.replay.run_again import Roots, RunAgain, declared
 
+OtherRun = TypeVar("OtherRun", bound=RunAgain)
 SPACING: Final = 2_000  # scans from one to the next, at first
 MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
 
@@ -104,9 +106,27 @@ class Keyframes:
             self.first = frame.scan
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
 
+    @property
+    def roots(self) -> Roots:
+        """Return what the run is made of."""
+        return self._roots
+
     def begin(self) -> RunAgain:
         """Return the run before its first scan, or at the first keyframe of a file without that."""
         return self.run_at(self.first)
+
+    def beside(self, kind: type[OtherRun], seam: Replay) -> OtherRun:
+        """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
+        frame = self._journal.keyframe(self._places[0])
+        instead: Instead = {RunAgain: lambda: kind.__new__(kind), Replay: lambda: seam}
+        return cast(OtherRun, _run_of(frame, self._shared, self._where, instead))
+
+    def entries(self) -> Iterator[Entry]:
+        """Yield what there is from where the run begins on."""
+        if not self.first:
+            return self._journal.entries()
+        replay = self.begin().replay
+        return chain(() if replay.front is None else (replay.front,), replay.entries)
 
     def seen(self, run: RunAgain) -> None:
         """Keep the state of a run after a scan, where one is due."""
@@ -166,8 +186,8 @@ class Keyframes:
         return run
 
 
-def _run_of(frame: Keyframe, shared: Shared, where: str) -> RunAgain:
-    run = from_state(frame.state(where), shared, where)
+def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> RunAgain:
+    run = from_state(frame.state(where), shared, where, instead)
     if not isinstance(run, RunAgain) or run.bench.runtime.scans != frame.scan:
         raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
     run.is_restored = True

@@ -1,8 +1,7 @@
 """A recording on the screen: a bench that stands at a scan of it, and moves by lines instead of the clock.
 
 Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
-Rule 2: all work is done in slices; between two of them the newest line says where to go. A what-if begins
-with one long slice: it reads the journal whole.
+Rule 2: all work is done in slices; between two of them the newest line says where to go.
 Rule 3: nothing here changes a bench: who asks for that is told so.
 """
 
@@ -26,7 +25,7 @@ from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.replay.survey import END, Search, Survey, read_at
-from trcvtui.rig.replay.what_if import WhatIf
+from trcvtui.rig.replay.what_if import Change, WhatIf
 from trcvtui.rig.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.udt.literals import parse_time
 
@@ -43,17 +42,28 @@ class RunBeside:
     def __init__(self, run: WhatIf, asked: str) -> None:
         self.run, self.is_over = run, False
         self._asked = asked
-        self._history = JobHistory(run.what_if, StreamIndex())
-        self._waves = WaveformRecorder(run.what_if, self._history)
+        self._seen: tuple[JobHistory, WaveformRecorder] | None = None
 
     def go_on(self, until: int) -> None:
-        """Let scans of both runs pass until this moment."""
+        """Read the journal, then let scans of both runs pass, until this moment."""
+        while self.run.is_reading and clock.now_ns() < until:
+            self.run.read()
         while not self.is_over and clock.now_ns() < until:
+            history, _ = self._looking_on()
             self.is_over = not self.run.scan()
-            self._history.catch_up()
+            history.catch_up()
+
+    def _looking_on(self) -> tuple[JobHistory, WaveformRecorder]:
+        """Return who notes what the other run shows."""
+        if self._seen is None:
+            history = JobHistory(self.run.what_if, StreamIndex())
+            self._seen = history, WaveformRecorder(self.run.what_if, history)
+        return self._seen
 
     def lines(self) -> tuple[str, ...]:
         """Return what there is to say of it."""
+        if self.run.is_reading:
+            return (f"what if {self._asked}: reading ..",)
         if not self.is_over:
             return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
         first, *rest = self.run.summary()
@@ -61,9 +71,11 @@ class RunBeside:
 
     def wave(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
         """Return what is new of an instance up to a scan, after its change `number`."""
-        ledger = self.run.what_if.runtime.ledger
+        if self.run.is_reading:
+            return None
+        ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
         asked = name.removeprefix(BESIDE)
-        news = self._waves.bare_news(asked, number, (ledger.scan, ledger.t_ns))
+        news = waves.bare_news(asked, number, (ledger.scan, ledger.t_ns))
         if news is None or (news.before and news.before_scan > scan):
             return None
         changes = tuple([change for change in news.changes if change[1] <= scan])
@@ -154,6 +166,7 @@ class CaptureRun(NamedTuple):
     shadows: frozenset[str]
     first_ns: int
     notes: tuple[str, ...]
+    change: Change  # the project with other parameters
 
 
 class TimeLine:
@@ -220,10 +233,8 @@ class TimeLine:
             sets, dialect = ([], name.strip()) if verb == "dialect" else ([rest], None)
             if dialect is None and "=" not in rest:
                 raise mistake("prompt", shown(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
-            if self._capture is not None:
-                raise mistake("prompt", "a what-if on a capture", "`trcvtui watch --project` with other pins")
-            run = WhatIf(self._journal.entries, self._where, sets, dialect)
-            self._beside = RunBeside(run, rest)
+            change = self._capture.change if self._capture is not None else None
+            self._beside = RunBeside(WhatIf(self._keyframes, sets, dialect, change), rest)
         return ""
 
     def _go(self, to: int | Search) -> None:

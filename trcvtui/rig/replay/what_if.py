@@ -8,22 +8,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Final
+from itertools import islice
+from operator import sub
+from typing import Final, cast
 
-from trcvtui.capture.journal import Entry
 from trcvtui.capture.partners import PartnersAgain
-from trcvtui.capture.recorded_run import RecordedRun
-from trcvtui.capture.replay import Replay
+from trcvtui.capture.recorded_run import RecordedRun, Standing
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.program import read_program
 from trcvtui.rig.commands import words
-from trcvtui.rig.commands.table import record_row
-from trcvtui.rig.replay.run_again import REST_LINE, RunAgain
+from trcvtui.rig.replay.keyframes import Keyframes
+from trcvtui.rig.replay.run_again import REST_LINE, Roots, RunAgain, declared
 from trcvtui.rig.scenario.report import JsonLines, outputs_record
 from trcvtui.rig.wording import count
 from trcvtui.udt.layout.coding import Value
@@ -31,7 +30,9 @@ from trcvtui.udt.layout.values import decode_leaves
 
 RECORDED, WHAT_IF = "recorded", "what-if"
 LEAVES_AT_ONCE: Final = 1024
-Entries = Callable[[], Iterator[Entry]]
+READ_AT_ONCE: Final = 256  # entries of the journal
+QUIET: Final = 3  # scans without a change, after which time alone changes something
+Change = Callable[[Sequence[str], str | None], tuple[Project, Sequence[str]]]
 
 
 class Sum(NamedTuple):
@@ -70,45 +71,19 @@ class _Held:
                 return None
         return command
 
-    def program(self, project: Project) -> str:
-        """Return the program of a project without these pins."""
-        lines = []
-        for step in read_program(project):
-            left = self.left_of(step.command)
-            if left is not None:
-                lines.append(step.line if left is step.command else record_row(type(left)).write(left))
-        return "\n".join(lines)
-
 
 class _RunChanged(RunAgain):
     """The run with other parameters: it is told what the recorded run was told."""
 
-    def __init__(
-        self, told: RecordedRun, partners: PartnersAgain, where: str, sets: Sequence[str], dialect: str | None
-    ) -> None:
-        self.partners = partners
-        self._dialect = dialect
-        self._sets = sets
-        self._held = _Held(frozenset())
+    def begin(self, partners: PartnersAgain, held: _Held) -> None:
+        """Begin: what writes a pin that is held is left out from now on."""
+        self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
-        super().__init__(iter(()), where, partners, sets)
-
-    def project_to_run(self, project: Project) -> Project:
-        """Return the recorded one with other parameters."""
-        pins = [tuple(text.partition("=")[0].strip().split(".")) for text in self._sets]
-        self._held = _Held(frozenset((p[1], p[2]) for p in pins if len(p) == 3 and p[0] == "instance"))
-        if self._dialect is not None:
-            project, notes = in_dialect(project, dialect_named(self._dialect))
-            self.notes += notes
-        return replace(project, program=self._held.program(project))
-
-    @property
-    def skipped(self) -> int:
-        """Return how many commands were left out because of a pin that is held."""
-        return self._held.skipped
+        self.bench.leave_out(held.left_of)
 
     def follow(self, lines: Sequence[str]) -> None:
         """Do what the recorded run was told before this scan, and let the scan pass."""
+        self._quiet = 0
         for line in lines:
             if line == REST_LINE:
                 self.bench.rest()
@@ -119,6 +94,21 @@ class _RunChanged(RunAgain):
                 self.notes.append(f"scan {self.bench.runtime.scans + 1}: left out: {wrong.problems[0]}")
         self.bench.step()
 
+    def pass_between(self, most: int) -> None:
+        """Let one scan pass that the recorded run has counted and not run, or all that change nothing."""
+        runtime, interval = self.bench.runtime, self.bench.runtime.interval_ns
+        if self._quiet >= QUIET:
+            until = self.bench.quiet_until()
+            scans = most if until is None else min(most, -(-until // interval) - runtime.scans)
+            if scans > 0:
+                self.bench.skip(scans)
+                return
+        seq = runtime.ledger.last_seq
+        with self._partners.nothing_coming():
+            self.bench.step()
+        is_quiet = not runtime.changed and runtime.ledger.last_seq == seq
+        self._quiet = self._quiet + 1 if is_quiet else 0
+
     def act(self, command: words.BenchCommand) -> None:
         """Carry out what is left of a command."""
         left = self._held.left_of(command)
@@ -127,19 +117,89 @@ class _RunChanged(RunAgain):
 
 
 class WhatIf:
-    """Both runs, scan by scan; `recorded` and `what_if` are their benches."""
+    """Both runs, scan by scan; `recorded` and `what_if` are their benches. First the journal is read.
 
-    def __init__(self, entries: Entries, where: str, sets: Sequence[str], dialect: str | None) -> None:
-        if Replay(entries(), where).is_in_the_middle:
-            raise mistake(where, "a file that begins in the middle", "the run's beginning, for a what-if")
-        self._recorded = RunAgain(entries(), where)
-        peers = frozenset(peer.name for peer in self._recorded.bench.project.peers)
-        self._told = RecordedRun(entries(), peers)
-        self._partners = PartnersAgain(self._told, peers)
-        self._what_if = _RunChanged(self._told, self._partners, where, sets, dialect)
+    `change` gives the project with other parameters, where it is not one of a file.
+    """
+
+    def __init__(
+        self, keyframes: Keyframes, sets: Sequence[str], dialect: str | None, change: Change | None = None
+    ) -> None:
+        self._keyframes, self._sets = keyframes, tuple(sets)
+        self._recorded = recorded = keyframes.begin()
+        recorded.take_lines()  # a keyframe may have some that were told long before
+        self._where = recorded.where
+        if recorded.replay.is_in_the_middle:
+            found = "a file that begins in the middle, without a keyframe"
+            raise mistake(self._where, found, "the run's beginning, or a keyframe, for a what-if")
+        self._is_late = keyframes.first > 0
+        self._changed, self._notes = self._with_sets(dialect, change)
+        self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
+        standing = [Standing(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
+        self._told = RecordedRun((), self._peers, standing, recorded.replay.scan)
+        self._entries = keyframes.entries()
+        self._what_if: _RunChanged | None = None
+        self._held = _Held(frozenset((p[1], p[2]) for p in self._paths() if p[0] == "instance"))
+        self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
+        self._is_over = False
+        self._before = self._counted(self.recorded)
         self.parts_at: int | None = None
+        self.guess_from: int | None = None  # the first scan in which a partner would perhaps do another thing
         self.value: ValueDiffers | None = None
         self.trouble = ""  # why the recorded run ends early
+
+    def _paths(self) -> list[list[str]]:
+        """Return what is to be changed, as its three words; what has not three needs the beginning."""
+        paths = [text.partition("=")[0].strip().split(".") for text in self._sets]
+        return [path for path in paths if len(path) == 3]
+
+    def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
+        """Return what the run with other parameters is made of, and what another dialect does not have."""
+        begins, scenario, project = self._keyframes.roots
+        if change is not None:
+            made, told = change(self._sets, dialect)
+            return (begins, None, made), [*told]
+        notes: list[str] = []
+        if self._sets:
+            begins, scenario, project = declared(begins, self._recorded.replay.files, self._sets)
+        if dialect is not None:
+            project, told = in_dialect(project, dialect_named(dialect))
+            notes += told
+        if self._is_late:
+            self._refuse_late(project, dialect)
+            notes.append(f"changed from scan {self._keyframes.first + 1} on: the file begins there")
+        return (begins, scenario, project), notes
+
+    def _refuse_late(self, project: Project, dialect: str | None) -> None:
+        """Raise UserError for what cannot be changed in the midst of a run."""
+        wrong = "" if dialect is None else "--dialect"
+        for text in self._sets:
+            match text.partition("=")[0].strip().split("."):
+                case ["instance", name, pin] if pin in dict(self.recorded.runtime.inputs(name)):
+                    continue
+                case ["data", name, "layout" | "byte_order"]:
+                    had, has = self.recorded.project.data_decl(name), project.data_decl(name)
+                    if had is not None and has is not None and had.size == has.size:
+                        continue
+                    wrong = f"--set {text}, which changes the size"
+                case _:
+                    wrong = f"--set {text}"
+        if wrong:
+            expected = (
+                "an input of an instance, layout or byte_order of data: all else needs the run's beginning"
+            )
+            raise mistake(self._where, f"{wrong} on a file that begins in the middle", expected)
+
+    @property
+    def is_reading(self) -> bool:
+        """Return whether the journal is still read."""
+        return self._what_if is None
+
+    def read(self) -> None:
+        """Read a part of the journal; at its end the run with other parameters begins."""
+        some = [*islice(self._entries, READ_AT_ONCE)]
+        if not all(map(self._told.take, some)) or len(some) < READ_AT_ONCE:
+            self._begin()
 
     @property
     def recorded(self) -> Bench:
@@ -149,29 +209,65 @@ class WhatIf:
     @property
     def what_if(self) -> Bench:
         """Return the bench with other parameters."""
+        assert self._what_if is not None
         return self._what_if.bench
 
-    @property
-    def guess_from(self) -> int | None:
-        """Return the first scan in which a partner would perhaps have done something else."""
-        return self._partners.guess_from
-
     def scan(self) -> bool:
-        """Let one scan of both pass; return False where the recorded run has ended."""
-        try:
-            if not self._recorded.scan():
-                self.trouble = "" if self._recorded.is_whole else str(self._recorded.differs())
-                return False
-        except UserError as wrong:
-            self.trouble = str(wrong)
+        """Let a scan of both pass, or one of the other run alone; return False where both have ended."""
+        while self._what_if is None:
+            self.read()
+        if self._lines is None and not self._is_over:
+            self._is_over = not self._go_first()
+        between = self.recorded.runtime.scans - self.what_if.runtime.scans - (not self._is_over)
+        if between > 0:
+            self._what_if.pass_between(between)
+        elif self._lines is None:
             return False
-        self._what_if.follow(self._recorded.take_lines())
+        else:
+            self._what_if.follow(self._lines)
+            self._lines = None
+        if self.guess_from is None and self._partners.guess_from is not None:
+            self.guess_from = self._partners.guess_from + self.at - self._partners.scan
         was, now = self.edges()
         if self.parts_at is None and _shown(was) != _shown(now):
-            self.parts_at = self.recorded.runtime.scans
+            self.parts_at = self.at
         if self.value is None:
             self._compare_values(was, now)
         return True
+
+    def _begin(self) -> None:
+        """Let the run with other parameters begin: with its project, or from the state of a keyframe."""
+        partners = self._partners = PartnersAgain(self._told, self._peers)
+        if not self._is_late:
+            run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
+        else:
+            run = self._keyframes.beside(_RunChanged, partners)
+        run.begin(partners, self._held)
+        self._what_if = run
+        if not self._is_late:
+            return
+        project = self._changed[2]
+        for kind, name, key in self._paths():
+            decl = project.instance(name) if kind == "instance" else None
+            if decl is not None:
+                run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))
+        run.bench.project = replace(run.bench.project, data=project.data)
+
+    def _go_first(self) -> bool:
+        """Let the recorded run do its next scan; return False where it has ended."""
+        try:
+            if self._recorded.scan():
+                self._lines = self._recorded.take_lines()
+                return True
+            self.trouble = "" if self._recorded.is_whole else str(self._recorded.differs())
+        except UserError as wrong:
+            self.trouble = str(wrong)
+        return False
+
+    @property
+    def at(self) -> int:
+        """Return the scan in which the run with other parameters stands."""
+        return self.what_if.runtime.scans
 
     def play(self) -> None:
         """Let all scans pass."""
@@ -180,7 +276,7 @@ class WhatIf:
 
     def edges(self) -> tuple[Sequence[StatusEdge], Sequence[StatusEdge]]:
         """Return what the last scan has changed in the recorded run and in the other one."""
-        return self.recorded.runtime.changed, self.what_if.runtime.changed
+        return () if self._lines is not None else self.recorded.runtime.changed, self.what_if.runtime.changed
 
     def _compare_values(self, was: Sequence[StatusEdge], now: Sequence[StatusEdge]) -> None:
         also = {edge.instance for edge in now if edge.outputs.done}
@@ -216,9 +312,18 @@ class WhatIf:
     def sums(self) -> tuple[Sum, Sum]:
         """Return what has come of both runs."""
         return (
-            _sum(self.recorded, self._told.bytes_to(self.recorded.runtime.scans)),
-            _sum(self.what_if, self._partners.bytes_read),
+            Sum(*self._since(self.recorded), self._told.bytes_to(self._recorded.replay.scan)),
+            Sum(*self._since(self.what_if), self._partners.bytes_read),
         )
+
+    @staticmethod
+    def _counted(bench: Bench) -> tuple[int, int]:
+        instances = bench.runtime.snapshot().instances
+        return sum(i.jobs_done for i in instances), sum(i.errors for i in instances)
+
+    def _since(self, bench: Bench) -> tuple[int, int]:
+        """Return jobs and ERRORs of a run from the beginning of the file on."""
+        return cast(tuple[int, int], tuple(map(sub, self._counted(bench), self._before)))
 
     def record(self) -> dict[str, object]:
         """Return the last line of JSON lines."""
@@ -245,18 +350,13 @@ class WhatIf:
         yield f"what-if:  {now.jobs} DONE, {now.errors} ERROR, {now.bytes} bytes read"
         if self.guess_from is not None:
             yield f"from scan {self.guess_from} on it is a guess: the partner would perhaps do something else"
-        if self._what_if.skipped:
-            yield f"{count(self._what_if.skipped, 'command')} left out: a pin that is held is not written"
-        yield from self._what_if.notes
+        if self._held.skipped:
+            yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
+        yield from (*self._notes, *(self._what_if.notes if self._what_if is not None else ()))
 
 
 def _shown(edges: Sequence[StatusEdge]) -> Mapping[str, Outputs]:
     return {edge.instance: edge.outputs for edge in edges}
-
-
-def _sum(bench: Bench, size: int) -> Sum:
-    instances = bench.runtime.snapshot().instances
-    return Sum(sum(i.jobs_done for i in instances), sum(i.errors for i in instances), size)
 
 
 def _text(value: Value | None) -> str:
@@ -269,5 +369,5 @@ def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
     while run.scan():
         for name, edges in zip((RECORDED, WHAT_IF), run.edges(), strict=True):
             for edge in edges:
-                report.line(run.recorded.runtime.scans, {"run": name, **outputs_record(edge)})
+                report.line(run.at, {"run": name, **outputs_record(edge)})
     report.write(run.record())

@@ -20,10 +20,12 @@ from trcvtui.capture.reassembly import (
 )
 from trcvtui.capture.seam import Seam
 from trcvtui.dialects import DIALECTS
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.edit import changing, entry, read_changed, with_edits
 from trcvtui.project.project import Project
+from trcvtui.project.tables import Given, shown
 from trcvtui.records import NamedTuple
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.scenario.scenario import load_bench
@@ -312,12 +314,32 @@ def plan_capture(
 
 
 def planned(
-    project: Path | None, plc: str | None, dialect: str | None
+    project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
 ) -> tuple[Callable[[Sequence[Conversation]], ShadowPlan], Project | None]:
     """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
     if project is None:
-        return lambda found: plan_ad_hoc(found, plc, dialect or next(iter(DIALECTS))), None
-    loaded, notes = load_bench(project), tuple[str, ...]()
+        name = dialect or next(iter(DIALECTS))
+        return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
+    loaded, notes = load_bench(project, sets), tuple[str, ...]()
     if dialect is not None:
         loaded, notes = in_dialect(loaded, dialect_named(dialect))
     return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
+
+
+def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
+    """Return ad-hoc shadows with other values of their keys; raise UserError."""
+    project = plan.project
+    for text in sets:
+        path, _, value = text.partition("=")
+        kind, name, key, *_ = (*path.strip().split("."), "", "", "")
+        decl = entry(kind, name, project) if kind in ("instance", "data") else None
+        if decl is None:
+            shadows = ", ".join(each.name for each in project.instances)
+            raise mistake(
+                f"--set {path.strip()}", shown(name or kind), f"instance.NAME.PIN; a NAME of {shadows}"
+            )
+        after = read_changed(
+            decl, {key: Given(path.strip(), value.strip())}, project, f"--set {path.strip()}"
+        )
+        project = with_edits(project, (changing(decl, after, project),))
+    return plan._replace(project=project)

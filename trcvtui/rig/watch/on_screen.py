@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.project import Project
 from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.replay.driver import serve_screen
 from trcvtui.rig.replay.survey import NOTE
-from trcvtui.rig.watch.capture_player import CapturePlayer, Played, plan_capture
+from trcvtui.rig.watch.capture_player import CapturePlayer, Played, plan_capture, planned
 from trcvtui.rig.wording import count
 
 if TYPE_CHECKING:
@@ -125,7 +126,13 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
         played = player.close()
         progress.end()
     lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
-    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES])
+    project, plc, dialect = asked
+
+    def change(sets: Sequence[str], other: str | None) -> tuple[Project, Sequence[str]]:
+        made = planned(project, plc, other or dialect, sets)[0](found.all)
+        return made.project, made.notes
+
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change)
     return TimeLine(Recording(file), shown_name(paths), 1, capture)
 
 

@@ -431,15 +431,14 @@ def _tap(args: SimpleNamespace) -> int:
     return forward(routes, looks, _tap_record(args.record))
 
 
-def tap_screen(events: str, asked: str) -> int:
-    """Show a tap whose events come over a descriptor; a child of the process that forwards calls it."""
+def tap_screen(tap: str, asked: str) -> int:
+    """Show a tap that hands us ways for its events over a socket; a child of the process that forwards."""
     import json
-    from multiprocessing.connection import Connection
 
     from trcvtui.rig.tap.screen import TapDriver
 
     try:
-        return _show(lambda: TapDriver(Connection(int(events)), json.loads(asked)), None)
+        return _show(lambda: TapDriver(int(tap), json.loads(asked)), None)
     except UserError as wrong:
         sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
         return WRONG_INPUT

@@ -123,10 +123,29 @@ def test_without_its_engine_a_tap_lets_go_and_goes_on(line: Line) -> None:
     assert exactly(line.near, 4) == b"back"
 
 
-def test_a_killed_tap_ends_both_ends_and_its_screen_stays(line: Line) -> None:
+def test_an_engine_that_is_started_anew_shows_the_conversation_that_goes_on(line: Line) -> None:
+    line.call()
+    os.kill(line.process("multiprocessing.spawn"), signal.SIGKILL)
+    line.terminal.wait("ENGINE ENDED")
+    line.near.sendall(b"unseen")
+    assert exactly(line.far, 6) == b"unseen"
+    line.terminal.keys("R")
+    line.terminal.wait(lambda text: "ENGINE ENDED" not in text and "1 open of 1" in text)
+    line.terminal.keys("7")
+    line.terminal.keys("h")
+    line.terminal.wait("HELD BY THE TAP")
+    line.near.sendall(b"seen")
+    line.terminal.wait("4 B held")
+    line.terminal.keys("h")
+    assert exactly(line.far, 4) == b"seen"
+
+
+def test_a_killed_tap_ends_both_ends_and_its_screen_gives_the_terminal_back(line: Line) -> None:
     line.call()
     os.kill(line.process(" tap".replace(" ", "\0")), signal.SIGKILL)
     for sock in (line.near, line.far):
         sock.settimeout(PATIENCE)
         with suppress(ConnectionResetError):
             assert sock.recv(1) == b""
+    line.terminal.wait("the tap has ended: both ends have seen an end")
+    assert "7 Line" not in line.terminal.screen()

@@ -49,6 +49,11 @@ def test_a_line_is_read_and_written(project: Project, line: str, command: Interv
     assert to_line(command) == line
 
 
+def test_the_conversation_may_stand_before_what_is_done(project: Project) -> None:
+    line = "tap T to-plc conversation 7 edit 0 hex 0A"
+    assert parse_line(line, project, "w") == Intervene("T", True, "edit", (0,), b"\n", "hex 0A", 7)
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [

@@ -103,6 +103,7 @@ class TapEventKind(IntEnum):
     LINE = 10  # what the user has typed, as it comes: to who gives orders alone, as NOW is
     NOW = 11  # time passes
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
+    FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
     LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
 
 
@@ -121,6 +122,7 @@ class TapEvent(NamedTuple):
 MOST_HELD_SHOWN: Final = 256  # bytes of what is held that are told, after a mark of one byte
 EVENT: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
 LOSS: Final = struct.Struct("<QQ")
+FIGURES: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes that the tap has sent again
 
 
 def events_of(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:

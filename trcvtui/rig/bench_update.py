@@ -84,6 +84,7 @@ class BenchUpdate:
     recordings: tuple[
         tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
+    over: str = ""  # why nothing more comes from the line that is shown
     position: Position | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first

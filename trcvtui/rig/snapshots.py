@@ -23,6 +23,7 @@ class WaySnapshot:
     """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
 
     `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these.
+    `round_trip_ns` and `window` of who receives, as the stack of a tap knows them; None: unknown.
     """
 
     size: int
@@ -33,6 +34,8 @@ class WaySnapshot:
     is_closed: bool  # who receives has told a window of 0
     held: int | None = None
     first: bytes = b""
+    round_trip_ns: int | None = None
+    window: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

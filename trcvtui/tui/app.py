@@ -193,7 +193,10 @@ class BenchApp(App[None]):
             if picture is not None:
                 self._show(before)
         except EngineStopped as stopped:
-            self._end(str(stopped))
+            if stopped.ends_screen:
+                self.exit(return_code=1, message=str(stopped))
+            else:
+                self._end(str(stopped))
 
     def _show(self, before: int) -> None:
         if self.framings is not None:

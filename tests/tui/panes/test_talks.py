@@ -72,6 +72,17 @@ def test_what_is_not_as_it_should_be_is_counted() -> None:
     assert told.shown.state == "reset"
 
 
+def test_what_the_stack_of_a_tap_says_is_shown_beside_each_direction() -> None:
+    told = connected()
+    told.talks.measure(1, True, 250_000, 64240, 0)
+    told.talks.measure(1, False, 90_000_000, 0, 12)
+    shown = told.shown
+    assert (shown.to_plc.round_trip_ns, shown.to_plc.window) == (250_000, 64240)
+    assert (shown.from_plc.is_closed, shown.from_plc.again) == (True, 12)
+    told.talks.end_all()
+    assert told.shown.state == "ended"
+
+
 def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
     told = connected()
     for number in range(2, 2000):
@@ -102,7 +113,7 @@ async def test_keys_of_the_pane_are_bench_commands_of_the_tap() -> None:
         ]
         assert "nothing is held in this direction" in looker.text
         await looker.press("up", "d")
-        assert "tap T to-plc drop 3" in looker.text
+        assert "tap T to-plc conversation 1 drop 3" in looker.text
 
 
 async def test_who_only_watches_cannot_intervene() -> None:

@@ -14,16 +14,29 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from heapq import heappop, heappush
-from itertools import count
+from itertools import count, islice
 from typing import Any, Final
 
-from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT
+from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import READ, TapLane, in_words, intervene, refusal
-from trcvtui.net.tap import EVENT, LOSS, NEWEST, TO, Route, TapEventKind, TapOrder, end_text, order_of
+from trcvtui.net.tap import (
+    EVENT,
+    FIGURES,
+    LOSS,
+    NEWEST,
+    TO,
+    Route,
+    TapEventKind,
+    TapOrder,
+    end_text,
+    order_of,
+)
 
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
 TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
+FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
+MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
 MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for one who looks on
 MOST_LINE: Final = 4 << 20  # bytes of an order
 
@@ -141,7 +154,7 @@ class LookerOn:
             self.end()
             return
         *lines, self._orders = (self._orders + said).split(b"\n")
-        for line in lines if self.gives_orders else ():
+        for line in filter(None, lines) if self.gives_orders else ():  # the first one says that all is well
             self._loop.obey(order_of(line))
 
     def end(self) -> None:
@@ -177,6 +190,7 @@ class Forwarder:
         self._lookers: tuple[LookerOn, ...] = ()
         self.holds = False  # each direction from its beginning
         self._ends = False
+        self._ticks = 0
 
     # -- the poll set -----------------------------------------------------------------------------------
 
@@ -237,12 +251,29 @@ class Forwarder:
     def tell_time(self) -> None:
         """Let who gives orders know the time, again and again."""
         self._tell_ordering(TapEventKind.NOW, b"")
+        self._ticks = (self._ticks + 1) % FIGURES_TICKS
+        if not self._ticks:
+            self._tell_figures()
         self.at(time.monotonic_ns() + TICK_NS, self.tell_time)
 
-    def _tell_ordering(self, kind: TapEventKind, data: bytes) -> None:
+    def _tell_figures(self) -> None:
+        """Tell who gives orders what the stack says of the ends, where it is not what it was."""
+        for route in self.routes:
+            talks = islice(reversed(route.talks.items()), MOST_FIGURES) if route.has_stack else ()
+            for number, talk in talks:
+                for lane in talk.lanes:
+                    found = end_figures(lane.target.port)
+                    if found is not None and found != lane.figures:
+                        lane.figures = found
+                        told = FIGURES.pack(*found)
+                        self._tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
+
+    def _tell_ordering(
+        self, kind: TapEventKind, data: bytes, way: int = TO, place: int = 0, number: int = 0
+    ) -> None:
         for looker in self._lookers:
-            if looker.gives_orders and not (looker.lost and kind is TapEventKind.NOW):
-                self._tell_one(looker, kind, 0, 0, 0, data)
+            if looker.gives_orders and not (looker.lost and kind is not TapEventKind.LINE):
+                self._tell_one(looker, kind, place, number, 0, data, way)
 
     def let_all_go(self) -> None:
         """Hold and delay nothing any more."""
@@ -284,9 +315,9 @@ class Forwarder:
 
     @staticmethod
     def _tell_one(
-        looker: LookerOn, kind: TapEventKind, place: int, number: int, at: int, data: bytes
+        looker: LookerOn, kind: TapEventKind, place: int, number: int, at: int, data: bytes, way: int = TO
     ) -> None:
-        looker.take(EVENT.pack(kind, TO, place, number, at, time.time_ns(), len(data)), data)
+        looker.take(EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data)), data)
 
     # -- orders --------------------------------------------------------------------------------------------
 

@@ -181,10 +181,15 @@ else:
 
 PEEK_BYTES: Final = 65536
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
-# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent.
+# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer ones have the bytes
+# that were sent again (4.19), and the window that the other end has told (5.4).
 LAST_ACK_AT: Final = 56
+ROUND_TRIP_AT: Final = 68  # us, smoothed
 UNSENT_AT: Final = 144
 TCP_INFO_BYTES: Final = 160
+SENT_AGAIN_AT: Final = 208
+WINDOW_AT: Final = 228
+LONG_TCP_INFO_BYTES: Final = 232
 
 
 def unread_bytes(sock: socket.socket | None) -> int:
@@ -226,6 +231,25 @@ def path_of(sock: socket.socket | None) -> PathInfo | None:
     (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
     (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
     return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)
+
+
+def end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
+    """Return of the other end: round trip in us, the window it has told, bytes that we sent to it again.
+
+    None where the system does not say.
+    """
+    if sys.platform != "linux":
+        return None
+    try:
+        info = sock.getsockopt(TCP, socket.TCP_INFO, LONG_TCP_INFO_BYTES)
+    except OSError:
+        return None
+    if len(info) < LONG_TCP_INFO_BYTES:
+        return None
+    (round_trip,) = struct.unpack_from("=I", info, ROUND_TRIP_AT)
+    (again,) = struct.unpack_from("=Q", info, SENT_AGAIN_AT)
+    (window,) = struct.unpack_from("=I", info, WINDOW_AT)
+    return round_trip, window, again
 
 
 def _ask(sock: socket.socket, request: int) -> int:

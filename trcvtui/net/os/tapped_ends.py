@@ -158,6 +158,8 @@ class TcpTalk:
 class TcpRoute:
     """A tap between two TCP ends, for many clients."""
 
+    has_stack = True  # which says of each end how it stands
+
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
@@ -197,6 +199,7 @@ class UdpRoute:
     """A tap between UDP ends: a socket of its own for each client, so that the answers find him."""
 
     lanes = ()
+    has_stack = False
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
@@ -284,7 +287,7 @@ class SerialTalk:
     """Two serial ports; also its own route. A port that is gone is opened again."""
 
     said = b""
-    has_ends = False
+    has_ends = has_stack = False
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place

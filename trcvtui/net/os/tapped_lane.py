@@ -183,6 +183,7 @@ class TapLane:
         self.end: TapEventKind | None = None  # FIN or RST, on its way
         self.is_read = False  # to its end
         self.is_over = False  # its end has passed, or nothing passes any more
+        self.figures: tuple[int, int, int] | None = None  # that were told of its target
         self.is_timed = False  # `late` is looked at in time
         self.is_deaf = False  # what comes is read away: our own FIN has passed before
         self.gives_up_ns = 0

@@ -312,9 +312,12 @@ def read_tap(words: Words, project: Project) -> Intervene:
     if name not in names:
         raise words.wrong(shown(name), expected_name(name, names, "tap"))
     to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
+    conversation = 0
+    if words.peek() == "conversation":
+        words.next("conversation")
+        conversation = value_of(CONVERSATION, words.next("N"), "conversation ", words.where)
     verb = _one_of(words, *INTERVENTIONS)
     tail = words.cut(lambda word: word == "conversation")
-    conversation = 0
     if tail:
         if len(tail) != 2:
             raise words.wrong(shown(" ".join(tail)), "conversation N at the end")

@@ -160,6 +160,7 @@ class Controller:
         self.wanted = 0
         self.recorded = ""  # what the screen shall know of a recording
         self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
+        self.over = ""  # why nothing more comes
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
@@ -494,6 +495,7 @@ class Controller:
             timing=timing,
             holding=self.holding,
             kernel=self.kernel or self.bench.kernel_name,
+            over=self.over,
             bench=self._bench_number,
             project_number=self._project_number,
             project=None if request.project == self._project_number else self._project,

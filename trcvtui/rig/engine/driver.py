@@ -28,7 +28,12 @@ READ_BYTES: Final = 1 << 18
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; its last words say why."""
+    """The engine process has ended; its last words say why.
+
+    `ends_screen`: nothing can be shown any more, not even that.
+    """
+
+    ends_screen = False
 
 
 class Driver(Protocol):

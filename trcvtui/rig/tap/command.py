@@ -15,6 +15,7 @@ from typing import IO, Any, Final
 
 from trcvtui.errors import mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
+from trcvtui.net.os.tap_ways import AskedWays
 from trcvtui.net.tap import Route, end_text
 from trcvtui.records import NamedTuple
 
@@ -150,7 +151,7 @@ class _Screen:
         self._loop, self._voice = loop, voice
         self._process: Popen[bytes] | None = None
         self._terminal: list[Any] = []
-        self._lives = -1  # at its end the screen has ended
+        self._asked = AskedWays()  # at its end the screen has ended
 
     def open(self, routes: Sequence[Route], looks: Looks) -> bool:
         """Start it; return whether it has begun to look on."""
@@ -162,27 +163,34 @@ class _Screen:
             for route, made in zip(routes, self._loop.routes, strict=True)
         ]
         asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
-        ours, theirs = self._loop.pair()
-        self._lives, alive = os.pipe()
-        with theirs:
+        with self._asked.theirs as theirs:
             words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked]
             environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(), alive))
-            os.close(alive)
+            self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(),))
+        if not self._asked.is_asked():
+            return False
+        ours = self._asked.hand_over()
         if ours.recv(1) != b"\n":
             ours.close()
             return False
-        self._loop.hear(self._lives, 1, self._gone)
+        self._loop.hear(self._asked.fd, 1, self._hear)
         self._loop.add_looker(ours, "who shows it", gives_orders=True)
         self._loop.tell_time()
         self._voice.is_kept = True  # the terminal belongs to the screen
         return True
 
-    def _gone(self, _: int) -> None:
+    def _hear(self, _: int) -> None:
+        """Its engine starts anew and asks for another way, or the screen has ended."""
+        if self._asked.is_asked():
+            self._loop.add_looker(self._asked.hand_over(), "who shows it", gives_orders=True)
+        else:
+            self._gone()
+
+    def _gone(self) -> None:
         """The user has left it, and that ends the tap; or it was killed, and bytes go on."""
         import termios
 
-        self._loop.forget(self._lives)
+        self._loop.forget(self._asked.fd)
         code = self.wait()
         self._loop.let_all_go()
         if code == 0:

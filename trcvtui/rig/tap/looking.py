@@ -28,6 +28,7 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.tap import (
     BACK,
+    FIGURES,
     LOSS,
     TO,
     Route,
@@ -239,6 +240,11 @@ class LookingOn:
                 to_plc = says is not self._plan.plan.guesses[talk.number].says
                 held = event.at if event.data else None
                 self._player.talks.hold(talk.number, to_plc, held, event.data[1:])
+        elif event.kind == TapEventKind.FIGURES:
+            if self._player.talks is not None:
+                to_plc = says is not self._plan.plan.guesses[talk.number].says
+                round_trip, window, again = FIGURES.unpack(event.data)
+                self._player.talks.measure(talk.number, to_plc, round_trip * 1000, window, again)
         elif event.kind == TapEventKind.OVER:
             if self._player.talks is not None:
                 self._player.talks.end(talk.number)
@@ -272,8 +278,8 @@ class LookingOn:
         self._running[event.number] = talk
         self._taps[event.number] = self._plan.routes[event.route].name
         self._plan.assign(event.route, talk)
-        if not event.at:
-            self._play(ConversationEvent(event.ns, talk, talk.there, EventKind.SYN, 0, 0, b""))
+        first = EventKind.KEEP_ALIVE if event.at else EventKind.SYN  # the former: nothing new is said
+        self._play(ConversationEvent(event.ns, talk, talk.there, first, 0, 0, b""))
 
     def _play(self, event: ConversationEvent) -> None:
         if self._is_shown:

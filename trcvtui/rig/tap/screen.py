@@ -7,25 +7,46 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.rig.engine.driver import EngineDriver
+from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
 from trcvtui.rig.watch.live_screen import ServedShadows, serve_live
 
+if TYPE_CHECKING:
+    from trcvtui.net.tap import TapOrder
+    from trcvtui.rig.bench_update import BenchUpdate
+
+OVER: Final = "the tap has ended"
 Asked = tuple[list[list[str]], str | None, str | None, str | None]
 
 
-class TapDriver(EngineDriver):
-    """Shadows of a tap in a process of its own, which gets the events of the tap over `events`."""
+class TapEnded(EngineStopped):
+    """The tap was killed: the terminal belongs to the shell again, which reads the keys."""
 
-    def __init__(self, events: Channel, asked: Asked) -> None:
-        self._events, self._asked_of = events, asked
+    ends_screen = True
+
+
+class TapDriver(EngineDriver):
+    """Shadows of a tap in a process of its own; each time it starts, the tap hands over a way for events."""
+
+    def __init__(self, tap: int, asked: Asked) -> None:
+        self._tap, self._asked_of = tap, asked
         super().__init__(Path("tap"), "tap")
 
     def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        self._events = Channel(ask_for_way(self._tap))
         return tap_main, (self._events, self._asked_of)
+
+    def picture(self) -> BenchUpdate | None:
+        """Return the newest picture that has arrived; raise TapEnded."""
+        picture = super().picture()
+        if picture is not None and picture.over:
+            raise TapEnded(f"{picture.over}: both ends have seen an end")
+        return picture
 
     def _start(self) -> None:
         super()._start()
@@ -48,12 +69,19 @@ class _TapServed(ServedShadows):
         places, project, plc, dialect = asked
         routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
         plan = TapPlan(routes, None if project is None else Path(project), plc, dialect)
-        order = lambda given: os.write(fd, given.line())  # noqa: E731
+
+        def order(given: TapOrder) -> None:
+            with suppress(OSError):  # the tap has ended: soon it is said
+                os.write(fd, given.line())
+
         looking = LookingOn(plan, lambda ns: self, order, lambda text: self.tell("tap", text))
         self.show(looking.player, "tap")
-        os.write(fd, b"\n")
-        for events in events_of(lambda most: os.read(fd, most)):
-            for event in events:
-                looking.take(event)
-            self.serve()
-        self.go_on("the tap has ended")
+        with suppress(OSError):
+            os.write(fd, b"\n")
+            for events in events_of(lambda most: os.read(fd, most)):
+                for event in events:
+                    looking.take(event)
+                self.serve()
+        if looking.player.talks is not None:
+            looking.player.talks.end_all()
+        self.go_on("tap", OVER)

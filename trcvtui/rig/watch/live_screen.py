@@ -94,9 +94,11 @@ class ServedShadows:
         controller.kernel, controller.watch, self._player = kernel, watch, player
         self._channel.send(player.shadows.bench.project)
 
-    def go_on(self, why: str) -> NoReturn:
+    def go_on(self, subject: str, why: str) -> NoReturn:
         """Go on showing what is there: nothing more comes."""
-        self.tell("stdin", why)
+        self.tell(subject, why)
+        if self._controller is not None:
+            self._controller.over = why
         while True:
             self.serve()
             self._channel.poll(None if self._request is None and not self._pipe.is_busy() else 0.01)
@@ -161,7 +163,7 @@ class _PipeServed(ServedShadows):
         live.finish()
         for line in said:
             self.tell("stdin", line)
-        self.go_on("the packets have ended")
+        self.go_on("stdin", "the packets have ended")
 
     def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.rig.watch.capture_player import CapturePlayer

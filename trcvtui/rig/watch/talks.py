@@ -25,6 +25,8 @@ class _Way:
         self.is_closed = False
         self.held: int | None = None
         self.first = b""
+        self.round_trip_ns: int | None = None
+        self.window: int | None = None
 
     def count(self, second: int, size: int) -> None:
         """Count bytes of a second."""
@@ -37,8 +39,9 @@ class _Way:
         """Return it as it is in a second."""
         rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
         return WaySnapshot(
-            self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first
-        )
+            self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
+            self.round_trip_ns, self.window,
+        )  # fmt: skip
 
 
 class _Figures:
@@ -46,7 +49,8 @@ class _Figures:
 
     def __init__(self, talk: Conversation, tap: str) -> None:
         self.talk, self.tap = talk, tap
-        self.state = "connecting" if talk.protocol == "tcp" else talk.protocol
+        begins = "connecting" if talk.begins_with_syn else "open"
+        self.state = begins if talk.protocol == "tcp" else talk.protocol
         self.ways = _Way(), _Way()
         self.plc = self.partner = ""
         self.syn_ns = 0
@@ -118,6 +122,18 @@ class Talks:
         if figures is not None:
             way = figures.ways[not to_plc]
             way.held, way.first = held, first
+
+    def measure(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
+        """Take what a tap's stack says of the end that a direction goes to."""
+        figures = self._figures.get(number)
+        if figures is not None:
+            way = figures.ways[not to_plc]
+            way.round_trip_ns, way.window, way.again, way.is_closed = round_trip_ns, window, again, not window
+
+    def end_all(self) -> None:
+        """Take that nothing more comes of any conversation."""
+        for number in self._figures:
+            self.end(number)
 
     def end(self, number: int) -> None:
         """Take that nothing more comes of a conversation."""

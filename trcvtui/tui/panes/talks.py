@@ -88,6 +88,7 @@ class TalkList(LineView):
             (f"{way.size:>9} B {way.rate:>7} B/s ", ""),
         ]
         parts += _ends(talk, self.line_width >= ROOMY) if to_plc else _spark(talk)
+        parts += _figures(way, self.line_width >= ROOMY)
         parts += _remarks(way)
         return row(*parts, style=self.cursor_style(is_chosen))
 
@@ -139,12 +140,12 @@ class TalkList(LineView):
             self._actions.complain("nothing is held in this direction: h holds")
             return
         verb = "go" if what.verb == "hold" and way.held is not None else what.verb
-        line = f"tap {talk.tap} {'to-plc' if to_plc else 'from-plc'} {verb}"
+        line, number = f"tap {talk.tap} {'to-plc' if to_plc else 'from-plc'}", f"conversation {talk.number}"
         if what.is_asked:
-            held = way.first[:MOST_EDITED].hex(" ")
+            line, held = f"{line} {number} {verb}", way.first[:MOST_EDITED].hex(" ")
             self._actions.open_prompt(f"{line} 0 hex {held}" if verb == "edit" else _asking(line, way))
         else:
-            self._actions.submit(f"{line} conversation {talk.number}")
+            self._actions.submit(f"{line} {verb} {number}")
 
 
 def _asking(line: str, way: WaySnapshot) -> str:
@@ -163,9 +164,17 @@ def _lamp(way: WaySnapshot) -> list[Part]:
 def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
     ends = f"{plain(talk.partner)} → {plain(talk.plc)}" if is_roomy else plain(talk.partner)
     parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
-    if talk.handshake_ns is not None and is_roomy:
+    if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
         parts.append((f"round trip {short_time(talk.handshake_ns)} ", "dim"))
     return parts
+
+
+def _figures(way: WaySnapshot, is_roomy: bool) -> list[Part]:
+    """Return what the stack of a tap says of who receives."""
+    if way.round_trip_ns is None or way.window is None:
+        return []
+    window = f"window {way.window} " if is_roomy and way.window else ""
+    return [(f" {'round trip' if is_roomy else 'rtt'} {short_time(way.round_trip_ns)} {window}", "dim")]
 
 
 def _spark(talk: TalkSnapshot) -> list[Part]:

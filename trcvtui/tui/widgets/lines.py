@@ -364,6 +364,8 @@ class HeaderLine(OneLine):
         if 0 < snapshot.connections_limit < NO_LIMIT:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
             pieces.append(HeaderWord(used, "dim", 70))
+        if now.over:
+            pieces.append(HeaderWord(f" {now.over.upper()} ", "stop", 0))
         if any(talk.is_held for talk in now.talks):
             pieces.append(HeaderWord(" HELD BY THE TAP ", "stop", 0))
         if snapshot.faults:

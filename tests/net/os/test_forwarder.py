@@ -377,6 +377,107 @@ def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
     os.close(pairs[1][0])
 
 
+class Datagrams(Stand):
+    """A loop with one UDP tap, a client and a far end that know each other."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self.loop = Forwarder(self.said.append)
+        self.near, self.far = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        for sock in (self.near, self.far):
+            sock.bind(("127.0.0.1", 0))
+            sock.setblocking(False)
+        to = f"udp:127.0.0.1:{self.far.getsockname()[1]}"
+        self.loop.add_route(route_of("T", "udp:127.0.0.1:0", to, ("LISTEN", "CONNECT")))
+        ours, self.looks = socket.socketpair()
+        self.looks.setblocking(False)
+        self.loop.add_looker(ours, "who looks on", gives_orders=True)
+        self._sockets = [self.near, self.far, self.looks]
+        self.near.connect(self.loop.routes[0].address or ("", 0))
+        self.near.send(b"first")
+        self.until(lambda: select.select((self.far,), (), (), 0)[0])
+        self.far.connect(self.far.recvfrom(99)[1])
+
+    def come(self, count: int) -> list[bytes]:
+        """Return so many datagrams that come to the far end."""
+        got: list[bytes] = []
+
+        def are_there() -> bool:
+            with suppress(BlockingIOError):
+                while len(got) < count:
+                    got.append(self.far.recv(99))
+            return len(got) == count
+
+        self.until(are_there)
+        return got
+
+
+@pytest.fixture
+def datagrams() -> Iterator[Datagrams]:
+    made = Datagrams()
+    yield made
+    made.close()
+
+
+def test_held_datagrams_are_changed_and_go_on_one_by_one(datagrams: Datagrams) -> None:
+    datagrams.order(TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    for each in (b"01234", b"", b"abc", b"xyz"):
+        datagrams.near.send(each)
+    datagrams.until(lambda: len(lane.held or b"") == 11)
+    assert datagrams.is_quiet(datagrams.far)
+    datagrams.order(TO, "edit", 4, data=b"!B")  # across two datagrams
+    datagrams.order(TO, "drop", 2)
+    datagrams.order(TO, "insert", data=b"ours")
+    datagrams.order(TO, "go")
+    assert datagrams.come(5) == [b"ours", b"23!", b"", b"Bbc", b"xyz"]
+    datagrams.far.send(b"back")
+    datagrams.until(lambda: select.select((datagrams.near,), (), (), 0)[0])
+    assert datagrams.near.recv(9) == b"back"
+
+
+def test_datagrams_are_delayed_split_and_dropped_whole(datagrams: Datagrams) -> None:
+    datagrams.order(TO, "split", 2)
+    datagrams.near.send(b"abcde")
+    assert datagrams.come(2) == [b"ab", b"cde"]
+    datagrams.order(TO, "delay", 20_000_000)
+    for each in (b"1", b"", b"2"):
+        datagrams.near.send(each)
+    assert datagrams.come(3) == [b"1", b"", b"2"]
+    datagrams.order(TO, "delay", 0)
+    datagrams.order(TO, "hold")
+    datagrams.near.send(b"gone")
+    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    datagrams.until(lambda: lane.held)
+    datagrams.order(TO, "drop", 4)
+    datagrams.order(TO, "go")
+    datagrams.near.send(b"next")
+    assert datagrams.come(1) == [b"next"]
+    assert b"FIN or RST" in datagrams.order(TO, "rst").data
+
+
+def test_held_datagrams_beyond_the_bound_are_lost_and_told(datagrams: Datagrams) -> None:
+    datagrams.order(TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    told: list[TapEvent] = []
+    while not told:
+        with suppress(BlockingIOError):
+            datagrams.near.send(bytes(60_000))
+        datagrams.loop.turn(0.01)
+        told = [each for each in datagrams.events() if each.kind == TapEventKind.OURS]
+    assert told[0].data.startswith(b"drop 60000 bytes: the tap holds no more than 1 MiB")
+    assert len(lane.held or b"") <= 1 << 20
+
+
+def test_what_is_held_when_a_tap_of_datagrams_ends_goes_on_before(datagrams: Datagrams) -> None:
+    datagrams.order(TO, "hold")
+    lane = datagrams.loop.routes[0].talks[1].lanes[TO]
+    datagrams.near.send(b"last")
+    datagrams.until(lambda: lane.held)
+    datagrams.loop.close()
+    assert datagrams.far.recv(9) == b"last"
+
+
 def test_a_loop_that_is_ended_by_its_timer_waits_for_nothing_more() -> None:
     """A timer that is due when a turn begins: poll(-1) after it would wait for ever."""
 

@@ -328,8 +328,9 @@ class Forwarder:
         talk = route.talks.get(number)
         if talk is None or not talk.lanes:
             what = f"conversation {number}" if number else "a conversation"
-            why = "datagrams go on as they come" if route.route.to.kind == "udp" else f"{what} is not there"
-            self.tell(TapEventKind.REFUSED, order.way, order.route, number, 0, why.encode())
+            self.tell(
+                TapEventKind.REFUSED, order.way, order.route, number, 0, f"{what} is not there".encode()
+            )
             return
         lane = talk.lanes[order.way]
         why = refusal(lane, order)

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of
-from trcvtui.net.os.tapped_lane import GONE, TapEnd, TapLane, TapLoop
+from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
 
 CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
@@ -198,96 +198,135 @@ class TcpRoute:
 class UdpRoute:
     """A tap between UDP ends: a socket of its own for each client, so that the answers find him."""
 
-    lanes = ()
     has_stack = False
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
-        self._clients: dict[Any, tuple[int, socket.socket, list[int]]] = {}  # the newest to speak is last
-        self._door = _bound(route.listen, socket.SOCK_DGRAM)
-        self._door.setblocking(False)
-        self.address = self._door.getsockname()[:2]
-        loop.hear(self._door.fileno(), IN, self._come)
+        self._clients: dict[Any, UdpTalk] = {}  # the newest to speak is last
+        self.door = _bound(route.listen, socket.SOCK_DGRAM)
+        self.door.setblocking(False)
+        self.address = self.door.getsockname()[:2]
+        loop.hear(self.door.fileno(), IN, self._come)
 
     def _come(self, _: int) -> None:
         for _ in range(64):
             try:
-                size, client = self._door.recvfrom_into(self.loop.buffer)
+                size, client = self.door.recvfrom_into(self.loop.buffer)
             except OSError:  # nothing, or an ICMP message
                 return
-            found = self._clients.pop(client, None) or self._begin(client)
-            if found is None:
-                continue
-            self._clients[client] = found
-            number, sock, sent = found
-            with suppress(OSError):  # lost, as the network may lose it
-                sock.send(self.loop.buffer[:size])
-            self._tell(TapEventKind.BYTES, TO, number, self.loop.buffer[:size], sent)
+            talk = self._clients.pop(client, None) or self._begin(client)
+            if talk is not None:
+                self._clients[client] = talk
+                talk.lanes[TO].take(self.loop.buffer[:size])
 
-    def _begin(self, client: Any) -> tuple[int, socket.socket, list[int]] | None:
+    def _begin(self, client: Any) -> UdpTalk | None:
         if len(self._clients) >= MOST_TALKS:
             self._drop(next(iter(self._clients)))
         place = self.route.to
         try:
             sock = socket.socket(
-                self._door.family if ":" not in place.address else socket.AF_INET6, socket.SOCK_DGRAM
+                socket.AF_INET6 if ":" in place.address else self.door.family, socket.SOCK_DGRAM
             )
             sock.setblocking(False)
             sock.connect((place.address, place.port))
         except OSError:
             return None
-        number = self.loop.next_number()
-        sent = [0, 0]
-        self.loop.hear(sock.fileno(), IN, lambda _: self._answer(number, sock, client, sent))
-        talk = self.talks[number] = UdpTalk(_said(place, client))
-        self._tell(TapEventKind.OPEN, TO, number, talk.said, sent)
-        return number, sock, sent
-
-    def _answer(self, number: int, sock: socket.socket, client: Any, sent: list[int]) -> None:
-        for _ in range(64):
-            try:
-                size = sock.recv_into(self.loop.buffer)
-            except OSError:
-                return
-            with suppress(OSError):
-                self._door.sendto(self.loop.buffer[:size], client)
-            self._tell(TapEventKind.BYTES, BACK, number, self.loop.buffer[:size], sent)
-
-    def _tell(self, kind: TapEventKind, way: int, number: int, data: Any, sent: list[int]) -> None:
-        self.loop.tell(kind, way, self.place, number, sent[way], data)
-        if kind is TapEventKind.BYTES:
-            sent[way] += len(data)
+        talk = UdpTalk(self, self.loop.next_number(), sock, client)
+        self.talks[talk.number] = talk
+        return talk
 
     def _drop(self, client: Any) -> None:
-        number, sock, _ = self._clients.pop(client)
-        self.loop.forget(sock.fileno())
-        sock.close()
-        del self.talks[number]
-        self.loop.tell(TapEventKind.OVER, TO, self.place, number, 0, b"")
+        talk = self._clients.pop(client)
+        del self.talks[talk.number]
+        talk.close()
 
     def stop(self) -> None:
-        """Listen no more."""
+        """Listen no more; what was held goes on before."""
         for client in tuple(self._clients):
             self._drop(client)
-        self.loop.forget(self._door.fileno())
-        self._door.close()
+        self.loop.forget(self.door.fileno())
+        self.door.close()
 
 
-class UdpTalk:
+class _NoConnection:
+    """A conversation whose ends are never seen."""
+
+    has_ends = False
+
+    def is_on_its_way(self, end: TapEnd) -> bool:
+        """Return that nobody knows."""
+        return False
+
+    def pass_fin(self, lane: TapLane) -> None:
+        """Pass nothing: there is no end."""
+
+    pass_reset = ended = pass_fin
+
+    def failed(self, lane: TapLane, failed: OSError) -> None:
+        """Take nothing from it: the next datagram may pass."""
+
+    refused = failed
+
+
+class _DatagramEnd(TapEnd):
+    """One end of datagrams: they are read whatever waits."""
+
+    def __init__(self, port: socket.socket, send: Callable[[Any], int]) -> None:
+        self.port, self.sends = port, send
+        self.is_open = True
+
+    def want(self) -> None:
+        """Want nothing."""
+
+
+class UdpTalk(_NoConnection):
     """What one client says and hears."""
 
-    lanes = ()
+    def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
+        self.route, self.number, self.loop, self._sock = route, number, route.loop, sock
+        self.said = _said(route.route.to, client)
+        near = _DatagramEnd(route.door, lambda data: route.door.sendto(data, client))
+        far = _DatagramEnd(sock, sock.send)
+        self.lanes = DatagramLane(self, TO, near, far), DatagramLane(self, BACK, far, near)
+        self.loop.hear(sock.fileno(), IN, self._answer)
+        self.tell(TapEventKind.OPEN, TO, self.said)
 
-    def __init__(self, said: bytes) -> None:
-        self.said = said
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        """Tell an event of it."""
+        self.loop.tell(kind, way, self.route.place, self.number, at, data)
+
+    @staticmethod
+    def sender(end: Any) -> Callable[[Any], int]:
+        """Return what sends to an end."""
+        send: Callable[[Any], int] = end.sends
+        return send
+
+    receiver = sender  # the route reads
+
+    def _answer(self, _: int) -> None:
+        for _ in range(64):
+            try:
+                size = self._sock.recv_into(self.loop.buffer)
+            except OSError:
+                return
+            self.lanes[BACK].take(self.loop.buffer[:size])
+
+    def close(self) -> None:
+        """Let go what is held, and hear no more."""
+        for lane in self.lanes:
+            lane.let_go()
+            lane.is_over = True
+        self.loop.forget(self._sock.fileno())
+        self._sock.close()
+        self.tell(TapEventKind.OVER, TO)
 
 
-class SerialTalk:
+class SerialTalk(_NoConnection):
     """Two serial ports; also its own route. A port that is gone is opened again."""
 
     said = b""
-    has_ends = has_stack = False
+    has_stack = False
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
@@ -364,15 +403,6 @@ class SerialTalk:
         """Take it that a lane's target is gone."""
         if lane.target.mask != GONE:
             self.failed(lane.target.reads, failed)
-
-    def is_on_its_way(self, end: TapEnd) -> bool:
-        """Return that nobody knows."""
-        return False
-
-    def pass_fin(self, lane: TapLane) -> None:
-        """Pass nothing: a line has no end."""
-
-    pass_reset = pass_fin
 
     def stop(self) -> None:
         """Do nothing: nobody is called."""

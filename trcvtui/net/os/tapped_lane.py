@@ -236,6 +236,8 @@ class TapLane:
         """Let bytes go on later, cut as asked."""
         now = time.monotonic_ns()
         due = max(now + self.delay_ns, self.late[-1][0] if self.late else 0)
+        if not data:  # a datagram may be empty
+            self._append(due, data)
         while self.cuts and data:
             piece, data = data[: self.cuts[0]], data[self.cuts[0] :]
             self.cuts[0] -= len(piece)
@@ -275,12 +277,29 @@ class TapLane:
             self.tell_held()
         self.cuts.clear()
         self.pass_late(is_due=True)
-        if held:
-            self.go(memoryview(held))
+        if held is not None:
+            self.release(held)
         if self.end is TapEventKind.RST:
             self.reset_from_now()
         self.source.want()
         self.pass_end()
+
+    def release(self, held: bytearray) -> None:
+        """Let go on what was held."""
+        if held:
+            self.take(memoryview(held))
+
+    def insert(self, data: bytes) -> None:
+        """Let bytes of ours go on, before what is held."""
+        if self.held is not None:
+            self.held[:0] = data
+        else:
+            self.take(memoryview(data))
+
+    def drop(self, size: int) -> None:
+        """Throw away so much of what is held."""
+        if self.held is not None:
+            del self.held[:size]
 
     # -- out --------------------------------------------------------------------------------------------
 
@@ -362,13 +381,60 @@ class TapLane:
             self.talk.pass_fin(self)
 
 
+class DatagramLane(TapLane):
+    """One direction of datagrams: none is joined with another, and what there is no room for is lost."""
+
+    def __init__(self, talk: Talk, way: int, source: TapEnd, target: TapEnd) -> None:
+        super().__init__(talk, way, source, target)
+        self._sizes: deque[int] = deque()  # of the datagrams that are held
+
+    def take(self, data: memoryview) -> None:
+        """Let a datagram go on, or wait."""
+        if len(data) > self.room():
+            self.talk.tell(TapEventKind.OURS, self.way, f"drop {len(data)} bytes: {BOUNDED}".encode())
+            return
+        if self.held is not None:
+            self._sizes.append(len(data))
+        super().take(data)
+
+    def go(self, data: memoryview) -> None:
+        """Send a datagram, and tell that it went on; the system may lose it, as the network may."""
+        with suppress(OSError):
+            self.send(data)
+        self.talk.tell(TapEventKind.BYTES, self.way, data, self.at)
+        self.at += len(data)
+
+    def release(self, held: bytearray) -> None:
+        """Let go on what was held, one datagram after the other."""
+        sizes, self._sizes = self._sizes, deque()
+        at = 0
+        for size in sizes:
+            self.take(memoryview(held)[at : at + size])
+            at += size
+
+    def insert(self, data: bytes) -> None:
+        """Let a datagram of ours go on, before what is held."""
+        if self.held is not None:
+            self._sizes.appendleft(len(data))
+        super().insert(data)
+
+    def drop(self, size: int) -> None:
+        """Throw away so much of what is held; a datagram of which nothing is left is gone."""
+        super().drop(size)
+        while size and self._sizes:
+            first = self._sizes.popleft()
+            if first > size:
+                self._sizes.appendleft(first - size)
+            size -= min(first, size)
+
+
 def refusal(lane: TapLane, order: TapOrder) -> str:
     """Return why an order cannot be done in a direction, "" where it can."""
     held, has_ends = lane.held, lane.talk.has_ends
     size = len(held or b"")
     match order.verb:
         case "rst" | "fin" if not has_ends:
-            return "a serial line has no FIN and no RST"
+            return "there is no connection that FIN or RST could end"
         case "fin" | "insert" if lane.is_over:
             return "this direction is over"
         case "insert" if len(order.data) > lane.room():
@@ -391,17 +457,14 @@ def intervene(lane: TapLane, order: TapOrder) -> None:
         case "go" if held is not None:
             lane.held = None
             lane.tell_held()
-            if held:
-                lane.take(memoryview(held))
+            lane.release(held)
             if lane.end is TapEventKind.RST:
                 lane.reset_from_now()
             lane.pass_end()
-        case "insert" if held is not None:
-            held[:0] = order.data
         case "insert":
-            lane.take(memoryview(order.data))
-        case "drop" if held is not None:
-            del held[: order.sizes[0]]
+            lane.insert(order.data)
+        case "drop":
+            lane.drop(order.sizes[0])
         case "edit" if held is not None:
             held[order.sizes[0] : order.sizes[0] + len(order.data)] = order.data
         case "delay":

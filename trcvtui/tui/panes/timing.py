@@ -23,6 +23,7 @@ from trcvtui.rig.history.waveform_text import (
     split_at,
     value_text,
 )
+from trcvtui.rig.snapshots import BESIDE
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -117,10 +118,31 @@ class Drawn(NamedTuple):
 
 
 def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[Drawn]:
-    """Return the rows of these instances, each with a head where there are several; a strip has no codes."""
-    heads = [""] if len(waves) > 1 else []
-    rows = [Drawn(wave, name) for wave in waves for name in heads + row_names(wave)]
+    """Return the rows of these instances, each with a head where there are several; a strip has no codes.
+
+    Below each row of an instance stands that of the same pin in a run with another parameter.
+    """
+    others = {wave.instance: wave for wave in waves if wave.instance.startswith(BESIDE)}
+    own = [wave for wave in waves if wave.instance not in others]
+    rows = list[Drawn]()
+    for wave in own:
+        other = others.get(BESIDE + wave.instance)
+        rows += [Drawn(wave, "")] if len(own) > 1 else []
+        for names in _with_codes(row_names(wave)):
+            rows += [Drawn(wave, name) for name in names]
+            rows += [Drawn(other, name) for name in names if name in row_names(other)] if other else []
     return [shown for shown in rows if not (is_strip and shown.name == CODES)]
+
+
+def _with_codes(names: Sequence[str]) -> list[list[str]]:
+    """Return the names of rows, each with that of the codes that belong to it."""
+    found = list[list[str]]()
+    for name in names:
+        if name == CODES and found:
+            found[-1].append(name)
+        else:
+            found.append([name])
+    return found
 
 
 def label_width(rows: Sequence[Drawn]) -> int:
@@ -150,6 +172,8 @@ def wave_row(
 
 def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
     value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
+    if wave.instance.startswith(BESIDE) and name != CODES:
+        name = f"  {BESIDE}"
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
     return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]

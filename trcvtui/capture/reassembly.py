@@ -19,7 +19,7 @@ from trcvtui.capture.packets import TCP, UDP, Carried, Fragment, Fragments, NotR
 from trcvtui.capture.pcap import ETHERNET, RTAC_SERIAL, USER0, Packet
 from trcvtui.records import NamedTuple
 
-MOST_CONVERSATIONS: Final = 32_768
+MOST_CONVERSATIONS: Final = 28_000
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
 MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps

@@ -34,6 +34,7 @@ from trcvtui.project.file import load_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.watch.command import MISSING
+from trcvtui.rig.watch.player import PlayedEnd
 
 Record = dict[str, Any]
 COOKED = 113
@@ -194,6 +195,33 @@ def test_the_next_conversation_of_a_plc_end_goes_to_the_same_shadow(watch: Watch
     seen = watch(two_calls(7))
     assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12, 4]
     assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
+
+
+def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
+    watch: Watch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    connect = PlayedEnd._connect
+
+    def counted(end: PlayedEnd) -> None:
+        asked.append(end._shadows.bench.runtime.scans)
+        connect(end)
+
+    monkeypatch.setattr(PlayedEnd, "_connect", counted)
+    many = [
+        packet
+        for port in range(20_000, 20_300)
+        for packet in (
+            tcp(seq=100, flags=SYN, source=("10.0.0.9", port)),
+            tcp(seq=500, ack=101, flags=SYN | ACK, source=PLC, target=("10.0.0.9", port)),
+            tcp(b"x" * 12, seq=101, ack=501, source=("10.0.0.9", port)),
+        )
+    ]
+    watch.path.write_bytes(capture(many, step_ns=100_000))
+    seen = watch.file(watch.path)
+    assert len(seen.last["assigned"]) == 300
+    begun = 600  # each conversation, for a shadow of either end
+    assert len(asked) - begun <= 2 * len({*asked}) + begun
 
 
 def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> None:

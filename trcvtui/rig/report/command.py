@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Iterator
 from hashlib import sha256
@@ -146,7 +147,8 @@ def report_file(
         raise mistake(str(path), reason_of(failed), "a recording or a capture that can be read") from None
     named = f"{path.name}, {size} bytes"
     recording = None if any(shadows) else _recording(path)
-    verdict = None
+    findings, verdict = _findings(path, shadows[0], shadows[1]), None
+    gc.collect()  # the conversations of a large capture stand once in the memory, not twice
     if recording is None:
         from trcvtui.rig.report.capture_page import capture_page  # a recording needs none of it
 
@@ -157,7 +159,7 @@ def report_file(
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
-    source = source._replace(findings=_findings(path, shadows[0], shadows[1]))
+    source = source._replace(findings=findings)
     with replacing(out, where, is_own=True, mode=0o600) as file:
         for part in page(source, notes, verdict):
             file.write(part.encode())

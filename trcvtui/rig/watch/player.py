@@ -35,9 +35,15 @@ class _Waits(Protocol):
     """What waits for a shadow that is not ready."""
 
     gives_up_at: int
+    keeps_out: bool  # was it the link that let it not in, so that those after it have no better luck
 
-    def go_on(self) -> None:
-        """Look again whether it is ready."""
+    @property
+    def link(self) -> str:
+        """Return the CONNECT, UDP_CONFIG or ComBuffer whose shadow it waits for."""
+        ...
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether it is ready, if it `may_try`; return whether it still waits."""
         ...
 
 
@@ -52,7 +58,7 @@ class Shadows:
     ) -> None:
         self.bench = bench
         self.network = bench.network
-        self.waiting: list[_Waits] = []
+        self.waiting: list[_Waits] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
         self.not_run = 0  # scans of which nobody knows that they change nothing
         self.room = MOST_FILLED  # for missing bytes
@@ -109,8 +115,8 @@ class Shadows:
     def step(self) -> None:
         """Let one scan pass."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
-        for end in tuple(self.waiting):
-            end.go_on()
+        if self.waiting:
+            self._let_in()
         seq = ledger.last_seq
         self.bench.step()
         self.after_scan()
@@ -131,6 +137,18 @@ class Shadows:
                 if edge.outputs.done and edge.outputs.rcvd_len:
                     self._jobs += 1
                     self.last_job[self.works_on[edge.instance]] = edge.outputs.rcvd_len
+
+    def _let_in(self) -> None:
+        """Let who waits go on; where a link lets nobody in, those after him do not ask."""
+        closed: set[str] = set()
+        left: list[_Waits] = []
+        waiting, self.waiting = self.waiting, []
+        for one in waiting:
+            if one.go_on(one.link not in closed):
+                left.append(one)
+                if one.keeps_out:
+                    closed.add(one.link)
+        self.waiting = left + self.waiting
 
     def _see_holes(self, seq: int) -> None:
         for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
@@ -156,10 +174,11 @@ class PlayedEnd:
         self.is_over = False
         self.has_ended = False  # in the capture
         self.gives_up_at = 0
+        self.keeps_out = True
         self._shadows = shadows
         self._own = own
         self._calls = calls
-        self._is_begun = False
+        self._is_begun = self._has_called = False
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
         self._kept = self._packets = 0  # bytes of these; of the conversation
@@ -175,16 +194,23 @@ class PlayedEnd:
             if self._stream is None:
                 self._shadows.waiting.append(self)
 
-    def go_on(self) -> None:
-        """Look again whether the shadow is ready."""
-        self._connect()
-        gives_up = self._stream is None and self._shadows.network.now_ns >= self.gives_up_at
-        if (self._stream is not None or gives_up) and self in self._shadows.waiting:
-            self._shadows.waiting.remove(self)
-        if gives_up:
-            self.left_out += self._kept
-            self._acts.clear()
-            self.is_over = True
+    @property
+    def link(self) -> str:
+        """Return the CONNECT."""
+        return self.connect
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether the shadow is ready; return whether it still waits."""
+        if may_try:
+            self._connect()
+        if self._stream is not None:
+            return False
+        if self._shadows.network.now_ns < self.gives_up_at:
+            return True
+        self.left_out += self._kept
+        self._acts.clear()
+        self.is_over = True
+        return False
 
     def _connect(self) -> None:
         wire, runtime = self._shadows.network.wire, self._shadows.bench.runtime
@@ -194,6 +220,8 @@ class PlayedEnd:
             if port is None or config is None:
                 return
             stream = wire.call(self._own, Endpoint(config.local.address, port))
+            self._has_called |= stream is not None
+            self.keeps_out = self._has_called  # else the same ends have a connection
             if stream is None or stream.phase is not StreamPhase.OPEN:
                 return
         else:
@@ -307,6 +335,7 @@ class PlayedLine:
 
     def __init__(self, shadows: Shadows, link: str, left_out: Counter[int]) -> None:
         self.gives_up_at = 0
+        self.keeps_out = True
         self._shadows = shadows
         self._link = link
         self._left_out = left_out
@@ -330,14 +359,18 @@ class PlayedLine:
         else:
             self._left_out[number] += len(data)
 
-    def go_on(self) -> None:
-        """Look again whether somebody receives."""
-        while self._waiting and self._give(*self._waiting[0]):
+    @property
+    def link(self) -> str:
+        """Return the CONNECT, the UDP_CONFIG or the ComBuffer."""
+        return self._link
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether somebody receives; return whether something still waits."""
+        while may_try and self._waiting and self._give(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[2])
         if self._shadows.network.now_ns >= self.gives_up_at:
             self.close()
-        if not self._waiting:
-            self._shadows.waiting.remove(self)
+        return bool(self._waiting)
 
     def close(self) -> None:
         """Count what still waits as left out."""

@@ -74,11 +74,11 @@ class Run:
 
     def until_written(self) -> None:
         while self.box._ending:
-            self.box._go_on()
+            self.box.go_on()
 
     def until_state(self) -> None:
         while self.box._state is not None:
-            self.box._go_on()
+            self.box.go_on()
 
     def close(self) -> None:
         self.controller.bench.close()

@@ -75,17 +75,17 @@ class BlockPlace(NamedTuple):
 class RecordingWriter:
     """Writes one file, 0600; raise UserError where it cannot be made, or written any more.
 
-    An existing file is refused; `overwrite` replaces a recording, and no other file.
+    An existing file is refused; `overwrite` replaces a recording, and no other file. `file`: it is open.
     """
 
     trouble = ""  # what goes wrong is raised
     first_scan = 0
 
-    def __init__(self, path: FileName, overwrite: bool = False) -> None:
+    def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
         self._path = str(path)
         if overwrite and os.path.lexists(path):
             Recording(path)
-        self._file: IO[bytes] = create(path, "--record", overwrite)
+        self._file: IO[bytes] = create(path, "--record", overwrite) if file is None else file
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
         self._index: list[BlockPlace] = []

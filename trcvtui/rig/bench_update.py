@@ -14,6 +14,7 @@ from trcvtui.rig.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import (
     Answer,
+    DoctorSnapshot,
     EngineTiming,
     Fired,
     PeerSnapshot,
@@ -25,6 +26,8 @@ from trcvtui.rig.snapshots import (
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project
+
+NOBODY_LOOKED = DoctorSnapshot()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ class UpdateRequest:
     waves: tuple[tuple[str, int], ...] = ()
     history: HistoryRequest | None = None
     recordings_of: tuple[str, ...] = ()  # ComBuffers
+    doctor: bool = False  # whether he shall look
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,7 @@ class BenchUpdate:
     position: Position | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
+    doctor: DoctorSnapshot = NOBODY_LOOKED
 
 
 class BareUpdate(NamedTuple):

@@ -228,6 +228,38 @@ class Fired:
     holds: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class FindingSnapshot:
+    """One cause that the doctor has found: how sure, of which CONNECT and instance ("": of no one alone).
+
+    `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
+    the direction, None: unknown. `mends`: text, bench command, `--set` of a what-if, "": there is none.
+    """
+
+    cause: str
+    confidence: float
+    connect: str
+    instance: str
+    ends: str
+    way: str
+    t_ns: int | None
+    scan: int | None
+    byte: int | None
+    evidence: tuple[str, ...]
+    mends: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorSnapshot:
+    """What the doctor has found, the surest first; he looked so often, last at the run up to `scan`."""
+
+    looks: int = 0
+    scan: int = 0
+    conversations: int = 0
+    findings: tuple[FindingSnapshot, ...] = ()
+    trouble: str = ""
+
+
 CANNOT: Final = "a recording cannot be changed: W tries another value"
 BESIDE: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
 

@@ -148,6 +148,11 @@ def after_link(words: list[str], project: Project) -> Iterable[str]:
     return project.links() if len(words) == 1 else ("down", "up")
 
 
+def after_doctor(words: list[str], project: Project) -> Iterable[str]:
+    """Offer the instances and CONNECTs, once."""
+    return (*_instances(project), *project.links()) if len(words) == 1 else ()
+
+
 def after_tap(words: list[str], project: Project) -> Iterable[str]:
     """Offer a tap, a direction, what can be done with it."""
     if len(words) == 1:

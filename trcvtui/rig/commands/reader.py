@@ -37,6 +37,7 @@ from trcvtui.rig.commands.words import (
     Change,
     Create,
     Delete,
+    Doctor,
     Download,
     FaultClear,
     FaultOn,
@@ -290,6 +291,17 @@ def read_link(words: Words, project: Project) -> Link:
     return Link(name, _one_of(words, "down", "up") == "up")
 
 
+def read_doctor(words: Words, project: Project) -> Doctor:
+    """Read an instance or a CONNECT, then a cause; a word that is neither name is a cause."""
+    names = {each.name for each in project.instances} | set(project.links())
+    name = words.next("") if words and words.peek() in names else ""
+    cause = words.next("") if words else ""
+    if not CAUSE.fullmatch(cause):
+        raise words.wrong(shown(cause), "an instance, a CONNECT, a cause such as frame-short, or healthy")
+    return Doctor(name, cause)
+
+
+CAUSE: Final = re.compile("[a-z-]*")
 MOST_INSERTED: Final = 1 << 20  # bytes: what a tap holds at most
 PLACE_IN_HELD: Final = whole(0, MOST_INSERTED)
 CONVERSATION: Final = whole(1, (1 << 32) - 1)

@@ -457,6 +457,12 @@ ROWS: Final = (
     ),
     CommandRow("prefix", read_prefix, completion.after_mark, (_MARK,)),
     CommandRow("suffix", read_suffix, completion.after_mark, ()),
+    CommandRow(
+        "doctor",
+        reader.read_doctor,
+        completion.after_doctor,
+        (RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),),
+    ),
     CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
     CommandRow(
         "tap",

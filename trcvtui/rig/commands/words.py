@@ -400,6 +400,17 @@ class Intervene:
 
 
 @dataclass(frozen=True, slots=True)
+class Doctor:
+    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with anyone).
+
+    `cause`: what has to be found first, or `healthy`; "": whatever it is.
+    """
+
+    name: str = ""
+    cause: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class FaultOn:
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
@@ -537,6 +548,7 @@ BenchCommand = (
     | SetMark
     | Link
     | Intervene
+    | Doctor
     | FaultOn
     | FaultClear
     | RunScans

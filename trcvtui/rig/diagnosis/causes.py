@@ -16,7 +16,14 @@ from typing import Final
 
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, Receiver
-from trcvtui.rig.diagnosis.line_facts import ClosedWindow, DirectionFacts, LateAck, LineFacts, SaidBytes
+from trcvtui.rig.diagnosis.line_facts import (
+    ClosedWindow,
+    DirectionFacts,
+    LateAck,
+    LineFacts,
+    Reads,
+    SaidBytes,
+)
 from trcvtui.rig.diagnosis.sayings import Mend, Said
 from trcvtui.rig.diagnosis.session_causes import tls_refused, wrong_tsap
 from trcvtui.rig.wording import count, times
@@ -53,6 +60,13 @@ class EndsGroup:
     def one_message(self) -> tuple[LineFacts, ...]:
         """Return those that the partner ended after its only message."""
         return tuple([one for one in self.ended if _is_one_message(one)])
+
+    @cached_property
+    def has_one_that_stands(self) -> bool:
+        """Return whether most were ended while the same other one stood."""
+        longest = max(self.built, key=lambda one: one.lasted_ns)
+        beside = [one for one in self.ended if longest.first_ns < one.first_ns < longest.last_ns]
+        return len(beside) * 2 > len(self.ended)
 
     @cached_property
     def refusals(self) -> int:
@@ -240,6 +254,8 @@ def _storm(case: LineCase) -> Said | None:
     built, ended = case.group.built, case.group.ended
     if len(built) < STORM or len(ended) < len(built) - 1 or _closes(case) is not None:
         return None
+    if case.group.has_one_that_stands:
+        return None  # what is lost beside it are further clients
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
     if life > most or period > 2 * most:
@@ -634,16 +650,24 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     groups = {ends: EndsGroup(tuple(found)) for ends, found in between.items()}
     reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
+    fitting = [_receiver_of(line, receivers, only) for line in lines]
     before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
-    for line in lines:
+    for line, receiver in zip(lines, fitting, strict=True):
         older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
         kind, caller, listener = _hosts(line)
         reverse = reverses.get((kind, listener, caller), _NOBODY) if caller != listener else _NOBODY
-        receiver = next((one for one in receivers if one.fits(line)), None)
-        if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
-            receiver = only
         yield LineCase(line, groups[_between(line)], tuple(older), reverse, receiver, receivers, last_ns)
         older.append(line)
+
+
+def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver | None) -> Receiver | None:
+    """Return who takes the messages of a conversation; tell the facts how much a job of it reads."""
+    found = next((one for one in receivers if one.fits(line)), None)
+    if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
+        found = only
+    if found is not None and found.need and not found.adhoc and not line.is_wire:
+        line.reads = Reads(found.need, found.interval_ns)
+    return found
 
 
 def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) -> Receiver | None:

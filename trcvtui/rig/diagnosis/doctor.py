@@ -41,6 +41,11 @@ TROUBLES: Final = {
         "bytes of an unfinished frame were thrown away, and the next job began inside it:",
         (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),),
     ),
+    "datagram-size": TroubleRow(
+        0.95,
+        "a datagram was larger than LEN or DATA:",
+        (Mend("DATA, and LEN, of the largest datagram"),),
+    ),
     "request-too-fast": TroubleRow(
         0.93,
         "REQ rose while the job before was sending:",
@@ -66,11 +71,15 @@ class JobTrouble(NamedTuple):
 
 
 class RecordedFacts(NamedTuple):
-    """What a recording of ours knows beside its packets; `calls`: its PLC calls, and nobody calls it."""
+    """What a recording of ours knows beside its packets; `calls`: its PLC calls, and nobody calls it.
+
+    `until_ns`: UTC of its last scan; silence up to then is a fact.
+    """
 
     receivers: tuple[Receiver, ...]
     calls: bool
     troubles: tuple[JobTrouble, ...]
+    until_ns: int = 0
 
 
 class DoctorQuestion(NamedTuple):
@@ -108,7 +117,8 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     always = known is not None and known.calls
     receives = any(not one.connect for one in asked.receivers)
     ports = asked.ports(calls=False), asked.ports(calls=True)
-    facts = facts_of([path], given, *ports, always, receives)
+    until_ns = 0 if known is None else known.until_ns
+    facts = facts_of([path], given, *ports, always, receives, until_ns)
     if facts.troubles and not facts.found.packets:
         raise UserError(facts.troubles)
     if known is not None:

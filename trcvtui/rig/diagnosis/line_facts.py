@@ -37,6 +37,7 @@ OUTAGE: Final = 2  # copies
 DOUBLE_NS: Final = 300_000  # a mirror port that shows a packet twice does so at once
 FULL: Final = 536  # bytes: a smaller segment is not full
 LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
+SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
 JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
 
 
@@ -163,6 +164,17 @@ class DirectionFacts:
         return next((write for write, known in self.moments if known == kind), None)
 
 
+class Reads(NamedTuple):
+    """What our own recordings have in place of segments: reads, at most of the bytes that a job lacks."""
+
+    job: int
+    interval_ns: int
+
+    def may_cut(self, before: SaidBytes, gap_ns: int) -> bool:
+        """Return whether a job's end, and no pause, parts a write from the next one."""
+        return (before.at + before.size) % self.job == 0 and gap_ns <= SCANS_BETWEEN_JOBS * self.interval_ns
+
+
 class IdleTime(NamedTuple):
     """A time without any packet: when it ended, how long it was, whose packet ended it."""
 
@@ -201,6 +213,7 @@ class LineFacts:
         copies = any(way.resent or way.keep_alives or way.late for way in ways)
         windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
         has_acks = any(way.acks > 1 for way in ways)  # one is the handshake's, which a recording has, too
+        self.reads: Reads | None = None  # of a static job, where these are the writes
         self.is_wire = not is_recording and (copies or has_acks or not windows <= {None, 0, WIRE_WINDOW})
 
     @property
@@ -235,7 +248,7 @@ class LineFacts:
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
         """Return the messages to the PLC, as pauses and turns tell them."""
-        return _messages(self.to_plc.writes, self.from_plc.writes, self.protocol == "udp")
+        return _messages(self.to_plc.writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
     @cached_property
     def answers(self) -> tuple[LineMessage, ...]:
@@ -440,17 +453,19 @@ def facts_of(
     calls: frozenset[int] = frozenset(),
     always_calls: bool = False,
     receives: bool = False,
+    until_ns: int = 0,
 ) -> CaptureFacts:
     """Return the facts of one capture; ports on which the PLC listens, and that it calls, name its end.
 
     `receives`: somebody knows what the PLC receives; where one end alone says anything, it is the other one.
+    `until_ns`: so long somebody looked on: a conversation without an end is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
     take_captures(paths, found, troubles)
     first_ns = found.first_ns or 0
     is_recording = NotRead.JOURNAL in found.not_read
-    last_ns = max((each.last_ns for each in found.all), default=first_ns)
+    last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_Talk(found.all[len(collector.talks)]))
     lines = []
@@ -470,6 +485,8 @@ def facts_of(
             _heard(facts, None)
             facts.unacked = left if left < 1 << 31 and direction.has_base else 0
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
+        if conversation.end is None:
+            lines[-1].last_ns = max(conversation.last_ns, until_ns)
     if not is_recording and any(line.is_wire for line in lines):
         for line in lines:
             line.is_wire = True
@@ -480,7 +497,10 @@ def facts_of(
 
 
 def _messages(
-    writes: Sequence[SaidBytes], others: Sequence[SaidBytes], is_datagram: bool
+    writes: Sequence[SaidBytes],
+    others: Sequence[SaidBytes],
+    is_datagram: bool,
+    reads: Reads | None = None,
 ) -> tuple[LineMessage, ...]:
     """Return the messages of one end: pauses that are clearly longer, and turns, part them."""
     if is_datagram or len(writes) < 2:
@@ -504,7 +524,8 @@ def _messages(
         is_full = before.size == most and gap < (JOINED_NS if most >= LARGE else JOINED_NS // 25)
         is_full = is_full and most >= FULL
         goes_on = number and not turns[number] and write.at == before.at + before.size
-        if goes_on and (is_full or gap < limit):
+        is_cut = reads is not None and reads.may_cut(before, gap)
+        if goes_on and (is_full or is_cut or gap < limit):
             last = found[-1]
             found[-1] = last._replace(
                 size=last.size + write.size, pieces=last.pieces + 1, pause_ns=max(last.pause_ns, gap)

@@ -19,6 +19,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.records import replace
+from trcvtui.rig.bench.asked_doctor import BenchDoctor, Judge
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTests
@@ -164,6 +165,7 @@ class Controller:
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
+        self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
         self._begin(bench)
@@ -183,6 +185,7 @@ class Controller:
         self._history = HistoryReader(self._received)
         self._trigger_watch = TriggerWatch(bench, self._received)
         self._waves = WaveformRecorder(bench, self._received)
+        self._doctor = BenchDoctor()
         self.session = Session(bench, self._received, self._waves)
         self.catch_up = self._received.catch_up
 
@@ -190,7 +193,7 @@ class Controller:
 
     def take(self, number: int, line: str) -> None:
         """Carry out one line; its answer is in the next picture."""
-        self._told = ""
+        self._told, self._asked = "", (number, line)
         self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
         self._answers.append(Answer(number, line, wrong, self._told))
@@ -227,8 +230,11 @@ class Controller:
         if isinstance(command, words.Add) and command.port:
             command = self._at_a_free_port(command)
             line = to_line(command)
-        wrong = self._act(command)
-        if not wrong:
+        try:
+            wrong = self._act(command)
+        except UserError as error:  # nobody keeps the run
+            return error.lines()[0]
+        if not wrong and not isinstance(command, words.Doctor):
             self.session.note(command, line)
         return wrong
 
@@ -246,6 +252,9 @@ class Controller:
                 return self._trials.stop()
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
                 return self._mend(command)
+            case words.Doctor():
+                self._told = self._doctor.ask(self.judge or self._box(), self.bench, *self._asked, command)
+                return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case words.Set() | words.Pulse():
@@ -332,6 +341,11 @@ class Controller:
         stem = self.bench.project.path.stem or "recording"
         self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
         return ""
+
+    @property
+    def judge(self) -> Judge | None:
+        """Return who judges the run, None where nobody keeps it."""
+        return self.black_box
 
     def _box(self) -> BlackBox:
         if self.black_box is None:
@@ -472,6 +486,7 @@ class Controller:
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
         lines = ledger.raw_since(since, min(most_lines, request.most_lines))
+        self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()
@@ -512,6 +527,7 @@ class Controller:
             fired=kept.fired if kept else None,
             shadows=self.shadows,
             talks=self.talks(),
+            doctor=self._doctor.snapshot,
         )
         window = self._history.later(request.history) if request.history and known else lambda: None
         return BareUpdate(update, snapshot, lines, first_seq, window)

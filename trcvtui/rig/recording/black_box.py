@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Iterable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -27,10 +27,10 @@ from trcvtui.capture.journal import (
     value_of,
 )
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import unnamed
 from trcvtui.rig import clock
+from trcvtui.rig.recording.asked import AnswerOnItsWay
 from trcvtui.rig.recording.files import SUFFIX, OldBlock, RecordTo
-from trcvtui.rig.recording.writer import POST_NS, STATE, WriterProcess
+from trcvtui.rig.recording.writer import JUDGE_RUN, POST_NS, STATE, WriterProcess
 from trcvtui.rig.wording import size_text
 
 MOST_BYTES: Final = 64 << 20
@@ -39,35 +39,11 @@ GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
 BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
 
 
-class _StateOnItsWay:
-    """A process that makes the last state of some blocks, before whose scans `passed` ones lie."""
-
-    def __init__(self, passed: int) -> None:
-        self.passed = passed
-        self._opened = ExitStack()
-        self._file, name = self._opened.enter_context(unnamed())
-        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
-        self.process = WriterProcess(path, RecordTo(path), waits=False, main=STATE)
-
-    def frame(self) -> Keyframe | None:
-        """Return the state, when the process is over."""
-        content = os.pread(self._file, os.fstat(self._file).st_size, 0)
-        with suppress(UserError):
-            found = value_of(content, "the state of the black box")
-            if isinstance(found, Keyframe):
-                return found._replace(steps=found.steps + self.passed)
-        return None
-
-    def close(self) -> None:
-        """Let everything go."""
-        self.process.kill()
-        self._opened.close()
-
-
 class BlackBox:
     """A sink that keeps the newest blocks of a run."""
 
     trouble = ""  # of a run; a file that cannot be written leaves the run alone
+    looks_again = True  # what is judged goes on
 
     def __init__(self, most: int = MOST_BYTES) -> None:
         self._told, self._told_at = "", 0  # how the last file has ended
@@ -78,7 +54,10 @@ class BlackBox:
         self._kept: deque[OldBlock] = deque()
         self._size = self._passed = self._passed_scans = 0
         self._since = 0  # bytes that have come since the last state was asked for
-        self._state: _StateOnItsWay | None = None
+        self._state: AnswerOnItsWay | None = None
+        self._state_from = 0  # scans before those of which it is
+        self._judging: AnswerOnItsWay | None = None
+        self.judged = b""  # what the doctor has found last
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -111,7 +90,7 @@ class BlackBox:
         if self._block.is_full or now > self._posted_at + POST_NS:
             self._posted_at = now
             self._post()
-        self._go_on()
+        self.go_on()
 
     def _post(self) -> None:
         if not self._entries:
@@ -125,7 +104,7 @@ class BlackBox:
         self._block, self._entries, self._scans = BlockWriter(0), 0, 0
         if self._since > self._most // 2 and self._state is None:
             self._since = 0
-            self._state = _StateOnItsWay(self._passed_scans)
+            self._state, self._state_from = AnswerOnItsWay(STATE), self._passed_scans
             self._put_all(self._state.process)
             self._state.process.finish()
         while self._size > self._most:
@@ -134,7 +113,7 @@ class BlackBox:
             self._passed_scans += oldest.scans
             self._size -= len(oldest.block)
 
-    def _go_on(self) -> None:
+    def go_on(self) -> None:
         """Let the writers take what waits; find out how those have ended that are done."""
         if self._recording is not None:
             self._recording.go_on()
@@ -143,18 +122,42 @@ class BlackBox:
                 self._recording.close()
                 self._recording = None
         if self._state is not None:
-            self._state.process.go_on()
-            if self._state.process.is_over or self._state.process.trouble:
-                frame = self._state.frame()
+            content = self._state.go_on()
+            if content is not None:
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
-                self._frames += [frame] if frame is not None else []
-                self._state.close()
+                self._frames += self._frame_of(content)
                 self._state = None
+        if self._judging is not None:
+            content = self._judging.go_on()
+            if content is not None:
+                self.judged, self._judging = content, None
         for writer in tuple(self._ending):
             writer.go_on()
             if writer.is_over:
                 self._ending.remove(writer)
                 self._tell(writer.trouble or f"{writer.path.name} is written")
+
+    def _frame_of(self, content: bytes) -> list[Keyframe]:
+        with suppress(UserError):
+            found = value_of(content, "the state of the black box")
+            if isinstance(found, Keyframe):
+                return [found._replace(steps=found.steps + self._state_from)]
+        return []
+
+    @property
+    def is_judging(self) -> bool:
+        """Return whether the doctor looks at the run."""
+        return self._judging is not None
+
+    def judge(self) -> None:
+        """Let a process judge what is kept; `judged` has what it finds. Raise UserError."""
+        if self._why_off:
+            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
+        if self._judging is None:
+            self._post()
+            self._judging = AnswerOnItsWay(JUDGE_RUN)
+            self._put_all(self._judging.process)
+            self._judging.process.finish()
 
     def _tell(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
@@ -236,8 +239,8 @@ class BlackBox:
             self._recording = None
         for writer in self._ending:
             writer.close()
-        if self._state is not None:
-            self._state.close()
+        for other in filter(None, (self._state, self._judging)):
+            other.close()
         self._ending.clear()
         self._kept.clear()
 

@@ -65,6 +65,11 @@ class RunRecorder:
         self._sample_at = 0
         self.seam = SeamRecorder(self._entries.append)
 
+    def give_to(self, other: Sink) -> None:
+        """Let another sink have all entries, too, scan by scan."""
+        first, self._least = self._new_sink, 1
+        self._new_sink = lambda: _Both(first(), other)
+
     def __enter__(self) -> RunRecorder:
         """Open the file, when the project has been read; raise UserError where it is refused."""
         self._sink = self._new_sink()
@@ -185,7 +190,7 @@ class RunRecorder:
 
     def lines(self) -> list[str]:
         """Return what is to be said when it has ended."""
-        secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets else ""
+        secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
         return [one_line(line) for line in (secrets, self.trouble) if line]
 
     def text(self) -> str:
@@ -204,6 +209,42 @@ def black_box_recorder() -> RunRecorder:
     recorder = RunRecorder(lambda: box, waits=False)
     recorder.box = box
     return recorder
+
+
+class _Both:
+    """Two sinks of one run; the second has no trouble."""
+
+    def __init__(self, first: Sink, second: Sink) -> None:
+        self._first, self._second = first, second
+
+    @property
+    def trouble(self) -> str:
+        """Return that of the first."""
+        return self._first.trouble
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order."""
+        some = [*entries]
+        self._first.take(some)
+        self._second.take(some)
+
+    def close(self) -> None:
+        """End both."""
+        self._first.close()
+        self._second.close()
+
+
+def kept_recorder(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
+    """Return what records a run, or nobody yet, so that a black box has the run, too; and the box."""
+    from trcvtui.rig.recording.black_box import BlackBox
+
+    box = BlackBox()
+    if recorder is None:
+        recorder = RunRecorder(lambda: box, waits=False)
+        recorder.reads = reads
+    else:
+        recorder.give_to(box)
+    return recorder, box
 
 
 def recorder_of(record: RecordTo, file: Path, waits: bool) -> RunRecorder:

@@ -34,14 +34,18 @@ READ_BYTES: Final = 1 << 20
 NICE: Final = 10  # the scans come first
 SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
 POST_NS: Final = 200_000_000  # between two blocks that cross
-START: Final = "import sys; from trcvtui.rig.replay import follower; follower.{}(*sys.argv[1:])"
-WRITER, STATE = "writer_main", "state_main"  # what such a process does
+START: Final = "import sys; from trcvtui.rig.replay.{} import {} as main; main(*sys.argv[1:])"
+# What such a process does.
+WRITER, STATE = ("follower", "writer_main"), ("follower", "state_main")
+JUDGE_RUN, JUDGE_FILES = ("judged", "run_main"), ("judged", "files_main")
 
 
 class WriterProcess:
     """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
 
-    def __init__(self, path: Path, record: RecordTo, waits: bool = True, main: str = WRITER) -> None:
+    def __init__(
+        self, path: Path, record: RecordTo, waits: bool = True, main: tuple[str, str] = WRITER
+    ) -> None:
         self.trouble = ""
         self.path = path
         self.is_over = False  # after `finish`: the file is whole, or `trouble` says why not
@@ -187,11 +191,11 @@ class WriterProcess:
         return said
 
 
-def _started(path: Path, record: RecordTo, main: str) -> Popen[bytes]:
+def _started(path: Path, record: RecordTo, main: tuple[str, str]) -> Popen[bytes]:
     import subprocess  # a run that nobody records waits for none of it
 
     asked = str(record.target), record.overwrite, record.has_secrets, record.limits
-    words = [sys.executable, "-P", "-c", START.format(main), str(path), json.dumps(asked)]
+    words = [sys.executable, "-P", "-c", START.format(*main), str(path), json.dumps(asked)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)

@@ -17,6 +17,7 @@ from trcvtui.rig.diagnosis.lint import receivers_of
 from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 
+LARGER: Final = "larger than LEN or DATA"
 MOST_SCANS: Final = 1_000_000
 
 
@@ -29,7 +30,9 @@ def recorded_facts(path: str) -> RecordedFacts | None:
     project = run.bench.project
     connects = [each for each in project.connects if not each.is_datagram]
     calls = bool(connects) and all(each.active for each in connects)
-    return RecordedFacts(receivers_of(project), calls, _troubles(run))
+    troubles = _troubles(run)  # until it ends
+    until_ns = run.begins.wall_ns + run.bench.now
+    return RecordedFacts(receivers_of(project), calls, troubles, until_ns)
 
 
 def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
@@ -39,6 +42,7 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
     dropped: dict[tuple[str, int], tuple[int, int]] = {}
     streams = {each.name for each in run.bench.project.connects if not each.is_message_oriented}
     receivers = {each.name for each in run.bench.project.instances if block_row(each.block).receives}
+    takers = {each.connect: each.name for each in run.bench.project.instances if each.name in receivers}
     seq, wall_ns = 0, run.begins.wall_ns
     ledger = run.bench.runtime.ledger
 
@@ -64,6 +68,8 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
                         tell("not-connected-request", event.instance, scan, t_ns)
                     case InputEdge(instance, "EN_R", _) if scan > 1:
                         asked.add(instance)
+                    case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
+                        tell("datagram-size", takers.get(connection, connection), scan, t_ns)
                     case BytesDropped() if event.offset >= 0:
                         dropped[event.connection, event.incarnation] = scan, t_ns
                     case JobStarted() if not event.adhoc:
@@ -75,4 +81,10 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
     except UserError:
         pass  # the recording ends here
     # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
-    return tuple([one for one in found.values() if one.times > 1 or one.instance not in receivers - asked])
+    return tuple(
+        [
+            one
+            for one in found.values()
+            if one.times > 1 or one.cause == "datagram-size" or one.instance not in receivers - asked
+        ]
+    )

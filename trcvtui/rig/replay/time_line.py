@@ -11,17 +11,20 @@ from bisect import bisect_right
 from collections.abc import Callable
 from typing import Final
 
+from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig import clock
+from trcvtui.rig.bench.asked_doctor import BenchDoctor, Judge
 from trcvtui.rig.bench_update import BareUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.history.waveform_recorder import WaveformRecorder
+from trcvtui.rig.recording.asked import FilesJudge
 from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.replay.survey import END, Search, Survey, read_at
@@ -30,7 +33,7 @@ from trcvtui.rig.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.udt.literals import parse_time
 
 MOVES: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
-LOOKS: Final = frozenset(("trigger", "expect"))  # lines that look only
+LOOKS: Final = frozenset(("trigger", "expect", "doctor"))  # lines that look only
 SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
 FASTEST: Final = "fastest"
 LEAST_SEEN: Final = 500  # scans before the one that is shown: what panes tell of earlier
@@ -87,14 +90,22 @@ class RunBeside:
 class ReplayController(Controller):
     """The bench of a replay as the screen sees it; `move` carries out the lines that move."""
 
-    def __init__(self, run: RunAgain, move: Callable[[str], str]) -> None:
+    def __init__(
+        self, run: RunAgain, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
+    ) -> None:
         super().__init__(run.bench)
+        self._doctor, self._judge = doctor  # one for all benches that take each other's place
         self.run = run
         self._move = move
         self.holding = True
         self.position: Position | None = None
         self.beside: RunBeside | None = None
         self.fired = ""  # the trigger that fired in the last scan
+
+    @property
+    def judge(self) -> Judge | None:
+        """Return who judges the file."""
+        return self._judge
 
     @property
     def at(self) -> int:
@@ -167,6 +178,7 @@ class CaptureRun(NamedTuple):
     first_ns: int
     notes: tuple[str, ...]
     change: Change  # the project with other parameters
+    judge: Judge
 
 
 class TimeLine:
@@ -178,7 +190,9 @@ class TimeLine:
         self._journal, self._where, self._capture = journal, where, capture
         self._keyframes = keyframes = Keyframes(journal, where, capture.project if capture else None)
         self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
-        self.controller = ReplayController(keyframes.begin(), self._obey)
+        judge = FilesJudge(lambda: (journal.path,)) if isinstance(journal, Recording) else None
+        self._doctor = BenchDoctor(), capture.judge if capture is not None else judge
+        self.controller = ReplayController(keyframes.begin(), self._obey, self._doctor)
         self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
         self._wanted = self._least = keyframes.first + 1
         self._search: Search | None = None
@@ -342,7 +356,7 @@ class TimeLine:
         if start <= at <= goal:
             self._coming = None
         elif self._coming is None or not start <= self._coming.at <= goal:
-            self._coming = ReplayController(self._keyframes.run_at(start), self._obey)
+            self._coming = ReplayController(self._keyframes.run_at(start), self._obey, self._doctor)
         moving = self._coming or self.controller
         has_moved = moving.at < goal
         while moving.at < goal and clock.now_ns() < until:
@@ -352,7 +366,8 @@ class TimeLine:
                 moving.scan()
             except UserError as wrong:
                 self.survey.cut(stood, str(wrong))
-                self._coming, fresh = None, ReplayController(self._keyframes.run_at(start), self._obey)
+                self._coming = None
+                fresh = ReplayController(self._keyframes.run_at(start), self._obey, self._doctor)
                 fresh.follow(self.controller)
                 self.controller = fresh
                 return True

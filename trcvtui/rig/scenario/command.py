@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trcvtui.errors import UserError
-from trcvtui.files import noting_reads, refuse_input, replacing
+from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
+from trcvtui.rig.commands.words import Doctor
 from trcvtui.rig.scenario.report import FORMATS, Document
 from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
+    from trcvtui.rig.bench.asked_doctor import Judge
     from trcvtui.rig.recording.files import RecordTo
     from trcvtui.rig.recording.recorder import RunRecorder
 
@@ -94,20 +96,25 @@ def _run_all(
     worst = HELD
     files = record.files(paths) if record is not None else ()
     for number, path in enumerate(paths):
-        recorder = None
+        recorder, reads = None, FilesRead()
         if record is not None:
             from trcvtui.rig.recording.recorder import recorder_of
 
             recorder = recorder_of(record, files[number], waits=kernel == "sim")
         try:
-            with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+            with noting_reads(recorder.reads if recorder is not None else reads):
                 scenario = load_scenario(path, overrides)
         except UserError as error:
             worst = _wrong(document, path, error)
             continue
         loaded()  # raises through: no later file makes the target right
         try:
-            held = _run_one(path, scenario, kernel, document, overrides, recorder)
+            box = None
+            if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
+                from trcvtui.rig.recording.recorder import kept_recorder
+
+                recorder, box = kept_recorder(recorder, reads)
+            held = _run_one(path, scenario, kernel, document, overrides, recorder, box)
             worst = max(worst, HELD if held else FAILED)
         except UserError as error:
             worst = _wrong(document, path, error)
@@ -128,6 +135,7 @@ def _run_one(
     document: Document,
     overrides: Sequence[str],
     recorder: RunRecorder | None,
+    judge: Judge | None,
 ) -> bool:
     if kernel == "live":
         from trcvtui.net.os.network import is_own_network
@@ -142,7 +150,8 @@ def _run_one(
             recorder.begin(bench, path, overrides, is_scenario=True)
             pace = RecordedPace(pace, recorder)
         try:
-            verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+            runner = Runner(bench, scenario.name, pace, report.scan, judge)
+            verdict = runner.play((*scenario.start, *scenario.steps))
         finally:
             bench.close()
     for line in recorder.lines() if recorder is not None else ():

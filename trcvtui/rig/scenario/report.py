@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.records import dataclass
-from trcvtui.rig.commands.words import Expect, ExpectTrace, Step, Wait
+from trcvtui.rig.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.rig.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.rig.scenario.scenario import START_STEP, Scenario
 from trcvtui.rig.scenario.step_runner import Failure
@@ -99,7 +99,8 @@ class FileReport:
         """Tell how the scenario ended."""
         steps = (*self._scenario.start, *self._scenario.steps)
         cases = (*_taken(verdict.taken), *_not_reached(steps[len(verdict.taken) :]))
-        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces))
+        told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
+        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
         self._done(Suite(str(self._path), verdict.scenario, _with_the_rest(cases, verdict), output))
 
 
@@ -136,7 +137,9 @@ def _with_the_rest(cases: tuple[Case, ...], verdict: Verdict) -> tuple[Case, ...
 
 
 def _judges(step: Step) -> bool:
-    return isinstance(step.command, Wait | Expect | ExpectTrace)
+    command = step.command
+    is_asked = isinstance(command, Doctor) and bool(command.cause)
+    return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
 
 
 def _verb(step: Step) -> str:
@@ -249,12 +252,18 @@ class JsonLines:
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""
+        told = [
+            {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
+            for one in verdict.taken
+            if one.told
+        ]
         self.write(
             {
                 "scenario": verdict.scenario,
                 "passed": verdict.passed,
                 "scans": verdict.scans,
                 "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
+                **({"told": told} if told else {}),
             }
         )
 
@@ -305,6 +314,10 @@ class Text:
             self._write(f"    {instance}: {trace}\n")
         for error in verdict.errors:
             self._write(f"    ERROR {one_line(str(error))}\n")
+        for taken in verdict.taken:
+            if taken.told:
+                self._write(f"    step {taken.step.number}: {one_line(taken.step.line)}\n")
+                self._write("".join(f"        {one_line(text)}\n" for text in taken.told.splitlines()))
         for failure in verdict.failures:
             self._write(f"    step {failure.step}: {one_line(failure.line)}\n")
             self._write(f"        found: {one_line(failure.found)}\n")

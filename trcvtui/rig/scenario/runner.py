@@ -6,7 +6,7 @@ Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first;
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import block_row
@@ -15,6 +15,9 @@ from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.scenario.step_runner import Failure, StepRunner
+
+if TYPE_CHECKING:
+    from trcvtui.rig.bench.asked_doctor import Judge
 
 MOST_KEPT: Final = 100
 NEWEST: Final = 5
@@ -124,6 +127,7 @@ class StepTaken:
     until_ns: int
     failure: Failure | None
     errors: tuple[ErrorTold, ...] = ()  # where it failed: the newest before
+    told: str = ""  # by the doctor
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +175,14 @@ class Runner:
         name: str,
         pace: Pace,
         on_scan: Callable[[int, Iterable[StatusEdge], Mapping[str, Delivery]], None],
+        judge: Judge | None = None,
     ) -> None:
         self._bench = bench
         self._name = name
         self._pace = pace
         self._on_scan = on_scan
         self._stage = StepRunner(bench)
+        self._stage.judge = judge
         self._taken: list[StepTaken] = []
         self._errors = Errors()
 
@@ -187,7 +193,7 @@ class Runner:
                 self._scan()
             failure = self._stage.failure
             errors = self._errors.newest() if failure is not None else ()
-            self._taken.append(StepTaken(step, self._elapsed(), failure, errors))
+            self._taken.append(StepTaken(step, self._elapsed(), failure, errors, self._stage.told))
             if self._stage.is_over:
                 break
         return Verdict(

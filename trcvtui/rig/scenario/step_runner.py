@@ -11,15 +11,21 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterator
 from itertools import islice, repeat
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.records import dataclass
+from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTest
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
 
+if TYPE_CHECKING:
+    from trcvtui.rig.bench.asked_doctor import Judge
+
+NOBODY_KEEPS: Final = "a run that nobody keeps: `trcvtui scenario` does, and the prompt of a bench"
+LOOK_NS: Final = 2_000_000  # between two looks at whether the doctor has ended
 MOST_RUNS_SINCE: Final = 100_000
 MOST_RUNS_TOLD: Final = 5000
 
@@ -100,12 +106,14 @@ class Failure:
 
 
 class StepRunner:
-    """Steps on one bench. `failure` is that of the last step; `is_over` once a `wait` has failed."""
+    """Steps on one bench. `failure` and `told` are of the last step; `is_over` once a `wait` has failed."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         self.failure: Failure | None = None
         self.is_over = False
+        self.told = ""
+        self.judge: Judge | None = None  # of the run, where somebody keeps it
         self.trial: SplitTest | None = None  # the last one
         self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
         for decl in bench.project.instances:
@@ -113,7 +121,7 @@ class StepRunner:
 
     def take(self, step: words.Step) -> Iterator[None]:
         """Take one step; each time this yields, one scan has to pass and `scanned` to be called."""
-        self.failure = None
+        self.failure, self.told = None, ""
         match step.command:
             case words.RunScans(scans):
                 yield from repeat(None, scans)
@@ -130,6 +138,8 @@ class StepRunner:
                     self._fail(step, str(section))
             case words.TrySplits() as command:
                 yield from self._try_splits(step, command)
+            case words.Doctor() as command:
+                yield from self._ask_doctor(step, command)
             case command:
                 self._do(step, command)
 
@@ -159,6 +169,24 @@ class StepRunner:
         wrong = self.trial.verdict()
         if wrong:
             self._fail(step, wrong)
+
+    def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
+        """Let the doctor look; meanwhile scans pass that the clock asks for, in virtual time none."""
+        from trcvtui.rig.bench.asked_doctor import BenchDoctor
+
+        if self.judge is None:
+            self._fail(step, NOBODY_KEEPS)
+            return
+        doctor = BenchDoctor()
+        doctor.ask(self.judge, self.bench, step.number, step.line, command)
+        while not (answers := [*doctor.go_on(self.judge, self.bench, is_wanted=False)]):
+            if self.bench.kernel_name == "live":
+                yield
+            else:
+                clock.sleep_until(clock.now_ns() + LOOK_NS)
+        self.told = answers[0].told
+        if answers[0].error:
+            self._fail(step, answers[0].error)
 
     def _fail(self, step: words.Step, what: str) -> None:
         self.failure = Failure(step.number, step.line, what)

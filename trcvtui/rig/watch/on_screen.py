@@ -101,6 +101,7 @@ def watch_main(
 def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | None], file: Path) -> TimeLine:
     """Return the run of the shadows; raise UserError."""
     from trcvtui.capture.recording import Recording, RecordingWriter
+    from trcvtui.rig.recording.asked import FilesJudge
     from trcvtui.rig.recording.recorder import RunRecorder
     from trcvtui.rig.replay.time_line import CaptureRun, TimeLine
 
@@ -132,7 +133,8 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
         made = planned(project, plc, other or dialect, sets)[0](found.all)
         return made.project, made.notes
 
-    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change)
+    judge = FilesJudge(lambda: paths, plc, project)
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge)
     return TimeLine(Recording(file), shown_name(paths), 1, capture)
 
 

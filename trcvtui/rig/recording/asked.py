@@ -1,0 +1,76 @@
+"""Processes that are asked once: the last state of a run, a verdict on it or on files.
+
+Rule: nobody waits for an answer; it is there when the process is over.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from trcvtui.files import unnamed
+from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.recording.writer import JUDGE_FILES, WriterProcess
+
+
+class AnswerOnItsWay:
+    """A process that makes something of what is put into it: an answer, when it is over."""
+
+    def __init__(self, main: tuple[str, str]) -> None:
+        self._opened = ExitStack()
+        self._file, name = self._opened.enter_context(unnamed())
+        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
+        self.process = WriterProcess(path, RecordTo(path), waits=False, main=main)
+
+    def go_on(self) -> bytes | None:
+        """Let what waits cross; return the answer when the process is over, None before."""
+        self.process.go_on()
+        if not (self.process.is_over or self.process.trouble):
+            return None
+        content = os.pread(self._file, os.fstat(self._file).st_size, 0)
+        self.close()
+        return content
+
+    def close(self) -> None:
+        """Let everything go."""
+        self.process.kill()
+        self._opened.close()
+
+
+class FilesJudge:
+    """Judges captures and recordings: `files` gives their names when somebody asks."""
+
+    def __init__(
+        self,
+        files: Callable[[], Sequence[str]],
+        plc: str | None = None,
+        project: Path | None = None,
+        looks_again: bool = False,
+    ) -> None:
+        self.judged = b""
+        self.looks_again = looks_again
+        self._files, self._plc = files, plc
+        self._project = None if project is None else str(project)
+        self._answer: AnswerOnItsWay | None = None
+
+    @property
+    def is_judging(self) -> bool:
+        """Return whether it looks."""
+        return self._answer is not None
+
+    def judge(self) -> None:
+        """Let a process look."""
+        if self._answer is None:
+            self._answer = AnswerOnItsWay(JUDGE_FILES)
+            asked = [*self._files()], self._plc, self._project
+            self._answer.process.put(json.dumps(asked).encode())
+            self._answer.process.finish()
+
+    def go_on(self) -> None:
+        """Find out whether it has ended."""
+        content = self._answer.go_on() if self._answer is not None else None
+        if content is not None:
+            self.judged, self._answer = content, None

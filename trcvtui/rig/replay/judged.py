@@ -1,0 +1,134 @@
+"""A run or captures, judged by a process beside: it gets blocks of a journal, or the names of files.
+
+Bounds: MOST_FINDINGS, the surest, in texts of MOST_TEXT characters.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui.capture.journal import RunBegins, entries_of
+from trcvtui.capture.pcap import open_capture
+from trcvtui.capture.recording import Recording, RecordingWriter
+from trcvtui.errors import UserError
+from trcvtui.files import unnamed
+from trcvtui.rig.diagnosis.doctor import DoctorQuestion, judge, verdict_on_project
+from trcvtui.rig.recording.writer import write_all
+from trcvtui.rig.replay.job_facts import recorded_facts
+from trcvtui.rig.replay.keyframes import Keyframes
+
+MOST_FINDINGS: Final = 64
+MOST_TEXT: Final = 400
+Found = dict[str, Any]
+
+
+def found_in(paths: Sequence[str], asked: DoctorQuestion) -> Found:
+    """Return what the doctor finds, as plain data: each finding with its ends, and its time in the run."""
+    findings: list[Found] = []
+    conversations = 0
+    for path in paths:
+        verdicts, _, _ = judge(path, asked)
+        zero_ns = _first_packet_ns(path) - _run_begins_ns(path)
+        for verdict in verdicts:
+            conversations += verdict["conversation"] is not None
+            for one in verdict["findings"]:
+                t_ns = None if one["t_s"] is None else zero_ns + round(one["t_s"] * 1e9)
+                findings.append({**one, "ends": verdict["conversation"], "t_ns": t_ns})
+    findings.sort(key=lambda one: -one["confidence"])
+    for one in findings[:MOST_FINDINGS]:
+        one["evidence"] = [text[:MOST_TEXT] for text in one["evidence"]]
+    return {"conversations": conversations, "findings": findings[:MOST_FINDINGS], "trouble": ""}
+
+
+def with_lint(found: Found, path: str) -> Found:
+    """Return it with what is wrong with the project of a recording, where the traffic does not show it."""
+    known = {one["cause"] for one in found["findings"]}
+    try:
+        project = Keyframes(Recording(path), path).begin().bench.project
+    except UserError:  # no scan has passed yet
+        return found
+    more = [one for one in verdict_on_project(project)["findings"] if one["cause"] not in known]
+    findings = [*found["findings"], *({**one, "ends": None, "t_ns": None} for one in more)]
+    return {**found, "findings": sorted(findings, key=lambda one: -one["confidence"])[:MOST_FINDINGS]}
+
+
+def _first_packet_ns(path: str) -> int:
+    with open_capture(path) as reader:
+        return next((packet.ns for packet in reader), 0)
+
+
+def _run_begins_ns(path: str) -> int:
+    """Return when time 0 of a run was; of a capture it is that of its first packet."""
+    try:
+        first = next(iter(Recording(path).entries()), None)
+    except UserError:
+        return _first_packet_ns(path)
+    return first.wall_ns if isinstance(first, RunBegins) else 0
+
+
+class _ToBeJudged:
+    """Takes all that is to be judged, and at the end of it writes what is found."""
+
+    trouble = ""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def take_block(self, block: bytes) -> None:
+        """Take the names of the captures."""
+        self._asked = json.loads(block)
+
+    def go_on(self, until: int) -> bool:
+        """Do nothing: all of it is needed first."""
+        return False
+
+    def close(self) -> None:
+        """Judge, and write what is found."""
+        try:
+            found = self._found()
+        except UserError as wrong:
+            found = {"conversations": 0, "findings": [], "trouble": wrong.lines()[0][:MOST_TEXT]}
+        Path(self._path).write_text(json.dumps(found))
+
+    def _found(self) -> Found:
+        from trcvtui.rig.diagnosis.lint import receivers_of
+        from trcvtui.rig.scenario.scenario import load_bench
+
+        files, plc, project = self._asked
+        receivers = () if project is None else receivers_of(load_bench(Path(project)))
+        return found_in(files, DoctorQuestion(plc, receivers, recorded_facts))
+
+
+class _JudgedRun(_ToBeJudged):
+    """The journal of a run, as far as it is kept."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(path)
+        self._opened = ExitStack()
+        handle, self._name = self._opened.enter_context(unnamed())
+        file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
+        self._writer = RecordingWriter(self._name, file=file)
+
+    def take_block(self, block: bytes) -> None:
+        """Take entries."""
+        self._writer.take(entries_of([block], self._name))
+
+    def _found(self) -> Found:
+        self._writer.close()
+        with self._opened:
+            return with_lint(found_in([self._name], DoctorQuestion(recorded=recorded_facts)), self._name)
+
+
+def run_main(path: str, asked: str) -> None:
+    """Be the process that judges a run (rig/recording/black_box.py)."""
+    write_all(asked, lambda _: _JudgedRun(path), path)
+
+
+def files_main(path: str, asked: str) -> None:
+    """Be the process that judges files (rig/replay/time_line.py)."""
+    write_all(asked, lambda _: _ToBeJudged(path), path)

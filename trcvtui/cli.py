@@ -331,6 +331,11 @@ def _doctor(args: SimpleNamespace) -> int:
     projects = [_path(file) for file in args.files if file.endswith(".toml")]
     lints = [verdict_on_project(_load_bench(path)) for path in projects]
     files = [_given(file) for file in args.files if not file.endswith(".toml")]
+    if args.suggest is not None:
+        from trcvtui.rig.diagnosis.suggest import suggest
+
+        for line in suggest(files, args.plc, _path(args.suggest)):
+            sys.stderr.write(f"{line}\n")
     if args.time is None:
         return doctor(files, asked, args.format, args.jobs, lints)
     from tempfile import TemporaryDirectory
@@ -746,6 +751,7 @@ def _add_doctor(parser: ArgumentRows) -> None:
     )
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="of --for; default: live")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
+    parser.add_argument("--suggest", metavar="NEW.toml", help="write a project that takes what comes")
 
 
 def _add_watch(parser: ArgumentRows) -> None:

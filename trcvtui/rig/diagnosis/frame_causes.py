@@ -81,7 +81,7 @@ class UsualSize(NamedTuple):
     messages: int
 
 
-def _judged(line: LineFacts) -> tuple[LineMessage, ...]:
+def judged_messages(line: LineFacts) -> tuple[LineMessage, ...]:
     """Return the messages that are whole: not the one that the capture, or an end, may have cut."""
     found = line.messages
     if len(found) > FEW and not line.has_begin:
@@ -91,7 +91,8 @@ def _judged(line: LineFacts) -> tuple[LineMessage, ...]:
     return found
 
 
-def _sizes(messages: Sequence[LineMessage]) -> UsualSize:
+def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
+    """Return the sizes of messages; several messages at once count as theirs."""
     counted = Counter(one.size for one in messages)
     if not counted:
         return UsualSize(0, 0.0, 0, 0)
@@ -109,9 +110,7 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
         return None
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    begins = bytes(line.to_plc.content[:3])
-    is_session = begins[:2] in (b"\x16\x03", b"\x15\x03") or begins == b"\x03\x00\x00"
-    return receiver if known == kind and not is_session else None
+    return receiver if known == kind and not is_session(line) else None
 
 
 def _aligned(messages: Sequence[LineMessage], need: int, start: int) -> list[bool]:
@@ -124,7 +123,7 @@ def _start(line: LineFacts) -> int:
 
 def _is_right(line: LineFacts, need: int) -> bool:
     """Return whether frames of `need` bytes end where messages end."""
-    found = _judged(line)
+    found = judged_messages(line)
     start = _start(line) if line.has_begin else found[0].at
     hits = _aligned(found, need, start)
     if sum(hits) * 100 >= 97 * len(hits):
@@ -141,7 +140,7 @@ def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, Usual
     found = _ready(line, receiver, STATIC)
     if found is None or not line.messages or _is_right(line, found.need):
         return None
-    return found, _sizes(_judged(line))
+    return found, sizes_of(judged_messages(line))
 
 
 def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
@@ -193,8 +192,8 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Said | None:
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
-    sizes = _sizes(_judged(line))
-    too_long = [one for one in _judged(line) if one.size > room.need]
+    sizes = sizes_of(judged_messages(line))
+    too_long = [one for one in judged_messages(line) if one.size > room.need]
     if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
         return None
     most = max(one.size for one in too_long)
@@ -208,7 +207,7 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Said | None:
     if found is None:
         return None
     wanted, sizes = found
-    messages = _judged(line)
+    messages = judged_messages(line)
     counted = Counter(one.size for one in messages)
     if sizes.messages < FEW or sizes.share >= 0.85 or (sizes.different < 3 and sizes.share > 0.8):
         return None
@@ -253,13 +252,13 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Said | None:
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Said | None:
     wanted = _ready(line, receiver, AD_HOC)
-    messages = _judged(line)
+    messages = judged_messages(line)
     if wanted is None or len(messages) < FEW:
         return None
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
     if len(split) < 2 or len(split) * 8 < len(messages):
         return None
-    sizes = _sizes(messages)
+    sizes = sizes_of(messages)
     sure = 0.94 if sizes.share > 0.7 or sizes.usual == wanted.need else 0.8
     pause = sorted(one.pause_ns for one in split)[len(split) // 2]
     pieces = max(one.pieces for one in split)
@@ -279,7 +278,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
     if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
         return None
     known = _ready(line, receiver, AD_HOC)
-    if (receiver is not None and known is None) or _is_foreign(line):
+    if (receiver is not None and known is None) or is_session(line):
         return None
     writes = line.to_plc.writes
     counted = Counter(write.size for write in writes)
@@ -312,7 +311,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
     return Said(sure, (text,), "to-plc", at, name or None, (mend,) if name else ())
 
 
-def _is_foreign(line: LineFacts) -> bool:
+def is_session(line: LineFacts) -> bool:
+    """Return whether bytes to the PLC are TLS, or ISO-on-TCP."""
     begins = bytes(line.to_plc.content[:3])
     return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
 
@@ -390,8 +390,8 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Said | None:
 def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     """Return messages as they came, or frames of the stream where those end with messages."""
     content, need = bytes(line.to_plc.content), receiver.need
-    found = _judged(line) or line.messages
-    sizes = _sizes(found)
+    found = judged_messages(line) or line.messages
+    sizes = sizes_of(found)
     if line.protocol == "tcp" and not receiver.adhoc and _is_right(line, need):
         start = _start(line) if line.has_begin else found[0].at
         parts = [content[at : at + need] for at in range(start, len(content) - need + 1, need)]
@@ -415,7 +415,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | N
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
-    if receiver.is_whole or _is_foreign(line) or line.to_plc.cut:
+    if receiver.is_whole or is_session(line) or line.to_plc.cut:
         return None
     frames = _frames(line, receiver)
     if len(frames) < 2 or len(frames[0]) > 4096:

@@ -189,7 +189,21 @@ def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
     controller = Controller(bench)
     controller.take(1, "record")
     assert controller._answers[-1].error.startswith("prompt: found no black box for this run, expected ")
+    controller.tell_recording("run.pcapng 3.8 KB", "")
+    controller.take(2, "record")
+    assert controller._answers[-1].error.startswith("prompt: found a run that --record keeps, to its end")
     bench.close()
+
+
+def test_why_a_file_was_not_written_stands_whole_in_the_history(run: Run, tmp_path: Path) -> None:
+    run.scans(20)
+    name = "x" * 300
+    assert run.line(f"save recording {tmp_path}/{name}").startswith("the recording, ")
+    run.until_written()
+    for _ in range(2):
+        run.controller.tell_recording(run.recorder.text(), run.recorder.wrong)
+    told = [str(line.event) for line in run.controller.bench.runtime.ledger if "xxx" in str(line.event)]
+    assert len(told) == 1 and "File name too long" in told[0]
 
 
 def test_a_wrong_word_for_the_switch_is_a_mistake(tmp_path: Path) -> None:

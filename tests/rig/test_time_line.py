@@ -9,13 +9,14 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import recorded
-from trcvtui.capture.journal import STEP, Answered, Entry, Keyframe
+from trcvtui.capture.journal import STEP, Answered, EntriesLost, Entry, Keyframe
 from trcvtui.capture.recording import BlockPlace
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache, with_changes
+from trcvtui.rig.replay.command import check
 from trcvtui.rig.replay.driver import SLICE_NS, ReplayDriver
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.replay.survey import PIECES, read_at
@@ -262,6 +263,19 @@ def test_another_value_that_is_none_is_told_in_one_line(line: str) -> None:
     update = stood.go(line)
     assert "expected" in update.answers[0].error and "\n" not in update.answers[0].error
     assert update.position is not None and not update.position.what_if
+
+
+def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
+    at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
+    lost = EntriesLost(5, "the writer could not follow")
+    entries = (*journal()[:at], lost, *journal()[at + 5 :])
+    told = (
+        "a recording: found a gap of 5 entries (the writer could not follow) after 200 scans, "
+        f"and {LAST - 201} more that cannot run again after it, expected the end of the run"
+    )
+    position = Stood("end", entries).update().position
+    assert position is not None and (position.scan, position.note) == (200, told)
+    assert check(RunAgain(iter(entries), "a recording")) == told
 
 
 def test_a_what_if_reads_the_journal_in_slices_and_the_screen_goes_on() -> None:

@@ -164,6 +164,10 @@ class Replay:
         """Return whether somebody has ended the recording here, while the run went on."""
         return isinstance(self._front, EntriesLost) and self._front.why == ENDED_HERE
 
+    def scans_left(self) -> int:
+        """Return how many scans come after a gap, to which nothing leads; the entries are gone then."""
+        return sum([type(entry) is Answered and entry.call == STEP for entry in self.entries])
+
     def end(self) -> None:
         """Raise UserError where the journal goes on after the run has ended."""
         entry = self.coming() or self._front
@@ -184,9 +188,15 @@ class Replay:
         return mistake(f"{self._where}: scan {self.scan}", now, was)
 
 
-def ends_early(where: str, lost: str, scan: int) -> UserError:
-    """Return what is said of a journal that ends before its run, or has a gap after a scan."""
-    return mistake(where, f"{lost or 'the end of the journal'} after {scan} scans", "the end of the run")
+def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:
+    """Return what is said of a journal that ends before its run, or has a gap after a scan.
+
+    Keyframes are made of the journal: after a gap there are none, and `left` scans cannot run again.
+    """
+    more = f", and {left} more that cannot run again after it" if left else ""
+    return mistake(
+        where, f"{lost or 'the end of the journal'} after {scan} scans{more}", "the end of the run"
+    )
 
 
 def _tell_nobody(note: Note) -> None:

@@ -159,7 +159,7 @@ class Controller:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
-        self.recorded = ""  # what the screen shall know of a recording
+        self.recorded = self._wrong_recording = ""  # what the screen shall know of a recording
         self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
         self.over = ""  # why nothing more comes
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
@@ -347,7 +347,18 @@ class Controller:
         """Return who judges the run, None where nobody keeps it."""
         return self.black_box
 
+    def tell_recording(self, text: str, wrong: str) -> None:
+        """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
+        self.recorded = text
+        if wrong != self._wrong_recording:
+            self._wrong_recording = wrong
+            self.bench.note(RECORDING, wrong)
+
     def _box(self) -> BlackBox:
+        if self.black_box is None and self.recorded:
+            raise mistake(
+                "prompt", "a run that --record keeps, to its end", "that recording, or `trcvtui run` without"
+            )
         if self.black_box is None:
             raise mistake("prompt", "no black box for this run", BOX_OFF)
         return self.black_box

@@ -178,7 +178,7 @@ class Engine:
         """
         if self._recorder is not None:
             self._recorder.gap(self._bench)
-            self._controller.recorded = self._recorder.text()
+            self._controller.tell_recording(self._recorder.text(), self._recorder.wrong)
         self._read_ledger()
         self._take_messages()
         self._deliver(self._due - SPARE_NS)

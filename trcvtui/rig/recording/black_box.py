@@ -47,6 +47,7 @@ class BlackBox:
 
     def __init__(self, most: int = MOST_BYTES) -> None:
         self._told, self._told_at = "", 0  # how the last file has ended
+        self.file_trouble = ""  # why the last file that went wrong did
         self._most = most
         self._begins: RunBegins | None = None
         self._block = BlockWriter(0)
@@ -118,7 +119,8 @@ class BlackBox:
         if self._recording is not None:
             self._recording.go_on()
             if self._recording.trouble:
-                self._tell(self._recording.trouble)
+                self.file_trouble = self._recording.trouble
+                self._tell(self.file_trouble)
                 self._recording.close()
                 self._recording = None
         if self._state is not None:
@@ -135,6 +137,7 @@ class BlackBox:
             writer.go_on()
             if writer.is_over:
                 self._ending.remove(writer)
+                self.file_trouble = writer.trouble or self.file_trouble
                 self._tell(writer.trouble or f"{writer.path.name} is written")
 
     def _frame_of(self, content: bytes) -> list[Keyframe]:

@@ -193,6 +193,11 @@ class RunRecorder:
         secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
         return [one_line(line) for line in (secrets, self.trouble) if line]
 
+    @property
+    def wrong(self) -> str:
+        """Return what went wrong last, of the run's own file or of one that was asked for; "" for nothing."""
+        return self.trouble or (self.box.file_trouble if self.box is not None else "")
+
     def text(self) -> str:
         """Return the name of the file and its size, or why nothing is written any more."""
         if self.box is not None:

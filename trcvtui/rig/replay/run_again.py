@@ -158,4 +158,5 @@ class RunAgain:
 
     def differs(self) -> UserError:
         """Return what is said of a journal that ends before its run."""
-        return ends_early(self.where, self.replay.lost, self.bench.runtime.scans)
+        left = self.replay.scans_left() if self.replay.lost else 0
+        return ends_early(self.where, self.replay.lost, self.bench.runtime.scans, left)

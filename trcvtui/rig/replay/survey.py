@@ -59,6 +59,7 @@ class Survey:
         self.is_over = False
         self._entries, self._where = entries, where
         self._is_whole = False  # the run was ended here
+        self._lost, self._left = "", 0  # what a gap has lost, and how many scans come after it
         self._skipped = 0
         self._notes: list[tuple[int, str]] = []  # after which scan, and what was told
         self._marks = (0, 0), b""
@@ -86,13 +87,19 @@ class Survey:
                 if self._take(entry):
                     return
             if len(some) < READ_AT_ONCE:
-                self._end("")
+                self._end()
 
     def _take(self, entry: Entry) -> bool:
-        """Note what an entry tells; return whether the run cannot go on after it."""
+        """Note what an entry tells; return whether nothing more is to be known."""
+        if self._lost:
+            self._left += isinstance(entry, Answered) and entry.call == STEP
+            return False
         if isinstance(entry, EntriesLost) and (self.times or not self.first):
             self._is_whole = entry.why == ENDED_HERE
-            self._end(str(entry))
+            if not self._is_whole:
+                self._lost = str(entry)
+                return False
+            self._end()
             return True
         if not isinstance(entry, Answered):
             return False
@@ -119,10 +126,10 @@ class Survey:
         if self._offset > self.first:
             self.times.append(ns)
 
-    def _end(self, lost: str) -> None:
+    def _end(self) -> None:
         self.is_over = True
         if not self._is_whole:
-            self.trouble = str(ends_early(self._where, lost, self.last))
+            self.trouble = str(ends_early(self._where, self._lost, self.last, self._left))
 
     def cut(self, scan: int, why: str) -> None:
         """Let the run end after a scan: it cannot go on."""

@@ -12,7 +12,7 @@ import pytest
 
 from tests.rig.test_keyframes import lines
 from tests.rig.test_time_line import LAST, InMemory, journal
-from trcvtui.capture.journal import DO, STEP, Answered, Entry
+from trcvtui.capture.journal import DO, STEP, Answered, BlockWriter, Entry
 from trcvtui.capture.recording import INDEX, KEYFRAME, Recording
 from trcvtui.capture.state import Shared, from_state, state_of
 from trcvtui.cli import main
@@ -24,6 +24,8 @@ from trcvtui.rig.replay.command import check
 from trcvtui.rig.replay.follower import Followed
 from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.what_if import WhatIf
+from trcvtui.rig.report.run_notes import RunNotes
 
 SECOND = 1_000_000_000
 
@@ -97,6 +99,36 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
     assert main(["replay", str(path), "--format", "jsonl"]) == 0
     printed = capsys.readouterr().out
     assert printed.count("\n") > 1
+
+
+def test_a_file_that_ends_at_once_has_its_keyframe(tmp_path: Path) -> None:
+    sink = Followed(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
+    for some in scans(journal()):
+        block = BlockWriter(0)
+        for entry in some:
+            block.take(entry)
+        sink.take_block(block.block())
+    sink.close()
+    last = sorted(tmp_path.iterdir())[-1]
+    run, first = begun(last)
+    assert first > 0 and check(run) == "" and run.bench.runtime.scans == LAST
+
+
+def test_a_state_that_breaks_later_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, page = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1], tmp_path / "page.html"
+
+    def broken(notes: RunNotes) -> None:
+        raise AttributeError("no such field")
+
+    monkeypatch.setattr(RunNotes, "scanned", broken)
+    assert main(["report", str(path), "--out", str(page)]) == 2
+    assert "found AttributeError no such field, expected a keyframe of this run" in capsys.readouterr().err
+    monkeypatch.setattr(WhatIf, "scan", broken)
+    assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 2
+    assert "expected a keyframe of this run" in capsys.readouterr().err
+    assert not page.exists()
 
 
 def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(

@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.capture.journal import HOLDS_SECRETS
 from trcvtui.errors import UserError, mistake
 from trcvtui.rig.replay.keyframes import Keyframes
-from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.run_again import RunAgain, restored_state
 from trcvtui.rig.scenario.report import JsonLines
 from trcvtui.rig.scenario.runner import Runner, VirtualPace, deliveries
 
@@ -61,12 +61,14 @@ def what_if_file(
     if is_check:
         raise mistake("trcvtui replay", "--check with --set or --dialect", "one of them")
     recording = Recording(path)
-    run = WhatIf(Keyframes(recording, str(path)), sets, dialect)
-    if form is not None:
-        print_both(run, sys.stdout.write)
-    else:
-        run.play()
-        sys.stdout.writelines(f"{line}\n" for line in run.summary())
+    keyframes = Keyframes(recording, str(path))
+    with restored_state(keyframes.first > 0, str(path)):
+        run = WhatIf(keyframes, sets, dialect)
+        if form is not None:
+            print_both(run, sys.stdout.write)
+        else:
+            run.play()
+            sys.stdout.writelines(f"{line}\n" for line in run.summary())
     if recording.stopped or run.trouble:
         sys.stderr.write(f"{recording.stopped or run.trouble}\n")
     return SAME
@@ -97,7 +99,8 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
             sys.stderr.write(f"{path} {HOLDS_SECRETS}\n")
         return DIFFERS if wrong else SAME
     try:
-        return SAME if print_jsonl(run, sys.stdout.write) else DIFFERS
+        with restored_state(run.is_restored, str(path)):
+            return SAME if print_jsonl(run, sys.stdout.write) else DIFFERS
     except UserError as told:
         sys.stderr.write(f"{recording.stopped or told}\n")
         return DIFFERS

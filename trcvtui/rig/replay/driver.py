@@ -67,6 +67,8 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
 
 
 def _serve(channel: Channel, time_line: TimeLine) -> None:
+    from trcvtui.rig.replay.run_again import restored_state
+
     pipe, request, is_busy = UpdatePipe(channel), None, True
     while True:
         waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
@@ -76,10 +78,11 @@ def _serve(channel: Channel, time_line: TimeLine) -> None:
                 request = message
             else:
                 time_line.take(*message)
-        is_busy = time_line.work(clock.now_ns() + SLICE_NS)
-        if request is not None and not pipe.is_busy():
-            pipe.begin(time_line.collect(request))
-            request = None
+        with restored_state(time_line.controller.run.is_restored, time_line.where):
+            is_busy = time_line.work(clock.now_ns() + SLICE_NS)
+            if request is not None and not pipe.is_busy():
+                pipe.begin(time_line.collect(request))
+                request = None
         if pipe.is_busy():
             with suppress(BlockingIOError):
                 pipe.go_on(clock.now_ns() + SLICE_NS)

@@ -34,6 +34,7 @@ SPACING_NS: Final = 30_000_000_000
 MOST_WAITING: Final = 64 << 20  # bytes
 MOST_LAZY: Final = 100_000  # entries
 NEVER: Final = 1 << 62
+PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is to be closed
 
 
 class _Coming(PlaceInJournal):
@@ -126,7 +127,9 @@ class Followed:
                 self.go_on(NEVER)
 
     def close(self) -> None:
-        """End the file."""
+        """End the file; one that begins in the middle waits a while for its first keyframe."""
+        if self._sink.first_scan != self._file:
+            self.go_on(clock.now_ns() + PATIENCE_NS)
         self._give_up()
         self._sink.close()
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, cast
 
@@ -40,6 +41,19 @@ def declared(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> R
             return begins, None, load_bench(path, options)
         scenario = load_scenario(path, options)
         return begins, scenario, scenario.project
+
+
+@contextmanager
+def restored_state(is_restored: bool, where: str) -> Iterator[None]:
+    """Let whatever goes wrong with a run of a keyframe be one line: bytes of a file have made it."""
+    try:
+        yield
+    except (UserError, OSError):
+        raise
+    except Exception as wrong:
+        if not is_restored:
+            raise
+        raise mistake(where, f"{type(wrong).__name__} {wrong}"[:120], "a keyframe of this run") from None
 
 
 class RunAgain:
@@ -83,15 +97,8 @@ class RunAgain:
 
         Raise UserError at the first difference.
         """
-        try:
+        with restored_state(self.is_restored, self.where):
             return self._scan()
-        except UserError:
-            raise
-        except Exception as wrong:
-            if not self.is_restored:
-                raise
-            found = f"{type(wrong).__name__} {wrong}"[:120]
-            raise mistake(f"{self.where}: scan {self.replay.scan}", found, "a keyframe of this run") from None
 
     def _scan(self) -> bool:
         while (entry := self.replay.coming()) is not None:

@@ -187,7 +187,7 @@ class TimeLine:
     def __init__(
         self, journal: Journal, where: str, at: int | Search = 1, capture: CaptureRun | None = None
     ) -> None:
-        self._journal, self._where, self._capture = journal, where, capture
+        self._journal, self.where, self._capture = journal, where, capture
         self._keyframes = keyframes = Keyframes(journal, where, capture.project if capture else None)
         self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
         judge = FilesJudge(lambda: (journal.path,)) if isinstance(journal, Recording) else None

@@ -19,7 +19,7 @@ from trcvtui.rig.diagnosis.lint import receivers_of
 from trcvtui.rig.history.records import Moment
 from trcvtui.rig.replay.job_facts import recorded_facts
 from trcvtui.rig.replay.keyframes import Journal, Keyframes
-from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.run_again import RunAgain, restored_state
 from trcvtui.rig.report.page import MARK, FoundCause, ReportSource, page
 from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.scenario.runner import Runner, Verdict
@@ -74,6 +74,13 @@ def look_at(
 ) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
+    with restored_state(keyframes.first > 0, where):
+        return _look_at(keyframes, journal, where, has_payload)
+
+
+def _look_at(
+    keyframes: Keyframes, journal: Journal, where: str, has_payload: bool
+) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
     if keyframes.first:
         run = keyframes.begin()
         heard = _Heard(run.replay.entries, keyframes.first + 1)
@@ -160,7 +167,8 @@ def report_file(
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
     source = source._replace(findings=findings)
-    with replacing(out, where, is_own=True, mode=0o600) as file:
+    is_restored = recording is not None and run.is_restored
+    with restored_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
         for part in page(source, notes, verdict):
             file.write(part.encode())
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))

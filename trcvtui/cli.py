@@ -337,7 +337,7 @@ def _doctor(args: SimpleNamespace) -> int:
         for line in suggest(files, args.plc, _path(args.suggest)):
             sys.stderr.write(f"{line}\n")
     if args.time is None:
-        return doctor(files, asked, args.format, args.jobs, lints)
+        return doctor(files, asked, args.format, args.jobs, lints, scheduler=args.scheduler)
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -751,6 +751,7 @@ def _add_doctor(parser: ArgumentRows) -> None:
     )
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="of --for; default: live")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
+    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help="a Dask cluster, in place of --jobs")
     parser.add_argument("--suggest", metavar="NEW.toml", help="write a project that takes what comes")
 
 

@@ -217,16 +217,18 @@ def doctor(
     jobs: int,
     before: Iterable[Verdict] = (),
     names: Mapping[str, str] | None = None,
+    scheduler: str | None = None,
 ) -> int:
     """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing read.
 
-    `names`: how a file is called in its verdicts, where that is another name.
+    `names`: how a file is called in its verdicts, where that is another name. `scheduler`: of a Dask cluster,
+    which judges in the place of `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True
     for made in before:
         is_first = _write(write, made, form, is_first)
         total.add(made)
-    for path, answer in _answers(paths, asked, jobs):
+    for path, answer in _answers(paths, asked, jobs, scheduler):
         if isinstance(answer, UserError):
             for text in answer.lines():
                 sys.stderr.write(f"{text}\n")
@@ -278,23 +280,18 @@ Answer = tuple[list[Verdict], list[str], float]
 
 
 def _answers(
-    paths: Sequence[str], asked: DoctorQuestion, jobs: int
+    paths: Sequence[str], asked: DoctorQuestion, jobs: int, scheduler: str | None
 ) -> Iterator[tuple[str, Answer | UserError]]:
-    if jobs <= 1 or len(paths) == 1:
+    if scheduler is None and (jobs <= 1 or len(paths) == 1):
         for path in paths:
             yield path, try_to_judge(path, asked)
         return
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
+    from trcvtui.rig.diagnosis.workers import answers_of_cluster, answers_of_processes
 
-    with ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn")) as pool:
-        paths_of = {pool.submit(try_to_judge, path, asked): path for path in paths}
-        for future in as_completed(paths_of):
-            try:
-                yield paths_of[future], future.result()
-            except BrokenProcessPool:  # a worker died: this process has another try
-                yield paths_of[future], try_to_judge(paths_of[future], asked)
+    if scheduler is None:
+        yield from answers_of_processes(paths, asked, try_to_judge, jobs)
+    else:
+        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler)
 
 
 def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:

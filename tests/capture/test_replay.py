@@ -16,7 +16,7 @@ from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import Bench as Workbench
 from tests.net.sim.net_sim import SimNetwork
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS, PatientPace
-from trcvtui.capture.journal import Answered, Entry, Note, blocks, entries_of
+from trcvtui.capture.journal import DO, SKIP, Answered, Entry, Note, blocks, entries_of
 from trcvtui.capture.replay import Replay
 from trcvtui.capture.seam import Seam, SeamRecorder, seam_kernel
 from trcvtui.errors import UserError
@@ -66,6 +66,14 @@ def holds(path: Path, kernel: str) -> None:
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+@pytest.mark.parametrize(
+    ("call", "args"), [(SKIP, ()), (SKIP, ("1",)), (SKIP, (-1,)), (SKIP, (1 << 41,)), (DO, ()), (DO, (1,))]
+)
+def test_a_journal_with_a_strange_command_ends_there(call: str, args: tuple[object, ...]) -> None:
+    with pytest.raises(UserError, match="an answer that this call can give"):
+        list(entries_of(blocks([Answered("bench", call, args, None)]), "R"))
+
+
 def test_a_scenario_that_was_recorded_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
     holds(path, "sim")
 

@@ -34,6 +34,7 @@ MOST_ENTRIES: Final = 1 << 20  # from which on it is full, too
 DEEPEST: Final = 8  # values inside values
 STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
 SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
+MOST_SKIPPED: Final = 1 << 40  # scans in one entry
 SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
 DO, REST, CLOSE = "do", "rest", "close"  # a command in words; the peers go on in a hold; the end of the run
 GAP: Final = "gap "
@@ -215,6 +216,10 @@ def can_answer(entry: Answered) -> bool:
     _, call, args, answer = entry
     if call == READ:
         return len(args) == 1 and type(args[0]) is str and type(answer) in (bytes, str)
+    if call == SKIP:
+        return len(args) == 1 and type(args[0]) is int and 0 < args[0] <= MOST_SKIPPED and answer is None
+    if call == DO:
+        return len(args) == 1 and type(args[0]) is str and answer is None
     call = call.removeprefix(GAP)
     if type(answer) not in ANSWERS.get(call, ()):
         return False

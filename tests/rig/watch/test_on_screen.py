@@ -63,6 +63,19 @@ def test_scans_in_which_nothing_happened_can_be_gone_to(watch: Watch, tmp_path: 
     assert at(line, "T#2m10s")[0] == 13_001
 
 
+def test_a_month_of_silence_is_as_short_to_keep_as_a_second(watch: Watch, tmp_path: Path) -> None:
+    bench, month_ms = project(tmp_path), 30 * 86_400_000
+    watch([*handshake(), *stream(12, 12)], "--project", str(bench), step_ms=month_ms)
+    line = shown(watch.path, bench)
+    work(line)
+    assert len(line.survey.times) < 1000 and line.survey.last > 4 * month_ms // 10
+    for scan in (1, 2, 1_000_000, month_ms // 10, 3 * month_ms // 10 + 77):
+        ns = line.survey.time_of(scan)
+        assert ns == (scan - 1) * 10_000_000
+        assert line.survey.scan_at(ns) == scan == line.survey.scan_at(ns - 1)
+        assert at(line, str(scan))[0] == scan
+
+
 def test_missing_bytes_are_told_from_their_scan_on(watch: Watch, tmp_path: Path) -> None:
     first, _, _, *rest = stream(12, 5, 7, 12)
     packets = [*handshake(), first, *rest, answer(seq=501, ack=137)]

@@ -52,7 +52,8 @@ class Survey:
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
         self.first, self._offset = first, offset
-        self.times = array("q")  # ns, of each scan
+        self.times = array("q")  # ns, of each scan that was run
+        self._scans = array("q")  # its number
         self.errors = array("q")  # scans in which an ERROR comes
         self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
         self.trouble = ""  # why the recording ends before the run
@@ -67,12 +68,28 @@ class Survey:
     @property
     def last(self) -> int:
         """Return the last scan that was seen."""
-        return self.first + len(self.times)
+        return self._scans[-1] if self._scans else self.first
 
     def time_of(self, scan: int) -> int:
         """Return the time of a scan, ns; that of the nearest one that was seen."""
-        at = min(scan, self.last) - self.first - 1
-        return self.times[max(0, at)] if self.times and scan > 0 else 0
+        if not self.times or scan <= 0:
+            return 0
+        scan = max(self.first + 1, min(scan, self.last))
+        before, ns, scans, took = self._stretch(bisect_left(self._scans, scan))
+        return ns + (scan - before) * took // scans
+
+    def scan_at(self, ns: int) -> int:
+        """Return the first scan at this time or after it; after all that were seen, the next one."""
+        at = bisect_left(self.times, ns)
+        if at == len(self.times):
+            return self.last + 1
+        before, began, scans, took = self._stretch(at)
+        return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
+
+    def _stretch(self, at: int) -> tuple[int, int, int, int]:
+        """Return the scan that was run before another one, its time, and how many scans and ns it took."""
+        scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
+        return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
     def notes_before(self, scan: int) -> list[str]:
         """Return the last notes up to a scan."""
@@ -118,13 +135,11 @@ class Survey:
         return False
 
     def _step(self, ns: int) -> None:
-        before = self.times[-1] if self.times else 0
-        for number in range(1, self._skipped + 1):  # scans that were counted and not run
-            self.times.append(before + number * (ns - before) // (self._skipped + 1))
-        self._offset += self._skipped + 1
+        self._offset += self._skipped + 1  # those that were counted and not run have no time of their own
         self._skipped = 0
         if self._offset > self.first:
             self.times.append(ns)
+            self._scans.append(self._offset)
 
     def _end(self) -> None:
         self.is_over = True
@@ -133,7 +148,8 @@ class Survey:
 
     def cut(self, scan: int, why: str) -> None:
         """Let the run end after a scan: it cannot go on."""
-        del self.times[max(0, scan - self.first) :]
+        known = bisect_right(self._scans, scan)
+        del self.times[known:], self._scans[known:]
         for scans in (self.errors, *self.edges.values()):
             del scans[bisect_right(scans, scan) :]
         self.trouble, self.is_over = why, True
@@ -142,7 +158,7 @@ class Survey:
         """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
         kind, step, name = search
         if kind == "time":
-            scan = self.first + bisect_left(self.times, step) + 1
+            scan = self.scan_at(step)
             return scan if scan <= self.last else self.last if self.is_over else None
         scans = self.errors if kind == "error" else self.edges.get(name, array("q"))
         if step < 0 and (start <= self.last or self.is_over):
@@ -159,6 +175,6 @@ class Survey:
         if known != self._marks[0]:
             marks = bytearray(PIECES)
             for scan in self.errors:
-                marks[(scan - self.first - 1) * PIECES // len(self.times)] = 1
+                marks[(scan - self.first - 1) * PIECES // (self.last - self.first)] = 1
             self._marks = known, bytes(marks)
         return self._marks[1]

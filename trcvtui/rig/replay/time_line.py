@@ -7,7 +7,6 @@ Rule 3: nothing here changes a bench: who asks for that is told so.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable
 from typing import Final
 
@@ -323,9 +322,7 @@ class TimeLine:
             began, t_ns = self._since
             speed = SPEEDS[self._speed]
             now = t_ns + int((clock.now_ns() - began) * speed) if speed < END else None
-            self._wanted = (
-                END if now is None else max(self._wanted, survey.first + bisect_right(survey.times, now))
-            )
+            self._wanted = END if now is None else max(self._wanted, survey.scan_at(now + 1) - 1)
         if self._search is not None:
             found = survey.found(self._search, self._wanted)
             if found is None:

@@ -265,6 +265,17 @@ def test_another_value_that_is_none_is_told_in_one_line(line: str) -> None:
     assert update.position is not None and not update.position.what_if
 
 
+def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
+    at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
+    stood = Stood(entries=(*journal()[:at], journal()[0], *journal()[at:]))
+    stood.line.take(1, "at end")
+    slices = 0
+    while stood.line.work(clock.now_ns() + SLICE_NS) and slices < 100:
+        slices += 1
+    position = stood.update().position
+    assert position is not None and position.scan == 200 and position.note and slices < 100
+
+
 def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
     lost = EntriesLost(5, "the writer could not follow")

@@ -361,6 +361,8 @@ class TimeLine:
             moving.run.limit = goal
             try:
                 moving.scan()
+                if moving.at == stood:  # the survey has counted scans to which the run does not come
+                    raise moving.run.differs()
             except UserError as wrong:
                 self.survey.cut(stood, str(wrong))
                 self._coming = None

@@ -10,22 +10,22 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, TypeVar
 
 from trcvtui.errors import UserError, mistake
 
-if TYPE_CHECKING:
-    from trcvtui.rig.diagnosis.doctor import Answer, DoctorQuestion
-
-Answered = Iterator[tuple[str, "Answer | UserError"]]
-Judge = Callable[[str, "DoctorQuestion"], "Answer | UserError"]
+Question, Answer = TypeVar("Question"), TypeVar("Answer")
+Answered = Iterator[tuple[str, Answer | UserError]]
+Judge = Callable[[str, Question], Answer | UserError]
 MOST_DEATHS: Final = 2  # of workers that had a file
 CONNECT_S: Final = 10
 LOOK_S: Final = 5  # between two looks whether workers are there
 MOST_TASKS: Final = 256  # that a cluster has at once
 
 
-def answers_of_processes(paths: Sequence[str], asked: DoctorQuestion, judge: Judge, jobs: int) -> Answered:
+def answers_of_processes(
+    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
+) -> Answered[Answer]:
     """Yield the answers of processes of this machine as they come."""
     left = paths
     while left:
@@ -38,7 +38,7 @@ def answers_of_processes(paths: Sequence[str], asked: DoctorQuestion, judge: Jud
 
 
 def _of_pool(
-    paths: Sequence[str], asked: DoctorQuestion, judge: Judge, jobs: int
+    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
 ) -> Generator[tuple[str, Answer | UserError], None, list[str]]:
     """Yield answers; return the paths whose workers are gone, in their order."""
     lost: set[str] = set()
@@ -59,7 +59,9 @@ def _reported(path: str) -> UserError:
 # -- a cluster -----------------------------------------------------------------------------------------------
 
 
-def answers_of_cluster(paths: Sequence[str], asked: DoctorQuestion, judge: Judge, scheduler: str) -> Answered:
+def answers_of_cluster(
+    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], scheduler: str
+) -> Answered[Answer]:
     """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
 
     What no worker can open is read here. Raise UserError where there is no such scheduler.
@@ -82,8 +84,8 @@ def answers_of_cluster(paths: Sequence[str], asked: DoctorQuestion, judge: Judge
 
 
 def _of_workers(
-    client: Any, paths: Sequence[str], asked: DoctorQuestion, judge: Judge, here: list[str]
-) -> Answered:
+    client: Any, paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], here: list[str]
+) -> Answered[Answer]:
     """Yield the answers of a cluster's workers; put into `here` what none of them can answer."""
     from distributed import wait
 
@@ -128,7 +130,9 @@ def _has_killed(task: Any) -> bool:
     return isinstance(task.exception(), KilledWorker)
 
 
-def _judge_there(path: str, asked: DoctorQuestion, judge: Judge) -> tuple[str, Answer | UserError | None]:
+def _judge_there(
+    path: str, asked: Question, judge: Judge[Question, Answer]
+) -> tuple[str, Answer | UserError | None]:
     """Return who judges, and the answer; None where the file cannot be opened there."""
     from distributed import get_worker
 

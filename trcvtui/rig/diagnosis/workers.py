@@ -14,7 +14,8 @@ from typing import Any, Final, TypeVar
 
 from trcvtui.errors import UserError, mistake
 
-Question, Answer = TypeVar("Question"), TypeVar("Answer")
+Question = TypeVar("Question")
+Answer = TypeVar("Answer")
 Answered = Iterator[tuple[str, Answer | UserError]]
 Judge = Callable[[str, Question], Answer | UserError]
 MOST_DEATHS: Final = 2  # of workers that had a file

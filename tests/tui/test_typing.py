@@ -20,6 +20,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
 from trcvtui.rig.scenario.scenario import Found
 from trcvtui.tui.copy_formats import YankScreen, subject_of
+from trcvtui.tui.doctor import DoctorScreen
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.fields import ProjectPart
@@ -88,6 +89,7 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, None), "c"),
     HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),
     DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
+    DoctorScreen: lambda looker: DoctorScreen(looker.app.view_model),
     FramingScreen: lambda looker: FramingScreen(looker.app.view_model),
     LabScreen: lambda looker: LabScreen(looker.app.view_model, Lab(looker.app.view_model), lambda line: None),
     RaceScreen: lambda looker: RaceScreen(looker.app.view_model, lambda line: None, None),

@@ -32,6 +32,7 @@ from trcvtui.tui.widgets.theme import THEMES
 from trcvtui.tui.widgets.typed_lines import obey
 
 if TYPE_CHECKING:
+    from trcvtui.tui.doctor import DoctorScreen, Place
     from trcvtui.tui.framings import FramingScreen
     from trcvtui.tui.lab.lab import Lab
     from trcvtui.tui.lab.screen import LabScreen
@@ -80,6 +81,7 @@ class BenchApp(App[None]):
         Binding("D", "race", show=False, id="race"),
         Binding("X", "dropped", show=False, id="dropped"),
         Binding("B", "framings", show=False, id="framings"),
+        Binding("J", "doctor", show=False, id="doctor"),
         Binding("C", "description", show=False, id="description"),
     ]
 
@@ -105,7 +107,7 @@ class BenchApp(App[None]):
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
         self.race: RaceScreen | None = None  # while it is open
-        self.framings: FramingScreen | None = None  # while it is open
+        self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._rests = self._keys_seen = 0
@@ -199,8 +201,8 @@ class BenchApp(App[None]):
                 self._end(str(stopped))
 
     def _show(self, before: int) -> None:
-        if self.framings is not None:
-            self.framings.show()
+        if self.card is not None:
+            self.card.show()
         above = self.race or self.scenarios or self.lab
         if above is not None:
             if above.is_mounted:
@@ -431,13 +433,31 @@ class BenchApp(App[None]):
         if not self.view_model.project.combuffers:
             self.main.prompt.complain("no ComBuffer in this project: framing advice looks at one's bytes")
             return
-        self.framings = FramingScreen(self.view_model)
-        self.push_screen(self.framings, self._framing_chosen)
+        self.card = FramingScreen(self.view_model)
+        self.push_screen(self.card, self._framing_chosen)
 
     def _framing_chosen(self, lines: tuple[str, ...] | None) -> None:
-        self.framings = None
+        self.card = None
         for line in lines or ():
             self.submit(line)
+
+    def action_doctor(self) -> None:
+        """Open the Doctor card: what is wrong with the selected instance."""
+        from trcvtui.tui.doctor import DoctorScreen  # read when first asked for
+
+        if self.screen is self.main and not self.refuses():
+            self.card = DoctorScreen(self.view_model)
+            self.push_screen(self.card, self._doctor_left)
+
+    def _doctor_left(self, place: Place | None) -> None:
+        """Go where the card says."""
+        self.card = None
+        if place is None:
+            return
+        if place.line:
+            self.main.action_prompt(place.line)
+        else:
+            self.main.go_to_place(place)
 
     # -- the project --------------------------------------------------------------------------------
 

@@ -132,6 +132,7 @@ def _find(words: list[str], pane: Timing) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.tui.copy_formats import Format, Subject
+    from trcvtui.tui.doctor import Place
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
@@ -436,6 +437,18 @@ class MainScreen(FullScreen[None]):
         if digit != 1 and self.has_class(LIST):
             self.action_zoom()
         self.set_focus(self._focus_target(digit))
+
+    def go_to_place(self, place: Place) -> None:
+        """Show a scan of an instance over time, or a byte of what it has received."""
+        if place.instance != self._view_model.selected:
+            self._view_model.selected = place.instance
+            self.follow_selected()
+        if place.scan is not None:
+            self.action_pane(8)
+            self.timing.go_to(place.scan)
+        elif place.byte is not None:
+            self.action_pane(5)
+            self.received.go_to(place.byte)
 
     def _open(self, digit: int) -> None:
         self._pane = digit

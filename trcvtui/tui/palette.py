@@ -247,6 +247,7 @@ def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     )
     for title, about, action in (
         ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
+        ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),
         ("Thrown-away bytes", "noise, parts of frames, lost ones · key X", "app.dropped"),
     ):
         yield SystemCommand(title, about, partial(bench.main.run_action, action))

@@ -36,7 +36,12 @@ class EchoLine(LineView, can_focus=False):
 
     def say(self, line: str, error: str = "", waits: bool = False, told: str = "") -> None:
         """Show a command and its answer."""
-        self._line, self._error, self._waits, self._told = plain(line), plain(error), waits, plain(told)
+        self._line, self._error, self._waits, self._told = (
+            plain(line),
+            plain(error),
+            waits,
+            plain(" · ".join(map(str.strip, told.splitlines()))),
+        )
         self._fit()
 
     def foretell(self, note: str) -> None:

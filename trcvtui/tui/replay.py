@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import groupby
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -18,6 +18,9 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine
 from trcvtui.udt.literals import format_time
+
+if TYPE_CHECKING:
+    from trcvtui.tui.doctor import Place
 
 EVERYWHERE: Final = (
     ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
@@ -178,6 +181,12 @@ class ReplayScreen(MainScreen):
     def action_at(self, where: str) -> None:
         """Go to another scan."""
         self._submit(f"at {where}")
+
+    def go_to_place(self, place: Place) -> None:
+        """Go to the scan in the recording, too."""
+        if place.scan is not None:
+            self.action_at(str(place.scan))
+        super().go_to_place(place)
 
     def action_edge(self, step: str) -> None:
         """Go to an edge of the selected instance."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
 SHARE: Final = 5  # he rests so many times as long as he looked
 HEALTHY: Final = "healthy"
+NOBODY_KEEPS: Final = "nobody keeps this run: [options] black_box on, and no --record, lets the doctor look"
 
 
 class Judge(Protocol):
@@ -69,6 +70,8 @@ class BenchDoctor:
     def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[Answer]:
         """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
         if judge is None:
+            if is_wanted:
+                self.snapshot = DoctorSnapshot(1, trouble=NOBODY_KEEPS)
             return ()
         if self._looks:
             judge.go_on()

@@ -447,6 +447,13 @@ class Received(Vertical):
         stream.look_for(stream.cursor if stream.cursor is not None else MOST, False, dropped=True)
         self.show()
 
+    def go_to(self, byte: int) -> None:
+        """Show a byte of all that was received."""
+        if not self.is_past:
+            self.action_past()
+        self.stream.go_to(byte)
+        self.post_message(PastSelected())
+
     def action_before(self) -> None:
         """Show the bytes of the job before, where they differ; or no longer."""
         self.stream.change_before()

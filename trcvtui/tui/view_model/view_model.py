@@ -154,6 +154,7 @@ class ViewModel:
         self._seq = 0
         self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
         self.recordings_wanted: tuple[str, ...] = ()  # of ComBuffers, once
+        self.doctor_wanted = False
         self._thawing = 0  # pictures to come that may have been asked for before the view was live again
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -272,8 +273,9 @@ class ViewModel:
         most = THAW_LINES if self._thawing else MOST_LINES
         waves = self.waves.asked(self.drawn_waves, self.frozen_at)
         numbers = self.bench, self._project_number
+        past, recordings = self.past_wanted, self.recordings_wanted
         return UpdateRequest(
-            self._seq, data, partial, most, *numbers, waves, self.past_wanted, self.recordings_wanted
+            self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted
         )
 
     def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:

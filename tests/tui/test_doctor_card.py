@@ -1,0 +1,146 @@
+"""The Doctor card: the findings of the selected instance, its keys to the scan, the byte, the remedy."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from tests.tui.looking import BOTH
+from tests.tui.test_stories import Newcomer, opened
+from trcvtui.tui.doctor import DoctorScreen, FindingList
+
+
+def finding(cause: str, confidence: float, **more: Any) -> dict[str, Any]:
+    where = {"direction": None, "byte": None, "packet": None, "scan": None, "instance": None}
+    where |= {key: more.pop(key) for key in tuple(more) if key in where}
+    return {
+        "cause": cause,
+        "confidence": confidence,
+        "t_s": None,
+        "t_ns": None,
+        "ends": None,
+        "where": where,
+        "evidence": [f"it is {cause}"],
+        "mend": [],
+        **more,
+    }
+
+
+LEN_20 = {"text": "LEN 20", "command": "set TRCV_C_1 LEN=20", "set": "instance.TRCV_C_1.LEN=20"}
+FOUND = [
+    finding(
+        "frame-short", 0.9, instance="TRCV_C_1", direction="to-plc", byte=4, t_ns=510_000_000, mend=[LEN_20]
+    ),
+    finding("shifted", 0.7, instance="TRCV_C_1", scan=60),
+    finding("refused", 0.6, instance="OTHER"),
+]
+
+
+def read(newcomer: Newcomer) -> str:
+    """Return the words of the card."""
+    view = newcomer.app.screen.query_one(FindingList)
+    rows = ("".join(text for text, _ in view.row_at(y).parts) for y in range(view.row_count()))
+    return " ".join(" ".join(rows).split())
+
+
+class Told:
+    """A judge that has looked already."""
+
+    looks_again = True
+    is_judging = is_recording = False
+
+    def __init__(self, *findings: dict[str, Any], trouble: str = "") -> None:
+        self.judged = json.dumps({"conversations": 1, "findings": findings, "trouble": trouble}).encode()
+        self.looks = 0
+
+    def judge(self) -> None:
+        self.looks += 1
+
+    def go_on(self) -> None:
+        pass
+
+
+@asynccontextmanager
+async def card(
+    judge: Told | None, size: tuple[int, int] = (100, 30)
+) -> AsyncIterator[tuple[Newcomer, DoctorScreen]]:
+    """Open the card on the first story."""
+    async with opened("four_bytes_short", size, 80) as newcomer:
+        newcomer.bench.console.black_box = judge  # type: ignore[assignment]
+        await newcomer.press("J")
+        await newcomer.look(1)
+        screen = newcomer.app.screen
+        assert isinstance(screen, DoctorScreen)
+        yield newcomer, screen
+
+
+@BOTH
+async def test_the_card_has_the_findings_of_the_instance_the_surest_first(size: tuple[int, int]) -> None:
+    async with card(Told(*FOUND), size) as (newcomer, _screen):
+        told = read(newcomer)
+        assert "1 conversation looked at, up to scan 80" in told
+        assert "▸ 1 frame-short TRCV_C_1 90% sure 2 shifted TRCV_C_1 70% sure" in told
+        assert "refused" not in told
+        assert "it is frame-short" in told and "enter types `set TRCV_C_1 LEN=20`" in told
+
+
+async def test_s_goes_to_the_scan_and_b_to_the_byte() -> None:
+    async with card(Told(*FOUND)) as (newcomer, _screen):
+        await newcomer.press("s")
+        main = newcomer.app.main
+        assert newcomer.app.screen is main and main.timing.view.cursor == 52
+    async with card(Told(*FOUND)) as (newcomer, _screen):
+        await newcomer.press("b")
+        await newcomer.look(1)
+        received = newcomer.app.main.received
+        assert received.is_past and received.stream.cursor == 4
+
+
+async def test_enter_types_the_remedy_and_waits_for_another_enter() -> None:
+    async with card(Told(*FOUND)) as (newcomer, _screen):
+        await newcomer.press("enter")
+        prompt = newcomer.app.main.prompt
+        assert prompt.is_open and prompt._input is not None
+        assert prompt._input.value == "set TRCV_C_1 LEN=20"
+        await newcomer.press("enter")
+        await newcomer.look(2)
+        instance = newcomer.app.view_model.instance
+        assert instance is not None and instance.pin("LEN") == 20
+
+
+async def test_a_shows_those_of_all_and_arrows_choose() -> None:
+    async with card(Told(*FOUND)) as (newcomer, screen):
+        await newcomer.press("a", "down", "down")
+        assert "▸ 3 refused OTHER 60% sure" in read(newcomer)
+        assert screen.list.place() is None and screen.list.remedy() == ""
+
+
+async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
+    async with card(Told(FOUND[2])) as (newcomer, _screen):
+        assert "healthy: 1 conversation looked at, up to scan 80; 1 finding of others: a" in read(newcomer)
+
+
+async def test_a_run_that_nobody_keeps_says_so() -> None:
+    async with card(None) as (newcomer, _screen):
+        assert "nobody keeps this run" in read(newcomer)
+
+
+async def test_the_doctor_rests_when_the_card_is_closed() -> None:
+    judge = Told(*FOUND)
+    async with card(judge) as (newcomer, _screen):
+        await newcomer.press("escape")
+        await newcomer.look(5)
+        assert judge.looks == 1 and not newcomer.app.view_model.doctor_wanted
+
+
+async def test_a_line_at_the_prompt_is_answered_when_he_has_looked() -> None:
+    async with opened("four_bytes_short", (100, 30), 80) as newcomer:
+        newcomer.bench.console.black_box = Told(*FOUND)  # type: ignore[assignment]
+        await newcomer.press("colon")
+        for letter in "doctor C1":
+            await newcomer.press("space" if letter == " " else letter)
+        await newcomer.press("enter")
+        await newcomer.look(1)
+        assert "frame-short (90% sure), TRCV_C_1" in newcomer.read("prompt")

@@ -1,0 +1,227 @@
+"""The Doctor card: what is wrong with the selected instance, where that shows, what mends it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final, NamedTuple
+
+from textual.binding import Binding
+
+from trcvtui.rig.bench.asked_doctor import HEALTHY, findings_of
+from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.rig.wording import count
+from trcvtui.tui.formatting import clip, moment, pad, plain, wrapped
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+
+LABEL: Final = 9
+SURE: Final = 0.85
+WAYS: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
+
+
+class Place(NamedTuple):
+    """Where to go from the card: a line to the prompt; or an instance, and its scan or byte of its stream."""
+
+    line: str = ""
+    instance: str = ""
+    scan: int | None = None
+    byte: int | None = None
+
+
+class FindingList(TextView):
+    """The findings; below them evidence, place and remedy of the one under the cursor."""
+
+    def __init__(self, view_model: ViewModel) -> None:
+        super().__init__(id="doctor")
+        self._view_model = view_model
+        self.cursor = 0
+        self.of_all = False
+
+    @property
+    def seen(self) -> DoctorSnapshot:
+        """Return what the doctor has found last."""
+        picture = self._view_model.live
+        return picture.doctor if picture is not None else DoctorSnapshot()
+
+    @property
+    def findings(self) -> tuple[FindingSnapshot, ...]:
+        """Return those of the selected instance, or of all."""
+        name = "" if self.of_all else self._view_model.selected
+        return findings_of(name, self.seen.findings, self._view_model.project)
+
+    @property
+    def chosen(self) -> FindingSnapshot | None:
+        """Return the finding under the cursor."""
+        found = self.findings
+        return found[min(self.cursor, len(found) - 1)] if found else None
+
+    def make_rows(self) -> list[Row]:
+        """Return the findings, then what there is to say of the chosen one."""
+        seen, found, chosen = self.seen, self.findings, self.chosen
+        rows = [row((clip(plain(self._said()), self._width), "warn" if seen.trouble else "dim"))]
+        rows += [self._finding(number, one) for number, one in enumerate(found)]
+        return [*rows, *self._details(chosen)] if chosen is not None else rows
+
+    def _said(self) -> str:
+        seen = self.seen
+        if not seen.looks:
+            return "the doctor looks …"
+        if seen.trouble:
+            return seen.trouble
+        looked = f"{count(seen.conversations, 'conversation')} looked at, up to scan {seen.scan}"
+        if self.findings:
+            return looked
+        others = len(seen.findings)
+        return f"{HEALTHY}: {looked}" + (f"; {count(others, 'finding')} of others: a" if others else "")
+
+    @property
+    def _width(self) -> int:
+        return max(40, self.line_width)
+
+    def _finding(self, number: int, one: FindingSnapshot) -> Row:
+        told = f"{one.confidence:.0%} sure"
+        whose = one.instance or one.connect
+        room = self._width - len(told) - 3
+        is_chosen = one is self.chosen
+        text = f"{number + 1} {one.cause}" + (f"  {plain(whose)}" if whose else "")
+        parts: list[Part] = [
+            ("▸ " if is_chosen else "  ", "key"),
+            (pad(clip(text, room), room + 1), "strong"),
+            (told, "on" if one.confidence >= SURE else "warn"),
+        ]
+        return row(*parts, style="cursor" if is_chosen else "")
+
+    def _details(self, one: FindingSnapshot) -> list[Row]:
+        rows = [ruled(self._width, ("── evidence ", "dim"))]
+        for text in one.evidence:
+            rows += self._told("", text, "")
+        where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
+        rows += self._told("line", where, "dim") if where else []
+        place, stream = self.place(), self.place(of_byte=True)
+        if place is not None:
+            when = "" if one.t_ns is None else f", {moment(one.t_ns)} s"
+            rows += self._told("s", f"scan {place.scan}{when}", "key")
+        if stream is not None:
+            rows += self._told("b", f"byte {stream.byte} of what came", "key")
+        rows.append(ruled(self._width, ("── remedy ", "dim")))
+        for text, _, _ in one.mends:
+            rows += self._told("", text, "strong")
+        remedy = self.remedy()
+        rows += self._told("enter", f"types `{remedy}`", "key") if remedy else []
+        return rows
+
+    def _told(self, label: str, text: str, style: str) -> list[Row]:
+        lines: Sequence[str] = wrapped(plain(text), self._width - LABEL)
+        labels = (label, *[""] * len(lines))
+        return [
+            row((name.ljust(LABEL), "label"), (line, style))
+            for name, line in zip(labels, lines, strict=False)
+        ]
+
+    # -- where the keys go --------------------------------------------------------------------------------
+
+    @property
+    def _instance(self) -> str:
+        """Return whose panes show the finding."""
+        one, selected = self.chosen, self._view_model.instance
+        if one is None or one.instance or (selected is not None and selected.connect in (one.connect, "")):
+            return one.instance if one is not None and one.instance else self._view_model.selected
+        on_it = [each.name for each in self._view_model.instances if each.connect == one.connect]
+        return next(iter(on_it), self._view_model.selected)
+
+    def place(self, of_byte: bool = False) -> Place | None:
+        """Return the scan of the chosen finding, or its byte in the stream; None where it has none."""
+        one, snapshot = self.chosen, self._view_model.snapshot
+        if one is None or snapshot is None:
+            return None
+        if of_byte:
+            links = [each for each in snapshot.connections if each.name == one.connect]
+            is_first = bool(links) and links[0].incarnation <= 1  # a later one begins somewhere in the stream
+            if one.byte is None or one.way != "to-plc" or not is_first:
+                return None
+            return Place(instance=self._instance, byte=one.byte)
+        scan = one.scan
+        if scan is None and one.t_ns is not None and one.t_ns >= 0:
+            t_ns = one.t_ns
+            known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
+            scan = next(known, t_ns // max(snapshot.interval_ns, 1) + 1)
+        return None if scan is None else Place(instance=self._instance, scan=scan)
+
+    def remedy(self) -> str:
+        """Return the line that applies the remedy: a command of the bench, a what-if of a recording."""
+        one, picture = self.chosen, self._view_model.live
+        if one is None or picture is None:
+            return ""
+        if picture.position is not None:
+            return next((f"if {change}" for _, _, change in one.mends if change), "")
+        return next((command for _, command, _ in one.mends if command), "")
+
+    def action_move(self, rows: int) -> None:
+        """Choose another finding."""
+        self.cursor = max(0, min(len(self.findings) - 1, self.cursor + rows))
+        self.scroll_to(y=0, animate=False)
+        self.draw()
+
+
+class DoctorScreen(ListDialog[Place | None]):
+    """Answers with where to go; while it is open the doctor looks again and again."""
+
+    BINDINGS: ClassVar = [
+        Binding("enter", "remedy", show=False),
+        Binding("s", "place(False)", show=False),
+        Binding("b", "place(True)", show=False),
+        Binding("a", "others", show=False),
+        Binding("J", "leave", show=False),
+    ]
+    DEFAULT_CSS = """
+    DoctorScreen FindingList {
+        width: 100; height: auto; max-height: 100%; border-subtitle-color: $foreground;
+    }
+    """
+
+    def __init__(self, view_model: ViewModel) -> None:
+        self._view_model = view_model
+        self.list = FindingList(view_model)
+        super().__init__(self.list, None)
+
+    def on_mount(self) -> None:
+        """Let the doctor look."""
+        self._view_model.doctor_wanted = True
+        self.show()
+
+    def on_unmount(self) -> None:
+        """Let him rest."""
+        self._view_model.doctor_wanted = False
+
+    def show(self) -> None:
+        """Show what he has found since, and the keys that lead somewhere."""
+        shown = self.list
+        shown.set_title(None, "Doctor", "all" if shown.of_all else plain(self._view_model.selected))
+        keys = {
+            "↑↓ choose": len(shown.findings) > 1,
+            "s scan": shown.place() is not None,
+            "b byte": shown.place(of_byte=True) is not None,
+            "enter remedy": bool(shown.remedy()),
+            "a one" if shown.of_all else "a all": True,
+            "esc": True,
+        }
+        shown.border_subtitle = " · ".join([key for key, leads in keys.items() if leads])
+        shown.draw()
+
+    def action_remedy(self) -> None:
+        """Answer with the line that applies the remedy."""
+        remedy = self.list.remedy()
+        if remedy:
+            self.dismiss(Place(remedy))
+
+    def action_place(self, of_byte: bool) -> None:
+        """Answer with the place of the evidence."""
+        place = self.list.place(of_byte)
+        if place is not None:
+            self.dismiss(place)
+
+    def action_others(self) -> None:
+        """Show the findings of all, or of the selected instance alone."""
+        self.list.of_all, self.list.cursor = not self.list.of_all, 0
+        self.show()

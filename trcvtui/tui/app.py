@@ -32,7 +32,7 @@ from trcvtui.tui.widgets.theme import THEMES
 from trcvtui.tui.widgets.typed_lines import obey
 
 if TYPE_CHECKING:
-    from trcvtui.tui.doctor import DoctorScreen, Place
+    from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
     from trcvtui.tui.framings import FramingScreen
     from trcvtui.tui.lab.lab import Lab
     from trcvtui.tui.lab.screen import LabScreen
@@ -449,7 +449,7 @@ class BenchApp(App[None]):
             self.card = DoctorScreen(self.view_model)
             self.push_screen(self.card, self._doctor_left)
 
-    def _doctor_left(self, place: Place | None) -> None:
+    def _doctor_left(self, place: EvidencePlace | None) -> None:
         """Go where the card says."""
         self.card = None
         if place is None:

@@ -20,7 +20,7 @@ SURE: Final = 0.85
 WAYS: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
 
 
-class Place(NamedTuple):
+class EvidencePlace(NamedTuple):
     """Where to go from the card: a line to the prompt; or an instance, and its scan or byte of its stream."""
 
     line: str = ""
@@ -130,7 +130,7 @@ class FindingList(TextView):
         on_it = [each.name for each in self._view_model.instances if each.connect == one.connect]
         return next(iter(on_it), self._view_model.selected)
 
-    def place(self, of_byte: bool = False) -> Place | None:
+    def place(self, of_byte: bool = False) -> EvidencePlace | None:
         """Return the scan of the chosen finding, or its byte in the stream; None where it has none."""
         one, snapshot = self.chosen, self._view_model.snapshot
         if one is None or snapshot is None:
@@ -140,13 +140,13 @@ class FindingList(TextView):
             is_first = bool(links) and links[0].incarnation <= 1  # a later one begins somewhere in the stream
             if one.byte is None or one.way != "to-plc" or not is_first:
                 return None
-            return Place(instance=self._instance, byte=one.byte)
+            return EvidencePlace(instance=self._instance, byte=one.byte)
         scan = one.scan
         if scan is None and one.t_ns is not None and one.t_ns >= 0:
             t_ns = one.t_ns
             known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
             scan = next(known, t_ns // max(snapshot.interval_ns, 1) + 1)
-        return None if scan is None else Place(instance=self._instance, scan=scan)
+        return None if scan is None else EvidencePlace(instance=self._instance, scan=scan)
 
     def remedy(self) -> str:
         """Return the line that applies the remedy: a command of the bench, a what-if of a recording."""
@@ -164,7 +164,7 @@ class FindingList(TextView):
         self.draw()
 
 
-class DoctorScreen(ListDialog[Place | None]):
+class DoctorScreen(ListDialog[EvidencePlace | None]):
     """Answers with where to go; while it is open the doctor looks again and again."""
 
     BINDINGS: ClassVar = [
@@ -213,7 +213,7 @@ class DoctorScreen(ListDialog[Place | None]):
         """Answer with the line that applies the remedy."""
         remedy = self.list.remedy()
         if remedy:
-            self.dismiss(Place(remedy))
+            self.dismiss(EvidencePlace(remedy))
 
     def action_place(self, of_byte: bool) -> None:
         """Answer with the place of the evidence."""

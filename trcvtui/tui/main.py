@@ -132,7 +132,7 @@ def _find(words: list[str], pane: Timing) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.tui.copy_formats import Format, Subject
-    from trcvtui.tui.doctor import Place
+    from trcvtui.tui.doctor import EvidencePlace
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
@@ -438,7 +438,7 @@ class MainScreen(FullScreen[None]):
             self.action_zoom()
         self.set_focus(self._focus_target(digit))
 
-    def go_to_place(self, place: Place) -> None:
+    def go_to_place(self, place: EvidencePlace) -> None:
         """Show a scan of an instance over time, or a byte of what it has received."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance

@@ -20,7 +20,7 @@ from trcvtui.tui.widgets.lines import ACTIONS, KeyLine
 from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:
-    from trcvtui.tui.doctor import Place
+    from trcvtui.tui.doctor import EvidencePlace
 
 EVERYWHERE: Final = (
     ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
@@ -182,7 +182,7 @@ class ReplayScreen(MainScreen):
         """Go to another scan."""
         self._submit(f"at {where}")
 
-    def go_to_place(self, place: Place) -> None:
+    def go_to_place(self, place: EvidencePlace) -> None:
         """Go to the scan in the recording, too."""
         if place.scan is not None:
             self.action_at(str(place.scan))

@@ -30,7 +30,7 @@ EVERYWHERE: Final = (
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     ("D", "dialect race: the session since the mark through several dialects, scan beside scan"),
     ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
-    ("J", "doctor: what is wrong with the selected instance, how sure, where it shows, what mends it"),
+    ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
     ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.rig.scenarios import CONFIGS
+from trcvtui.capture.recording import Recording
 from trcvtui.cli import main
 from trcvtui.files import noting_reads
+from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.diagnosis.doctor import DoctorQuestion
 from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.driver import EngineDriver
+from trcvtui.rig.recording.asked import FilesJudge
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.recorder import recorder_of
+from trcvtui.rig.replay.driver import SLICE_NS
 from trcvtui.rig.replay.job_facts import recorded_facts
 from trcvtui.rig.replay.judged import found_in, with_lint
+from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.scenario.scenario import load_bench
 
 RECEIVER = """
@@ -277,7 +285,11 @@ def scenario(folder: Path, *steps: str) -> Path:
 @pytest.mark.parametrize("kernel", ["sim", "live"])
 def test_a_scenario_asks_the_doctor(kernel: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = scenario(
-        tmp_path, "wait TRCV_C_1 STATUS=7006", "run T#2s", "doctor TRCV_C_1 frame-short", "doctor C1 healthy"
+        tmp_path,
+        "wait TRCV_C_1 STATUS=7006",
+        "run T#1200ms",
+        "doctor TRCV_C_1 frame-short",
+        "doctor C1 healthy",
     )
     assert main(["scenario", str(path), "--kernel", kernel]) == 1
     told = capsys.readouterr().out
@@ -299,3 +311,72 @@ def test_a_recorded_scenario_that_asks_runs_again(tmp_path: Path, capsys: pytest
 def test_what_is_asked_wrongly_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenario", str(scenario(tmp_path, "doctor TRCV_C_1 4"))]) == 2
     assert "found '4', expected an instance, a CONNECT, a cause such as" in capsys.readouterr().err
+
+
+MOST_LOOKS = 200
+LOOKS = "the doctor looks …"
+
+
+def told_by(ask: Callable[[int], object], picture: Callable[[], BenchUpdate | None], wanted: str) -> str:
+    """Ask the doctor again and again until he tells it; return that."""
+    for number in range(1, MOST_LOOKS):
+        ask(number)
+        while True:
+            seen = picture()
+            told = [each for each in seen.answers if each.told != LOOKS] if seen is not None else []
+            if told:
+                break
+        assert told[0].error == "", told
+        if wanted in told[0].told:
+            return told[0].told
+    raise AssertionError(f"{wanted} was never told")
+
+
+def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(tmp_path: Path) -> None:
+    path = tmp_path / "live.toml"
+    path.write_text(received(11, EIGHT).replace("LocalPort = 2000", "LocalPort = 0"))
+    driver = EngineDriver(path, "live")
+    try:
+
+        def picture() -> BenchUpdate | None:
+            driver.request(UpdateRequest())
+            return driver.picture()
+
+        told = told_by(
+            lambda _: None if driver.submit("doctor R") else None, picture, "frame-short (95% sure), R"
+        )
+        assert "have 8 bytes, a job wants 12" in told
+    finally:
+        driver.close()
+
+
+def test_a_replay_is_judged_once_as_its_file_is(tmp_path: Path) -> None:
+    file = tmp_path / "run.pcapng"
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    line = TimeLine(Recording(file), str(file))
+
+    def picture() -> BenchUpdate | None:
+        line.work(clock.now_ns() + SLICE_NS)
+        return line.collect(UpdateRequest()).update
+
+    for name, cause in (("R", "frame-short"), ("C1", "frame-short"), ("", "frame-short")):
+        told = told_by(lambda number, name=name: line.take(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]
+        assert told.startswith("frame-short (95% sure), R\n")
+    assert line.controller._doctor.snapshot.looks == 1
+
+
+def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> None:
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    judge = FilesJudge(lambda: [str(tmp_path / "run.pcapng")], "127.0.0.1:2000", tmp_path / "p.toml")
+    judge.judge()
+    while judge.is_judging:
+        judge.go_on()
+    assert json.loads(judge.judged)["findings"][0]["cause"] == "frame-short"
+
+
+def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
+    judge = FilesJudge(lambda: [str(tmp_path / "none.pcapng")])
+    judge.judge()
+    while judge.is_judging:
+        judge.go_on()
+    assert "none.pcapng: found No such file" in json.loads(judge.judged)["trouble"]

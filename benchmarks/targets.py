@@ -197,6 +197,10 @@ TARGETS: Final = (
         Aim("messages lost", "<= 0"),
         Aim("a packet is shown after, ms: the longest", "<= 100"),
     )),
+    Target("R7", "the doctor judges 1 GiB of captures in a minute on two cores", captures.measure_doctor, (
+        Aim("1 GiB of captures, --jobs 2", "<= 60 s"),
+        Aim("peak memory of a process", "<= 256 MiB"),
+    )),
     Target("growth", "what costs, costs by what is busy, not by what is there", growth.measure, (
         Aim("* 1 busy of 1000 / 1 busy of 1", "<= 1.2", "1.2",
             "the walk over all names for the tuples of a snapshot; what crosses to the screen is by change"),

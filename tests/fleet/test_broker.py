@@ -1,0 +1,147 @@
+"""The way to a broker: what is refused before a connection, and what becomes of one."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
+from trcvtui.errors import UserError
+from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken, Will, broker_of
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    made = Mosquitto(tmp_path)
+    yield made
+    made.kill()
+
+
+def seen(connection: BrokerConnection, kind: type[News]) -> list[News]:
+    """Wait for news of a kind; return all news up to it."""
+    found: list[News] = []
+
+    def came() -> bool:
+        found.extend(connection.news())
+        return any(isinstance(each, kind) for each in found)
+
+    until(came)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("http://x", "found 'http://x', expected mqtts://HOST[:8883] or mqtt://HOST[:1883]"),
+        ("mqtts://", "expected mqtts://HOST"),
+        ("mqtts://x:0", "expected mqtts://HOST"),
+        ("mqtts://x:99999", "found no such URL"),
+        ("mqtts://x/path", "expected mqtts://HOST"),
+        ("mqtts://me:secret@x", "found a user or password in the URL, expected TRCVTUI_MQTT_USER"),
+        ("mqtts://x\x1b[2J", "expected mqtts://HOST"),
+    ],
+)
+def test_a_wrong_url_is_one_line_without_a_secret(url: str, told: str) -> None:
+    with pytest.raises(UserError) as refused:
+        broker_of(url, environment={})
+    [line] = refused.value.lines()
+    assert told in line and line.isprintable() and "secret" not in line
+
+
+def test_ports_of_a_url_and_a_password_that_is_in_no_text(tmp_path: Path) -> None:
+    (tmp_path / "word").write_text("secret\n")
+    plain = broker_of("mqtt://h", environment={"TRCVTUI_MQTT_USER": "u", "TRCVTUI_MQTT_PASSWORD": "secret"})
+    filed = broker_of("mqtts://[::1]", environment={"TRCVTUI_MQTT_PASSWORD_FILE": str(tmp_path / "word")})
+    assert (plain.port, plain.password, filed.port, filed.password) == (1883, "secret", 8883, "secret")
+    assert (str(plain), str(filed)) == ("mqtt://h:1883", "mqtts://[::1]:8883")
+    assert "secret" not in repr(plain) + repr(filed)
+
+
+@needs_mosquitto
+def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -> None:
+    reader = BrokerConnection(Broker("127.0.0.1", broker.port, False), "reader", topics=("a/#",))
+    writer = BrokerConnection(Broker("127.0.0.1", broker.port, False), "writer", Will("a/will", b"gone"))
+    reader.open()
+    seen(reader, Connected)
+    writer.open()
+    assert writer.publish("a/b", b"too early") is None
+    seen(writer, Connected)
+    number = writer.publish("a/b", b"1")
+    assert Taken(number or 0) in seen(writer, Taken)
+    assert seen(reader, Came)[-1] == Came("a/b", b"1", False)
+    writer.close()
+    reader.close()
+
+
+@needs_mosquitto
+def test_a_broker_that_is_killed_is_one_line_and_its_return_is_noticed(broker: Mosquitto) -> None:
+    connection = BrokerConnection(Broker("127.0.0.1", broker.port, False), "x")
+    connection.open()
+    seen(connection, Connected)
+    broker.kill()
+    [lost] = [each for each in seen(connection, Lost) if isinstance(each, Lost)][:1]
+    assert lost.why.isprintable() and "\n" not in lost.why
+    assert broker.start()
+    seen(connection, Connected)
+    connection.close()
+
+
+def test_a_broker_that_sends_garbage_ends_a_connection_and_nothing_else() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        connection = BrokerConnection(Broker("127.0.0.1", server.getsockname()[1], False), "x")
+        connection.open()
+        for garbage in (
+            b"HTTP/1.1 400 Bad Request\r\n\r\n",
+            b"\x20\xff\xff\xff\xff\xff",
+            b"\x20\x03\x00\x00\x05",
+        ):
+            end, _ = server.accept()
+            with end:
+                end.recv(4096)
+                end.sendall(garbage)
+                end.shutdown(socket.SHUT_WR)
+            [lost] = [each for each in seen(connection, Lost) if isinstance(each, Lost)][:1]
+            assert lost.why.isprintable()
+        connection.close()
+
+
+@needs_mosquitto
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # paho leaves a refused socket
+def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(tmp_path: Path) -> None:
+    pem, key, words = tmp_path / "c.pem", tmp_path / "k.pem", tmp_path / "words"
+    subprocess.run(
+        f"openssl req -x509 -newkey rsa:2048 -nodes -keyout {key} -out {pem} -days 2 -subj /CN=localhost "
+        "-addext subjectAltName=DNS:localhost,IP:127.0.0.1".split(),
+        check=True,
+        capture_output=True,
+    )
+    password_program = "/usr/bin/mosquitto_passwd"
+    subprocess.run([password_program, "-c", "-b", str(words), "me", "right"], check=True, capture_output=True)
+    for file in (pem, key, words):
+        os.chmod(file, 0o644)
+    os.chmod(tmp_path, 0o755)
+    broker = Mosquitto(
+        tmp_path,
+        f"allow_anonymous false\npassword_file {words}\ncertfile {pem}\nkeyfile {key}\nuser root",
+    )
+    try:
+        outcomes = []
+        for ca, password in ((str(pem), "right"), (str(pem), "wrong"), (None, "right")):
+            given = {"TRCVTUI_MQTT_USER": "me", "TRCVTUI_MQTT_PASSWORD": password}
+            connection = BrokerConnection(
+                broker_of(f"mqtts://127.0.0.1:{broker.port}", ca, environment=given), "x"
+            )
+            connection.open()
+            outcomes.append(seen(connection, Connected if password == "right" and ca else Lost)[0])
+            connection.close()
+        taken, refused, strange = outcomes
+        assert isinstance(taken, Connected)
+        assert isinstance(refused, Lost) and "Not authorized" in refused.why and "wrong" not in refused.why
+        assert isinstance(strange, Lost) and "wrong certificate" in strange.why
+    finally:
+        broker.kill()

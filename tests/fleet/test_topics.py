@@ -1,0 +1,132 @@
+"""Topics and messages: what an agent writes is read again; what is hostile is one line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trcvtui.errors import UserError
+from trcvtui.fleet.topics import (
+    MESSAGES,
+    EventMessage,
+    FiguresMessage,
+    FleetMessage,
+    RecentMessage,
+    StateMessage,
+    StatusMessage,
+    Topic,
+    read,
+    schemas,
+    topic_of,
+)
+
+AT = 1_795_000_000.25
+EVENT = EventMessage(
+    "5f0c-1", AT, "error", "80A6", {"text": "reset", "errno": "ECONNRESET", "injected": False}
+)
+ALL: list[FleetMessage] = [
+    StateMessage("online", AT, "0.1.0"),
+    StatusMessage(AT, "7006", "receiving", True, False, False, 7, 1, 12, 24, 0.5),
+    EVENT,
+    FiguresMessage(AT, "connected", 120.5, 0, 60, 2),
+    RecentMessage(AT, 1, (EVENT,)),
+]
+
+
+def place(kind: str) -> Topic:
+    return Topic(
+        "plant 1", "pc/line", "C1" * (kind != "state"), "TRCV#1" * (kind not in ("state", "figures")), kind
+    )
+
+
+@pytest.mark.parametrize("message", ALL, ids=lambda message: message.KIND)
+def test_a_message_comes_out_as_it_went_in(message: FleetMessage) -> None:
+    topic = place(message.KIND)
+    assert topic_of(str(topic)) == topic
+    assert read(topic, message.to_json()) == message
+
+
+def test_each_kind_has_a_schema_with_the_keys_that_are_written() -> None:
+    assert [schema["title"] for schema in schemas()] == [message.KIND for message in ALL] == [*MESSAGES]
+    for schema, message in zip(schemas(), ALL, strict=True):
+        assert schema["required"] == [*json.loads(message.to_json())]
+
+
+names = st.text(min_size=1, max_size=20).filter(lambda text: text.encode(errors="replace").decode() == text)
+
+
+@given(names, names, names, names)
+def test_any_names_make_a_topic_of_five_levels_and_come_back(
+    site: str, agent: str, line: str, instance: str
+) -> None:
+    topic = Topic(site, agent, line, instance, "status")
+    assert str(topic).count("/") == 6
+    assert not set(str(topic)) & set("+#\n\x1b\0")
+    assert topic_of(str(topic)) == topic
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "trcvtui/v1/",
+        "trcvtui/v1/a/b",
+        "trcvtui/v1/a//c/d/status",
+        "trcvtui/v1/a/b/c/d/e/status",
+        "trcvtui/v1/a/b/figures",
+        "trcvtui/v1/a/b/%/figures",
+        "trcvtui/v1/a/b/%41/figures",
+        "trcvtui/v1/a/b/%ff/figures",
+        "x/trcvtui/v1/a/b/state",
+        "trcvtui/v1/\x1b[2J/b/state",
+        "trcvtui/v1/" + "a" * 2000 + "/b/state",
+    ],
+)
+def test_a_topic_that_no_agent_writes_is_one_line(text: str) -> None:
+    with pytest.raises(UserError) as refused:
+        topic_of(text)
+    [line] = refused.value.lines()
+    assert line.isprintable() and len(line) < 400
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"{" * 100_000,
+        b"[" * 100_000,
+        b"\xff\xfe",
+        b"null",
+        b"[]",
+        b"{}",
+        b"x" * 1_000_000,
+        b'{"state":"online","t":NaN,"version":"1"}',
+        b'{"state":"online","t":1e999,"version":"1"}',
+        b'{"state":"online","t":true,"version":"1"}',
+        b'{"state":"\\u001b[2J","t":1,"version":"1"}',
+        b'{"state":"online","t":1,"version":["' + b"a" * 9999 + b'"]}',
+        b'{"state":"online","t":' + b"9" * 5000 + b',"version":"1"}',
+    ],
+    ids=range(13),
+)
+def test_a_payload_that_no_agent_writes_is_one_line(payload: bytes) -> None:
+    with pytest.raises(UserError) as refused:
+        read(place("state"), payload)
+    [line] = refused.value.lines()
+    assert line.isprintable() and len(line) < 600
+
+
+def test_escape_codes_and_length_of_texts_end_here() -> None:
+    hostile = {"id": "0-1", "t": 0, "kind": "note", "STATUS": None}
+    cause = {"\x1b]0;x\x07": "\x1b[31m" + "a" * 9999, "deep": [[[]]], "big": 10**400}
+    event = read(place("event"), json.dumps(hostile | {"cause": cause}).encode())
+    assert isinstance(event, EventMessage)
+    assert all(
+        str(each).isprintable() and len(str(each)) < 900 for pair in event.cause.items() for each in pair
+    )
+
+
+def test_an_empty_payload_clears_a_topic() -> None:
+    assert read(place("recent"), b"") is None

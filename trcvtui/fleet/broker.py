@@ -1,0 +1,327 @@
+"""The way to an MQTT 5 broker: URL, TLS, user and password, one connection that is built again and again.
+
+Rule: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
+connection, never the program; each connection has a client of its own, so nothing old is sent on a new one.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import ssl
+import threading
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import urlsplit
+
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.fleet.topics import MOST_BYTES
+from trcvtui.records import NamedTuple, dataclass, field
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import Client
+
+PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
+USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "TRCVTUI_MQTT_PASSWORD_FILE"
+KEEP_ALIVE_S: Final = 30
+CONNECT_S: Final = 5.0
+LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
+LOOP_S: Final = 0.5
+MOST_WAITING: Final = 100_000  # messages that nobody has taken yet
+MOST_PASSWORD: Final = 65_536
+OPEN_TO_ALL: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Where a broker is and how it is entered. The password is in no text of this record."""
+
+    host: str
+    port: int
+    has_tls: bool
+    ca: str | None = None
+    cert: str | None = None
+    key: str | None = None
+    user: str | None = field(default=None, repr=False)
+    password: str | None = field(default=None, repr=False)
+
+    def __str__(self) -> str:
+        """Return what may be told of it."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'mqtts' if self.has_tls else 'mqtt'}://{host}:{self.port}"
+
+
+class Connected(NamedTuple):
+    """The broker has taken us."""
+
+
+class Lost(NamedTuple):
+    """There is no connection, or no longer; `why` is one line. The next try follows by itself."""
+
+    why: str
+
+
+class Came(NamedTuple):
+    """A message: `topic` and `payload` as they came, hostile both."""
+
+    topic: str
+    payload: bytes
+    is_retained: bool
+
+
+class Taken(NamedTuple):
+    """The broker has acknowledged our message of this number."""
+
+    number: int
+
+
+class PublishRefused(NamedTuple):
+    """The broker does not take what we publish: most often it lacks the right."""
+
+    why: str
+
+
+News = Connected | Lost | Came | Taken | PublishRefused
+
+
+class Will(NamedTuple):
+    """What the broker publishes, retained, when we are gone without a word."""
+
+    topic: str
+    payload: bytes
+
+
+def broker_of(
+    url: str,
+    ca: str | None = None,
+    cert: str | None = None,
+    key: str | None = None,
+    environment: Mapping[str, str] = os.environ,
+) -> Broker:
+    """Return the broker of `--mqtt`; raise UserError for what cannot be one."""
+    wanted = "mqtts://HOST[:8883] or mqtt://HOST[:1883]"
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError:
+        raise mistake("--mqtt", "no such URL", wanted) from None
+    if "@" in url:
+        raise mistake("--mqtt", "a user or password in the URL", f"{USER}, {PASSWORD} or {PASSWORD_FILE}")
+    is_bare = parts.path in ("", "/") and not parts.query and not parts.fragment
+    if parts.scheme not in PORTS or not parts.hostname or not is_bare or port == 0 or not url.isprintable():
+        raise mistake("--mqtt", f"'{one_line(url)}'", wanted)
+    has_tls = parts.scheme == "mqtts"
+    if not has_tls and (ca or cert or key):
+        raise mistake("--mqtt", "mqtt:// beside a certificate", "mqtts://")
+    if (cert is None) != (key is None):
+        raise mistake("--mqtt-cert, --mqtt-key", "one of them", "both")
+    for option, path in (("--mqtt-ca", ca), ("--mqtt-cert", cert), ("--mqtt-key", key)):
+        if path is not None and not os.path.isfile(path):
+            raise mistake(option, f"no file '{path}'", "a PEM file")
+    made = Broker(
+        parts.hostname,
+        port or PORTS[parts.scheme],
+        has_tls,
+        ca,
+        cert,
+        key,
+        environment.get(USER) or None,
+        _password(environment),
+    )
+    if has_tls:
+        _context(made)  # what is wrong with these files is told now
+    return made
+
+
+def _password(environment: Mapping[str, str]) -> str | None:
+    path, given = environment.get(PASSWORD_FILE), environment.get(PASSWORD)
+    if path and given:
+        raise mistake(PASSWORD_FILE, f"{PASSWORD} beside it", "one of them")
+    if not path:
+        return given or None
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read(MOST_PASSWORD).rstrip("\r\n")
+    except (OSError, ValueError) as failed:
+        why = failed.strerror if isinstance(failed, OSError) else "no UTF-8"
+        raise mistake(PASSWORD_FILE, f"'{why}' at '{path}'", "a file with the password") from None
+
+
+def _context(broker: Broker) -> ssl.SSLContext:
+    try:
+        made = ssl.create_default_context(cafile=broker.ca)
+        if broker.cert is not None:
+            made.load_cert_chain(broker.cert, broker.key, password=lambda: "")
+    except (OSError, ValueError) as failed:
+        raise mistake("--mqtt-ca, --mqtt-cert, --mqtt-key", f"'{failed}'", "PEM files that fit") from None
+    return made
+
+
+def need_paho() -> None:
+    """Raise UserError where the extra is not installed."""
+    try:
+        import paho.mqtt.client as _  # noqa: F401
+    except ImportError:
+        raise mistake("--mqtt", "no paho-mqtt", "pip install 'trcvtui[fleet]'") from None
+
+
+class BrokerConnection:
+    """A connection to a broker that comes back by itself; `news` tells what happened, in order."""
+
+    def __init__(
+        self, broker: Broker, client_id: str, will: Will | None = None, topics: tuple[str, ...] = ()
+    ) -> None:
+        need_paho()
+        self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
+        self._news: deque[News] = deque()
+        self.dropped = 0  # messages that came faster than they were taken
+        self._client: Client | None = None
+        self._is_up = False
+        self._ends = threading.Event()
+        self._something = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, name="broker", daemon=True)
+
+    def open(self) -> None:
+        """Begin to try."""
+        self._thread.start()
+
+    def news(self) -> list[News]:
+        """Return what has happened since the last call."""
+        self._something.clear()
+        return [self._news.popleft() for _ in range(len(self._news))]
+
+    def wait(self, seconds: float) -> None:
+        """Wait until something has happened, at most so long."""
+        self._something.wait(seconds)
+
+    def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
+        """Send with QoS 1; return the number under which it is acknowledged, None: there is no connection."""
+        client = self._client
+        if client is None or not self._is_up:
+            return None
+        try:
+            sent = client.publish(topic, payload, qos=1, retain=is_retained)
+        except (OSError, ValueError):
+            return None
+        return sent.mid if sent.rc == 0 else None
+
+    def close(self, last: Will | None = None) -> None:
+        """End the connection; `last` is published before, retained."""
+        number = None if last is None else self.publish(last.topic, last.payload, True)
+        while number is not None and self._is_up:
+            self.wait(LOOP_S)
+            if any(isinstance(news, Lost) or news == Taken(number) for news in self.news()):
+                break
+        self._ends.set()
+        client = self._client
+        if client is not None and self._is_up:
+            client.disconnect()
+        if self._thread.is_alive():
+            self._thread.join(LOOP_S * 2)
+
+    # -- the thread --------------------------------------------------------------------------------------
+
+    def _tell(self, news: News) -> None:
+        if isinstance(news, Came) and len(self._news) >= MOST_WAITING:
+            self.dropped += 1
+            return
+        self._news.append(news)
+        self._something.set()
+
+    def _go_on(self) -> None:
+        pause = LEAST_PAUSE_S
+        while not self._ends.is_set():
+            began_up = False
+            try:
+                self._client = client = self._new_client()
+                why = self._connect(client)
+                while not why and not self._ends.is_set():
+                    why = _told(client.loop(LOOP_S))
+                    began_up = began_up or self._is_up
+                why = self._why or why
+            except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
+                why = _in_a_line(failed)
+            self._is_up = False
+            self._shut()
+            if self._ends.is_set():
+                return
+            self._tell(Lost(f"{self._broker}: {why}"))
+            pause = LEAST_PAUSE_S if began_up else min(MOST_PAUSE_S, pause * 1.5)
+            self._ends.wait(pause * random.uniform(0.8, 1.0) if pause > LEAST_PAUSE_S else pause)
+
+    def _connect(self, client: Client) -> str:
+        from paho.mqtt.packettypes import PacketTypes
+        from paho.mqtt.properties import Properties
+
+        self._why = ""
+        limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+        limits.MaximumPacketSize = MOST_BYTES + 4096
+        broker = self._broker
+        return _told(
+            client.connect(broker.host, broker.port, KEEP_ALIVE_S, clean_start=True, properties=limits)
+        )
+
+    def _shut(self) -> None:
+        """Let go of the socket, whatever state the client is in."""
+        client, self._client = self._client, None
+        held = client.socket() if client is not None else None
+        if held is not None:
+            held.close()
+
+    def _new_client(self) -> Client:
+        from paho.mqtt.client import Client, MQTTv5
+        from paho.mqtt.enums import CallbackAPIVersion
+
+        client = Client(CallbackAPIVersion.VERSION2, self._id, protocol=MQTTv5)
+        client.connect_timeout = CONNECT_S
+        if self._broker.has_tls:
+            client.tls_set_context(_context(self._broker))
+        if self._broker.user is not None:
+            client.username_pw_set(self._broker.user, self._broker.password)
+        if self._will is not None:
+            client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
+        client.on_connect = self._on_connect
+        client.on_disconnect = self._on_disconnect
+        client.on_message = self._on_message
+        client.on_publish = self._on_publish
+        return client
+
+    def _on_connect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
+        if reason.is_failure:
+            self._why = one_line(f"it refuses: {reason}")
+            return
+        for topic in self._topics:
+            client.subscribe(topic, qos=1)
+        self._is_up = True
+        self._tell(Connected())
+
+    def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
+        self._is_up = False
+        self._why = self._why or one_line(f"the connection ended: {reason}")
+
+    def _on_message(self, client: Client, _: Any, message: Any) -> None:
+        self._tell(Came(message.topic, message.payload, message.retain))
+
+    def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
+        if reason is not None and reason.is_failure and reason.value != 0x10:  # 0x10: nobody listens
+            self._tell(PublishRefused(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
+        self._tell(Taken(number))
+
+
+def _told(code: int) -> str:
+    if code == 0:
+        return ""
+    from paho.mqtt.client import error_string
+
+    return one_line(str(error_string(code)))
+
+
+def _in_a_line(failed: Exception) -> str:
+    if isinstance(failed, UserError):
+        return failed.lines()[0]
+    if isinstance(failed, ssl.SSLCertVerificationError):
+        return one_line(f"wrong certificate: {failed.verify_message}")
+    if isinstance(failed, OSError):
+        return one_line(failed.strerror or str(failed) or "no connection")
+    return one_line(f"it sends no MQTT 5: {failed}")

@@ -46,6 +46,8 @@ class BlackBox:
     looks_again = True  # what is judged goes on
 
     def __init__(self, most: int = MOST_BYTES) -> None:
+        import subprocess  # noqa: F401 - here, where no scan waits: 10 ms, which the first process would take
+
         self._told, self._told_at = "", 0  # how the last file has ended
         self.file_trouble = ""  # why the last file that went wrong did
         self._most = most

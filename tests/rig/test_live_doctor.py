@@ -171,6 +171,7 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
         received(7, EIGHT),
         [(300, "peer P1 send hex 01 02 03")],
     ),
+    ("flood", received(3, ""), [(60, "peer P1 send hex 01 02 03 04 repeat=9000 every=T#2ms")]),
     ("refused", sent(7), []),
     ("filtered", sent(7), [(0, "link C1 down")]),
     (

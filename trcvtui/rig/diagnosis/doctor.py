@@ -41,6 +41,11 @@ TROUBLES: Final = {
         "bytes of an unfinished frame were thrown away, and the next job began inside it:",
         (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),),
     ),
+    "flood": TroubleRow(
+        0.9,
+        "in a second more bytes came than jobs took, so that more and more wait:",
+        (Mend("let the partner send less often, call the block faster, or take several messages a job"),),
+    ),
     "datagram-size": TroubleRow(
         0.95,
         "a datagram was larger than LEN or DATA:",

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
+from trcvtui.capture.journal import GAP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
-from trcvtui.net.events import BytesDropped
+from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.rig.diagnosis.lint import receivers_of
@@ -18,7 +21,44 @@ from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
 
 LARGER: Final = "larger than LEN or DATA"
+UNREAD: Final = GAP + "unread"
+SECOND: Final = 1_000_000_000
+GROWING: Final = 4  # seconds, one after the other
 MOST_SCANS: Final = 1_000_000
+
+
+class _Backlog:
+    """What waits in the stack for each CONNECT, as the gaps of a run ask: the least of each second."""
+
+    def __init__(self, run: RunAgain) -> None:
+        self._run = run
+        self._least: dict[str, dict[int, int]] = {}
+        self._read: dict[str, set[int]] = {}
+        run.replay.entries = self._noted(run.replay.entries)
+
+    def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
+        for entry in entries:
+            if isinstance(entry, Answered) and entry.call == UNREAD and isinstance(entry.answer, int):
+                known = self._least.setdefault(entry.owner, {})
+                second = self._run.bench.now // SECOND
+                known[second] = min(known.get(second, entry.answer), entry.answer)
+            yield entry
+
+    def read(self, connect: str, t_ns: int) -> None:
+        """Take that a job has got bytes."""
+        self._read.setdefault(connect, set()).add(t_ns // SECOND)
+
+    def floods(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT for which more waits each second although jobs run: since when, for how long."""
+        for connect, least in self._least.items():
+            read = self._read.get(connect, set())
+            since, run = 0, 0
+            for before, second in pairwise(sorted(least)):
+                grows = least[second] > least[before] and second in read and second == before + 1
+                since, run = (since or second, run + 1) if grows else (0, 0)
+                if run == GROWING:
+                    yield connect, since, sum(least[s] > least[s - 1] for s in least if s - 1 in least)
+                    break
 
 
 def recorded_facts(path: str) -> RecordedFacts | None:
@@ -44,7 +84,7 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
     receivers = {each.name for each in run.bench.project.instances if block_row(each.block).receives}
     takers = {each.connect: each.name for each in run.bench.project.instances if each.name in receivers}
     seq, wall_ns = 0, run.begins.wall_ns
-    ledger = run.bench.runtime.ledger
+    ledger, backlog = run.bench.runtime.ledger, _Backlog(run)
 
     def tell(cause: str, instance: str, scan: int, t_ns: int) -> None:
         known = found.get((cause, instance))
@@ -60,6 +100,8 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
                 match event:
                     case InputEdge(instance, "REQ", value) if value and instance in sends:
                         tell("request-too-fast", instance, scan, t_ns)
+                    case BytesReceived():
+                        backlog.read(event.connection, t_ns)
                     case SendStarted():
                         sends.add(event.instance)
                     case SendEnded():
@@ -80,6 +122,10 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
                         pass
     except UserError:
         pass  # the recording ends here
+    for connect, since, seconds in backlog.floods():
+        scan = since * SECOND // run.bench.runtime.interval_ns + 1
+        first = JobTrouble("flood", takers.get(connect, connect), scan, wall_ns + since * SECOND, seconds)
+        found["flood", connect] = first
     # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
     return tuple(
         [

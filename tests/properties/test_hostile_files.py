@@ -15,8 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import ACK, PLC, SYN, capture, tcp
+from tests.capture.wire import ACK, PLC, SYN, capture, handshake, tcp
 from tests.rig.scenarios import CONFIGS
+from tests.rig.watch.test_watch import project, stream
 from tests.test_cli import ENVIRONMENT
 from trcvtui.cli import main
 
@@ -85,6 +86,19 @@ def test_each_command_reads_a_changed_file_or_says_what_is_wrong(
         assert code in (0, 1, 2) and (code != 2 or said), number
         assert "Traceback" not in said and said.replace("\n", "").isprintable(), number
     assert codes == {0, 1, 2}
+
+
+def test_the_doctor_counts_no_frames_in_a_hole_of_gigabytes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, bench = tmp_path / "hole.pcapng", project(tmp_path)
+    sizes = (12, 7, 5, 12, 3, 9, 12)
+    late = [
+        tcp(b"x" * size, seq=101 + sum(sizes[:n]) + 1_900_000_000, ack=501) for n, size in enumerate(sizes)
+    ]
+    file.write_bytes(capture([*handshake(), *stream(*sizes), *late]))
+    assert main(["doctor", str(file), "--project", str(bench)]) == 1
+    assert "loss" in capsys.readouterr().out
 
 
 def calls() -> Iterator[bytes]:

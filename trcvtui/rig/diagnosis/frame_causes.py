@@ -130,7 +130,7 @@ def _is_right(line: LineFacts, need: int) -> bool:
         return True
     ends = {one.at + one.size for one in found}
     frames = range(start + need, found[-1].at + found[-1].size + 1, need)
-    whole = sum(end in ends for end in frames)
+    whole = sum(end in frames for end in ends)  # a hole may be as wide as two gigabytes
     is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
     return is_varied and len(frames) >= FEW and whole * 100 >= 97 * len(frames)  # each frame in pieces
 

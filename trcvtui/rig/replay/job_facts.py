@@ -18,7 +18,7 @@ from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.rig.diagnosis.lint import receivers_of
 from trcvtui.rig.replay.keyframes import Keyframes
-from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.replay.run_again import RunAgain, restored_state
 
 LARGER: Final = "larger than LEN or DATA"
 UNREAD: Final = GAP + "unread"
@@ -65,8 +65,13 @@ def recorded_facts(path: str) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run."""
     try:
         run = Keyframes(Recording(Path(path)), path).begin()
+        with restored_state(run.is_restored, path):
+            return _facts_of(run)
     except UserError:
         return None
+
+
+def _facts_of(run: RunAgain) -> RecordedFacts:
     project = run.bench.project
     connects = [each for each in project.connects if not each.is_datagram]
     calls = bool(connects) and all(each.active for each in connects)

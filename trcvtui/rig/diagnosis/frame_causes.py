@@ -16,6 +16,7 @@ from trcvtui.rig.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
 from trcvtui.rig.diagnosis.sayings import Mend, Said
 
 if TYPE_CHECKING:
+    from trcvtui.udt.layout.layout import Profile
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
@@ -271,7 +272,8 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Said | None:
         f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
         f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
     )  # fmt: skip
-    return Said(sure, (text, more), "to-plc", _at(split[0]), name or None, (mend,) if name else ())
+    size = Mend(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
+    return Said(sure, (text, more), "to-plc", _at(split[0]), name or None, (mend, size) if name else ())
 
 
 def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
@@ -420,7 +422,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | N
     frames = _frames(line, receiver)
     if len(frames) < 2 or len(frames[0]) > 4096:
         return None
-    key = (receiver.instance, receiver.need, tuple(frames))
+    key = (receiver.instance, receiver.need, receiver.type, receiver.rules, tuple(frames))
     if key not in _READ:
         if len(_READ) >= MOST_READ:
             _READ.clear()
@@ -471,8 +473,6 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
     )
     texts = (said, *(reason.text for reason in best.reasons[:2]))
     sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
-    by_layout = f"data.{name}.layout={best.profile.layout}" if name else None
-    by_order = f"data.{name}.byte_order={order}" if name else None
     if kind in ("header", "trailer"):
         side = "before" if kind == "header" else "after"
         mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
@@ -483,10 +483,22 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
     if kind is not None:
         return None
     if best.layout.size != receiver.need or order == rules.byte_order:
-        mend = Mend(f"the partner packs as {best.profile}", None, by_layout)
-        return "padding", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
-    mend = Mend(f"the partner's numbers are {order}-endian", None, by_order)
-    return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+        mends = _as_partner(f"the partner packs as {best.profile}", best.profile, rules, name)
+        return "padding", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
+    mends = _as_partner(f"the partner's numbers are {order}-endian", best.profile, rules, name)
+    return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
+
+
+def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Mend, ...]:
+    """Return what lets DATA lie as the partner sends: a remedy for each thing that is otherwise."""
+    ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
+    theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
+    other = [f"{key}={has}" for (key, had), has in theirs if has != had]
+    if not (data and other):
+        return (Mend(text),)
+    return tuple(
+        [Mend(text if not n else f"with it {one}", None, f"data.{data}.{one}") for n, one in enumerate(other)]
+    )
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Said | None]:

@@ -69,7 +69,10 @@ class FindingList(TextView):
             return "the doctor looks …"
         if seen.trouble:
             return seen.trouble
-        looked = f"{count(seen.conversations, 'conversation')} looked at, up to scan {seen.scan}"
+        picture = self._view_model.live
+        is_file = picture is not None and picture.position is not None
+        how_far = "in the whole file" if is_file else f"up to scan {seen.scan}"
+        looked = f"{count(seen.conversations, 'conversation')} looked at, {how_far}"
         if self.findings:
             return looked
         others = len(seen.findings)

@@ -24,9 +24,11 @@ from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.net.os import packet_pipe
 from trcvtui.rig.bench_update import UpdateRequest
+from trcvtui.rig.recording.asked import FilesJudge
+from trcvtui.rig.watch import live
 from trcvtui.rig.watch.capture_player import CapturePlayer
 from trcvtui.rig.watch.command import WatchLines, watch_pipe
-from trcvtui.rig.watch.live import FASTER, LivePlan, LiveWatch, PacketStream
+from trcvtui.rig.watch.live import FASTER, KeptPackets, LivePlan, LiveWatch, PacketStream
 from trcvtui.rig.watch.live_screen import _PipeServed
 from trcvtui.rig.watch.shadows import ShadowPlan
 
@@ -322,6 +324,30 @@ def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
         ]
 
 
+def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
+    path = tmp_path / "piped"
+    path.write_bytes(capture([tcp(b"", seq=1000, flags=SYN), answer(b"", seq=0, flags=RST | ACK)]))
+    kept = KeptPackets()
+    with path.open("rb") as file:
+        PacketStream(file.fileno(), Pieces().live, print, int, kept).take()
+    judge = FilesJudge(kept.files, looks_again=True)
+    judge.judge()
+    while judge.is_judging:
+        judge.go_on()
+    (found,) = json.loads(judge.judged)["findings"]
+    assert found["cause"] == "refused" and found["t_ns"] >= 0
+
+
+def test_the_packets_that_are_kept_are_bounded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(live, "MOST_KEPT", 200)
+    path = tmp_path / "piped"
+    path.write_bytes(capture([*handshake(), *stream(12)]))
+    kept = KeptPackets()
+    with path.open("rb") as file:
+        PacketStream(file.fileno(), Pieces().live, print, int, kept).take()
+    assert Path(kept.files()[0]).stat().st_size < 600
+
+
 def test_the_help_has_a_line_to_copy_for_each_system(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["watch", "--help"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
@@ -332,7 +358,7 @@ def test_the_help_has_a_line_to_copy_for_each_system(capsys: pytest.CaptureFixtu
 def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     ours, theirs = multiprocessing.Pipe()
     reads, writes = os.pipe()
-    served = _PipeServed(theirs, LivePlan(None, None, None))
+    served = _PipeServed(theirs, LivePlan(None, None, None), (None, None, None))
 
     def run() -> None:
         with suppress(EOFError, OSError):

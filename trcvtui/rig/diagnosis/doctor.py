@@ -202,7 +202,7 @@ def _finding(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
         "t_s": line.seconds(at.ns) if line is not None and at is not None else None,
         "where": {
             "direction": said.way,
-            "byte": at.at if at is not None and at.packet else None,
+            "byte": at.at if at is not None and at.size else None,
             "packet": at.packet or None if at is not None else None,
             "scan": None,
             "instance": said.instance,

@@ -165,6 +165,7 @@ class Controller:
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
         self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
+        self.files_judge: Judge | None = None  # of what files, or packets, tell
         self._asked = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = SplitTests()
@@ -345,7 +346,7 @@ class Controller:
     @property
     def judge(self) -> Judge | None:
         """Return who judges the run, None where nobody keeps it."""
-        return self.black_box
+        return self.files_judge or self.black_box
 
     def tell_recording(self, text: str, wrong: str) -> None:
         """Let the header say how the recording goes; what is wrong stands whole in the history, once."""

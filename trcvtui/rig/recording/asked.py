@@ -51,6 +51,7 @@ class FilesJudge:
         looks_again: bool = False,
     ) -> None:
         self.judged = b""
+        self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
         self.looks_again = looks_again
         self._files, self._plc = files, plc
         self._project = None if project is None else str(project)
@@ -65,7 +66,7 @@ class FilesJudge:
         """Let a process look."""
         if self._answer is None:
             self._answer = AnswerOnItsWay(JUDGE_FILES)
-            asked = [*self._files()], self._plc, self._project
+            asked = [*self._files()], self._plc, self._project, self.begins_ns
             self._answer.process.put(json.dumps(asked).encode())
             self._answer.process.finish()
 

@@ -27,13 +27,13 @@ MOST_TEXT: Final = 400
 Found = dict[str, Any]
 
 
-def found_in(paths: Sequence[str], asked: DoctorQuestion) -> Found:
+def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None = None) -> Found:
     """Return what the doctor finds, as plain data: each finding with its ends, and its time in the run."""
     findings: list[Found] = []
     conversations = 0
     for path in paths:
         verdicts, _, _ = judge(path, asked)
-        zero_ns = _first_packet_ns(path) - _run_begins_ns(path)
+        zero_ns = _first_packet_ns(path) - (_run_begins_ns(path) if begins_ns is None else begins_ns)
         for verdict in verdicts:
             conversations += verdict["conversation"] is not None
             for one in verdict["findings"]:
@@ -99,9 +99,9 @@ class _ToBeJudged:
         from trcvtui.rig.diagnosis.lint import receivers_of
         from trcvtui.rig.scenario.scenario import load_bench
 
-        files, plc, project = self._asked
+        files, plc, project, begins_ns = self._asked
         receivers = () if project is None else receivers_of(load_bench(Path(project)))
-        return found_in(files, DoctorQuestion(plc, receivers, recorded_facts))
+        return found_in(files, DoctorQuestion(plc, receivers, recorded_facts), begins_ns)
 
 
 class _JudgedRun(_ToBeJudged):

@@ -93,18 +93,13 @@ class ReplayController(Controller):
         self, run: RunAgain, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
         super().__init__(run.bench)
-        self._doctor, self._judge = doctor  # one for all benches that take each other's place
+        self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
         self.run = run
         self._move = move
         self.holding = True
         self.position: Position | None = None
         self.beside: RunBeside | None = None
         self.fired = ""  # the trigger that fired in the last scan
-
-    @property
-    def judge(self) -> Judge | None:
-        """Return who judges the file."""
-        return self._judge
 
     @property
     def at(self) -> int:

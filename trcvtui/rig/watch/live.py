@@ -9,13 +9,23 @@ Rule 3: what is over is forgotten: memory follows those who talk, not those who 
 
 from __future__ import annotations
 
+import os
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
 from trcvtui.capture.command import address_text, capture_notes
-from trcvtui.capture.pcap import STATISTICS, CaptureReader, options_of
+from trcvtui.capture.pcap import (
+    STATISTICS,
+    CaptureReader,
+    Packet,
+    interface_block,
+    options_of,
+    packet_block,
+    section_block,
+)
 from trcvtui.capture.plc_end import PlcEnd, PlcGuess, parse_plc
 from trcvtui.capture.reassembly import (
     SILENCE_NS,
@@ -26,6 +36,7 @@ from trcvtui.capture.reassembly import (
     WireDirection,
 )
 from trcvtui.errors import UserError
+from trcvtui.files import unnamed
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.project import Project
@@ -39,6 +50,7 @@ LULL_NS: Final = 1_000_000_000
 SHOWN_SCANS: Final = 6  # after the last packet what it did is shown
 SWEEP_NS: Final = 10_000_000_000  # between two looks at who is over
 MOST_WAITING: Final = 1 << 16  # events
+MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
 MOST_KNOWN: Final = 4096  # pairs of ends of which it is known who gets them
 LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
@@ -364,15 +376,53 @@ class LiveWatch:
         return player
 
 
+class KeptPackets:
+    """The newest packets of a stream, at most MOST_KEPT bytes of them, as a file for the doctor."""
+
+    def __init__(self) -> None:
+        self._packets: deque[Packet] = deque()
+        self._link_types: Sequence[int] = ()
+        self._size = 0
+        self._opened = ExitStack()
+
+    def passing(self, reader: CaptureReader) -> Iterator[Packet]:
+        """Yield the packets of a reader, and keep them."""
+        self._link_types = reader.link_types
+        for packet in reader:
+            self._packets.append(packet)
+            self._size += len(packet.data)
+            while self._size > MOST_KEPT:
+                self._size -= len(self._packets.popleft().data)
+            yield packet
+
+    def files(self) -> list[str]:
+        """Write them into a file in memory; return its name, which other processes can open."""
+        self._opened.close()
+        handle, name = self._opened.enter_context(unnamed())
+        with open(handle, "wb", closefd=False) as file:
+            file.write(section_block(""))
+            file.writelines(interface_block(kind, "") for kind in self._link_types)
+            file.writelines(
+                packet_block(one.interface, one.ns, one.data, (), one.length) for one in self._packets
+            )
+        return [name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name]
+
+
 class PacketStream:
     """The packets of a pipe, taken by `live`; `say` gets lines for the user.
 
-    `came` is called when something was played, at least each 50 ms.
+    `came` is called when something was played, at least each 50 ms; `kept` keeps the newest packets.
     """
 
     def __init__(
-        self, fd: int, live: LiveWatch, say: Callable[[str], object], came: Callable[[], object] = int
+        self,
+        fd: int,
+        live: LiveWatch,
+        say: Callable[[str], object],
+        came: Callable[[], object] = int,
+        kept: KeptPackets | None = None,
     ) -> None:
+        self._kept = kept
         self.pipe = PacketPipe(fd, self._wait)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
@@ -426,7 +476,8 @@ class PacketStream:
                 return []
             raise self._failed or none from None
         self._reader, found.names = reader, reader.name_of
-        found.take_all(reader, reader.link_types)
+        packets = iter(reader) if self._kept is None else self._kept.passing(reader)
+        found.take_all(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed
         dropped = sum(self._dropped.values())

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
     from trcvtui.plc.ledger import StatusEdge
     from trcvtui.rig.engine.controller import Controller
+    from trcvtui.rig.recording.asked import FilesJudge
     from trcvtui.rig.watch.capture_player import CapturePlayer
     from trcvtui.rig.watch.live import LivePlan, LiveWatch
     from trcvtui.rig.watch.shadows import ShadowPlan
@@ -47,7 +48,7 @@ def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.rig.watch.live import LivePlan
 
-    serve_live(channel, lambda: _PipeServed(channel, LivePlan(*asked)).run(packets.fileno()))
+    serve_live(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
 
 
 def serve_live(channel: Channel, run: Callable[[], None]) -> None:
@@ -79,6 +80,7 @@ class ServedShadows:
         self._request: UpdateRequest | None = None
         self._told: list[tuple[str, str]] = []
         self._player: CapturePlayer | None = None
+        self.judge: FilesJudge | None = None  # of what came
 
     def show(self, player: CapturePlayer, kernel: str, watch: Callable[[str], str] | None = None) -> None:
         """Show the shadows of a player from now on, and count its conversations; `kernel`: a word for it.
@@ -92,6 +94,7 @@ class ServedShadows:
         self._controller = controller = Controller(player.shadows.bench)
         controller.talks, controller.shadows = talks.snapshot, player.shown
         controller.kernel, controller.watch, self._player = kernel, watch, player
+        controller.files_judge = self.judge
         self._channel.send(player.shadows.bench.project)
 
     def go_on(self, subject: str, why: str) -> NoReturn:
@@ -148,17 +151,21 @@ class ServedShadows:
 class _PipeServed(ServedShadows):
     """Shadows on packets that come through a pipe."""
 
-    def __init__(self, channel: Channel, plan: LivePlan) -> None:
+    def __init__(self, channel: Channel, plan: LivePlan, asked: Asked) -> None:
         super().__init__(channel)
         self._plan = plan
+        self._project, self._plc, _ = asked
         self._live: LiveWatch | None = None
 
     def run(self, fd: int) -> NoReturn:
         """Play what comes; when that is over, go on showing it."""
-        from trcvtui.rig.watch.live import LiveWatch, PacketStream
+        from trcvtui.rig.recording.asked import FilesJudge
+        from trcvtui.rig.watch.live import KeptPackets, LiveWatch, PacketStream
 
         live = self._live = LiveWatch(self._plan, self._begin, self._leave)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve)
+        kept = KeptPackets()
+        self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
+        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept)
         said = stream.take()
         live.finish()
         for line in said:
@@ -169,6 +176,8 @@ class _PipeServed(ServedShadows):
         from trcvtui.rig.watch.capture_player import CapturePlayer
 
         player = CapturePlayer(plan, (), first_ns, self)
+        if self.judge is not None:
+            self.judge.begins_ns = first_ns
         self.show(player, "capture", self._shadow)
         return player
 

@@ -65,7 +65,6 @@ def holds(path: Path, kernel: str) -> None:
     replay.end()
 
 
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 @pytest.mark.parametrize(
     ("call", "args"), [(SKIP, ()), (SKIP, ("1",)), (SKIP, (-1,)), (SKIP, (1 << 41,)), (DO, ()), (DO, (1,))]
 )
@@ -74,6 +73,7 @@ def test_a_journal_with_a_strange_command_ends_there(call: str, args: tuple[obje
         list(entries_of(blocks([Answered("bench", call, args, None)]), "R"))
 
 
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_a_scenario_that_was_recorded_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
     holds(path, "sim")
 

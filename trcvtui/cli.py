@@ -251,6 +251,36 @@ def _record(args: SimpleNamespace) -> int:
     return record(project, out, args.kernel, limits, args.on, args.duration, not args.no_secrets, _follow())
 
 
+def _agent(args: SimpleNamespace) -> int:
+    from pathlib import Path
+
+    from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
+    from trcvtui.fleet.broker import broker_of, need_paho
+    from trcvtui.fleet.metrics import place_of_page
+    from trcvtui.rig.recording.files import RecordTo
+    from trcvtui.rig.scenario.record import limits_of
+
+    path = _path(args.project)
+    if args.mqtt is None and args.metrics is None:
+        raise mistake("trcvtui agent", "neither", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
+    page = None if args.metrics is None else place_of_page(args.metrics)
+    broker = None
+    if args.mqtt is not None:
+        broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
+        need_paho()
+    record = None
+    if args.record is not None:
+        from trcvtui.files import make_folder
+
+        for folder in (Path(args.record), Path(args.record) / path.stem):
+            make_folder(folder, "--record")
+        limits = limits_of(args.ring, None, None, None, None)
+        record = RecordTo(Path(args.record) / path.stem, False, not args.no_secrets, limits, _follow())
+    name = args.name or default_name(path)
+    settings = AgentSettings(path, args.kernel, args.site, name, broker, page, record)
+    return run_agent(settings, _load_bench(path))
+
+
 def _replay(args: SimpleNamespace) -> int:
     if args.set or args.dialect is not None:
         from trcvtui.rig.replay.command import what_if_file
@@ -686,6 +716,28 @@ def _add_record_command(parser: ArgumentRows) -> None:
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
 
 
+def _add_agent(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_agent)
+    parser.add_argument("project", metavar="PROJECT.toml")
+    parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
+    parser.add_argument("--site", default="default", help="of the topics; default: default")
+    parser.add_argument("--name", help="of the topics; default: HOST-PROJECT")
+    _add_broker(parser)
+    parser.add_argument("--metrics", metavar="ADDR:PORT", help="a page for Prometheus")
+    parser.add_argument("--record", metavar="DIR", help="keep each run: numbered files")
+    parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
+    parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+
+
+def _add_broker(parser: ArgumentRows) -> None:
+    parser.add_argument(
+        "--mqtt", metavar="mqtts://HOST", help="the broker; user and password: TRCVTUI_MQTT_.."
+    )
+    parser.add_argument("--mqtt-ca", metavar="FILE", help="who may have signed its certificate (PEM)")
+    parser.add_argument("--mqtt-cert", metavar="FILE", help="ours")
+    parser.add_argument("--mqtt-key", metavar="FILE", help="of --mqtt-cert")
+
+
 def _add_replay(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_replay)
     parser.add_argument("file", metavar="FILE")
@@ -831,6 +883,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
     "record": ("keep what a bench does, without a screen", _add_record_command),
+    "agent": ("a bench as a service: MQTT, Prometheus", _add_agent),
     "replay": ("a recording run again", _add_replay),
     "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
     "report": ("a recording or a capture as one HTML page", _add_report),

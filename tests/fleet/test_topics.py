@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
+from trcvtui.fleet.metrics import METRICS
 from trcvtui.fleet.topics import (
     MESSAGES,
     EventMessage,
@@ -130,3 +133,11 @@ def test_escape_codes_and_length_of_texts_end_here() -> None:
 
 def test_an_empty_payload_clears_a_topic() -> None:
     assert read(place("recent"), b"") is None
+
+
+def test_the_page_has_the_schema_of_each_kind_and_each_metric() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text()
+    [shown] = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
+    assert json.loads(shown)["$defs"] == {schema["title"]: schema for schema in schemas()}
+    for metric in METRICS:
+        assert f"| `{metric.name}{'_total' * (metric.kind == 'counter')}` | " in page

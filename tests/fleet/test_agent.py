@@ -1,0 +1,297 @@
+"""The agent: what it tells of a bench, what it keeps while the broker is away, how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
+from tests.test_cli import ENVIRONMENT
+from trcvtui.cli import main
+from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken
+from trcvtui.fleet.lines import SeenBench
+from trcvtui.fleet.metrics import METRICS, MetricsPage
+from trcvtui.fleet.publisher import EVENT, FIGURES, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
+from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
+from trcvtui.rig.bench_update import UpdateRequest
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.engine import LocalDriver
+from trcvtui.rig.scenario.scenario import load_bench
+
+ROOT = Path(__file__).parents[2]
+PROJECT = ROOT / "configs" / "active.toml"
+SECOND = 1_000_000_000
+
+
+# -- a bench to messages ---------------------------------------------------------------------------------
+
+
+def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> None:
+    project = load_bench(PROJECT)
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    seen = SeenBench("b00", project.dialect.label)
+    told = []
+    for line in ("set TRCV_C_1 EN_R=1 CONT=1", "peer P1 rst", "peer P1 rst", "peer P1 rst"):
+        driver.submit(line)
+        driver.scan(2000)
+    driver.request(UpdateRequest(most_lines=20_000))
+    update = driver.picture()
+    assert update is not None
+    errors = update.snapshot.instances[0].errors
+    changed, events, moved = seen.take(update, 1000.0)
+    told = [event for _, event in events]
+    assert errors > 0 and len(told) == errors
+    assert [event.id for event in told] == [f"b00-{n}" for n in range(1, errors + 1)]
+    assert all(event.status and event.cause["text"] and event.t < 1000.0 for event in told)
+    assert [each.name for each in changed] == ["TRCV_C_1"] and [line.name for line in moved] == ["C1"]
+    assert seen.lines["C1"].figures(1000.0).errors_an_hour == errors
+    assert seen.instances["TRCV_C_1"].recent_message(1000.0).count == errors
+
+
+# -- while the broker is away ----------------------------------------------------------------------------
+
+
+class FakeConnection(BrokerConnection):
+    """A broker that does what a test says."""
+
+    def __init__(self) -> None:
+        self.waiting: list[News] = []
+        self.sent: list[tuple[str, bytes, bool]] = []
+
+    def news(self) -> list[News]:
+        taken, self.waiting = self.waiting, []
+        return taken
+
+    def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
+        self.sent.append((topic, payload, is_retained))
+        return len(self.sent)
+
+
+def test_after_a_reconnect_retained_topics_go_first_and_queued_events_two_seconds_later() -> None:
+    connection, queue = FakeConnection(), DiskQueue(None)
+    publisher = Publisher(connection, queue, lambda line: None)
+    publisher.event("e", b"1")
+    publisher.retain("s", b"old")
+    publisher.retain("s", b"new")
+    publisher.turn(0)
+    assert connection.sent == []
+    connection.waiting = [Connected()]
+    publisher.turn(SECOND)
+    publisher.turn(SECOND + HOLD_NS - 1)
+    assert connection.sent == [("s", b"new", True)]
+    publisher.turn(SECOND + HOLD_NS)
+    assert connection.sent[1:] == [("e", b"1", False)] and queue.size == 1
+    connection.waiting = [Lost("away"), Connected()]  # before the event was acknowledged
+    publisher.turn(10 * SECOND)
+    publisher.turn(12 * SECOND)
+    assert connection.sent[2:] == [("s", b"new", True), ("e", b"1", False)]
+    connection.waiting = [Taken(4)]
+    publisher.turn(13 * SECOND)
+    assert queue.size == 0
+
+
+def test_a_topic_that_changes_fast_costs_one_message_a_second_with_the_newest() -> None:
+    connection = FakeConnection()
+    publisher = Publisher(connection, DiskQueue(None), lambda line: None)
+    connection.waiting = [Connected()]
+    for tenth in range(21):
+        publisher.retain("s", b"%d" % tenth)
+        publisher.turn(tenth * LEAST_GAP_NS // 10)
+    assert [payload for _, payload, _ in connection.sent] == [b"0", b"10", b"20"]
+
+
+def test_past_the_bound_old_figures_go_first_events_last_and_it_is_said() -> None:
+    connection, queue, said = FakeConnection(), DiskQueue(None, most=3), list[str]()
+    publisher = Publisher(connection, queue, said.append)
+    for n in range(2):
+        publisher.event("e", b"%d" % n)
+        publisher.figures("f", b"%d" % n)
+    publisher.event("e", b"2")
+    publisher.event("e", b"3")
+    assert queue.dropped == {FIGURES: 2, EVENT: 1}
+    assert [payload for _, _, payload in queue.after(0, 9)] == [b"1", b"2", b"3"]
+    connection.waiting = [Connected()]
+    publisher.turn(0)
+    assert "no room while the broker was away: 2 figures, 1 events" in said
+
+
+def test_a_queue_outlives_the_agent_and_a_file_of_others_is_one_line(
+    tmp_path: Path,
+) -> None:
+    first = DiskQueue(tmp_path / "q")
+    first.put(EVENT, "e", b"1")
+    first.close()
+    again = DiskQueue(tmp_path / "q")
+    assert again.after(0, 9) == [(1, "e", b"1")]
+    again.close()
+
+
+# -- the page and the dashboard --------------------------------------------------------------------------
+
+
+class IdleAgent:
+    """What the page asks of an agent."""
+
+    is_running, is_up, queued, dropped, restarts = True, False, 3, 2, 1
+
+    def __init__(self) -> None:
+        project = load_bench(PROJECT)
+        driver = LocalDriver(fresh_bench(project, "sim"))
+        driver.scan(100)
+        driver.request(UpdateRequest())
+        update = driver.picture()
+        assert update is not None
+        self.seen = SeenBench("b", project.dialect.label)
+        self.seen.take(update, 1.0)
+
+
+def page() -> str:
+    """Return the page as Prometheus reads it."""
+    from prometheus_client import generate_latest
+    from prometheus_client.core import CollectorRegistry
+
+    registry = CollectorRegistry()
+    registry.register(MetricsPage(IdleAgent()))
+    return generate_latest(registry).decode()
+
+
+def test_every_metric_of_the_dashboard_is_on_the_page_with_rows() -> None:
+    dashboard = json.loads((ROOT / "configs/service/grafana-dashboard.json").read_text())
+    queries = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
+    named = {name for query in queries for name in re.findall(r"trcvtui_\w+", query)}
+    rows = {line.partition(" ")[0].partition("{")[0] for line in page().splitlines() if line[0] != "#"}
+    assert len(named) >= 9 and named - rows == set()
+    assert len(rows) == len(METRICS)
+
+
+def test_a_label_of_the_page_is_none_that_prometheus_takes_for_itself() -> None:
+    assert {label for metric in METRICS for label in metric.labels} == {"line", "name"}
+
+
+# -- bad input -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("", "found neither, expected --mqtt mqtts://HOST or --metrics ADDR:PORT"),
+        ("--metrics here", "--metrics: found 'here', expected ADDR:PORT"),
+        ("--mqtt mqtts://a:b@c", "a user or password in the URL"),
+        ("--mqtt mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(words: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["agent", str(PROJECT), *words.split()]) == 2
+    said = capsys.readouterr()
+    assert told in said.err and said.err.count("\n") == 1 and not said.out
+
+
+# -- on a broker -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    made = Mosquitto(tmp_path)
+    yield made
+    made.kill()
+
+
+def started(broker: Mosquitto, folder: Path) -> subprocess.Popen[bytes]:
+    """Start an agent; its words go to a file."""
+    words = f"agent {PROJECT} --site s --name n --mqtt mqtt://127.0.0.1:{broker.port}"
+    with (folder / "said").open("ab") as said:
+        return subprocess.Popen(
+            [sys.executable, "-m", "trcvtui", *words.split()],
+            cwd=ROOT,
+            env=ENVIRONMENT | {"STATE_DIRECTORY": str(folder)},
+            stderr=said,
+        )
+
+
+def reader_of(broker: Mosquitto) -> tuple[BrokerConnection, dict[str, bytes]]:
+    """Return a reader, and what it will have heard last of each topic."""
+    connection = BrokerConnection(Broker("127.0.0.1", broker.port, False), "reader", topics=("trcvtui/v1/#",))
+    connection.open()
+    return connection, {}
+
+
+def state_is(connection: BrokerConnection, heard: dict[str, bytes], wanted: str) -> bool:
+    for news in connection.news():
+        if isinstance(news, Came):
+            heard[news.topic] = news.payload
+    payload = heard.get("trcvtui/v1/s/n/state", b"")
+    message = read(topic_of("trcvtui/v1/s/n/state"), payload)
+    return isinstance(message, StateMessage) and message.state == wanted
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    listed = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True, check=False)
+    return [int(word) for word in listed.stdout.split()]
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
+
+
+@needs_mosquitto
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
+def test_an_agent_comes_back_with_its_broker_starts_its_engine_anew_and_its_death_shows_at_once(
+    broker: Mosquitto, tmp_path: Path
+) -> None:
+    agent = started(broker, tmp_path)
+    connection, heard = reader_of(broker)
+    status = "trcvtui/v1/s/n/C1/TRCV_C_1/status"
+    try:
+        until(lambda: state_is(connection, heard, "online") and status in heard)
+        message = read(topic_of(status), heard[status])
+        assert isinstance(message, StatusMessage) and message.text
+        broker.kill()
+        heard.clear()
+        assert broker.start()  # it has forgotten all
+        until(lambda: state_is(connection, heard, "online") and status in heard)
+        engines = children_of(agent.pid)
+        for engine in engines:
+            os.kill(engine, signal.SIGKILL)
+        until(lambda: state_is(connection, heard, "online") and "trcvtui/v1/s/n/C1/TRCV_C_1/event" in heard)
+        until(lambda: [pid for pid in children_of(agent.pid) if is_alive(pid) and pid not in engines])
+        left = children_of(agent.pid)
+        agent.kill()
+        until(lambda: state_is(connection, heard, "offline"))
+        until(lambda: not any(map(is_alive, left)))
+    finally:
+        agent.kill()
+        agent.wait()
+        connection.close()
+    said = (tmp_path / "said").read_text()
+    assert "the engine has ended" in said and "Traceback" not in said
+
+
+@needs_mosquitto
+@pytest.mark.live
+@pytest.mark.slow
+def test_sigterm_ends_an_agent_cleanly_and_says_offline(broker: Mosquitto, tmp_path: Path) -> None:
+    agent = started(broker, tmp_path)
+    connection, heard = reader_of(broker)
+    try:
+        until(lambda: state_is(connection, heard, "online"))
+        agent.terminate()
+        assert agent.wait() == 0
+        until(lambda: state_is(connection, heard, "offline"))
+    finally:
+        agent.kill()
+        connection.close()
+    assert (tmp_path / "said").read_text().count("\n") == 2  # no TLS; the broker is there

@@ -1,0 +1,259 @@
+"""`trcvtui agent`: a bench as a service. It starts the engine anew when it fails, publishes, shows a page."""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from trcvtui import __version__
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.files import make_folder
+from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
+from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
+from trcvtui.fleet.publisher import DiskQueue, Publisher
+from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
+from trcvtui.project.project import Project
+from trcvtui.records import dataclass
+from trcvtui.rig import clock
+from trcvtui.rig.bench_update import UpdateRequest
+from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
+from trcvtui.rig.recording.files import RecordTo
+
+TURN_S: Final = 0.1  # between two pictures
+FIGURES_NS: Final = 60 * NS  # of an idle line
+MOVING_NS: Final = 10 * NS  # of a line on which bytes move
+FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is started anew
+HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one again
+MOST_LINES: Final = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSettings:
+    """What the agent was started with. `page`: address and port of the metrics, None: none."""
+
+    project: Path
+    kernel: str
+    site: str
+    name: str
+    broker: Broker | None
+    page: tuple[str, int] | None
+    record: RecordTo | None
+
+
+def default_name(project: Path) -> str:
+    """Return HOST-PROJECT."""
+    return f"{platform.node() or 'host'}-{project.stem}"
+
+
+def queue_path(site: str, name: str) -> Path:
+    """Return the file of the queue: where systemd says, or where a user's programs keep such things."""
+    from hashlib import sha256
+
+    from platformdirs import user_state_path
+
+    folder = Path(os.environ.get("STATE_DIRECTORY", "").partition(":")[0] or user_state_path("trcvtui"))
+    make_folder(folder, "the folder of the queue")
+    return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
+
+
+class Agent:
+    """One project without a screen."""
+
+    def __init__(self, settings: AgentSettings, project: Project) -> None:
+        self._settings = settings
+        self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label)
+        self._engine: EngineDriver | None = None
+        self._publisher: Publisher | None = None
+        self._started_at = self._start_at = clock.now_ns()
+        self._pause = FIRST_PAUSE_NS
+        self._figures_at: dict[str, int] = {}
+        self.restarts: int = 0
+
+    # -- what the page tells -----------------------------------------------------------------------------
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether the engine is there."""
+        return self._engine is not None
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether the broker has taken us."""
+        return self._publisher is not None and self._publisher.is_up
+
+    @property
+    def queued(self) -> int:
+        """Return how many messages wait."""
+        return self._publisher.queue.size if self._publisher is not None else 0
+
+    @property
+    def dropped(self) -> int:
+        """Return how many messages had no room."""
+        return sum(self._publisher.queue.dropped.values()) if self._publisher is not None else 0
+
+    # -- the loop ----------------------------------------------------------------------------------------
+
+    def run(self) -> int:
+        """Run until a signal comes."""
+        with ExitStack() as opened:
+            ended = opened.enter_context(_signals())
+            if self._settings.page is not None:
+                from trcvtui.fleet.metrics import serve_page
+
+                server = serve_page(*self._settings.page, self)
+                opened.callback(server.server_close)
+                opened.callback(server.shutdown)
+            if self._settings.broker is not None:
+                self._connect(self._settings.broker, opened)
+            opened.callback(self._end_engine)
+            while not ended:
+                self._turn()
+                if self._engine is not None:
+                    self._engine.wait(TURN_S)
+                if not ended:
+                    clock.sleep_until(clock.now_ns() + int(TURN_S * NS))
+        return 0
+
+    def _connect(self, broker: Broker, opened: ExitStack) -> None:
+        if not broker.has_tls:
+            say(OPEN_TO_ALL)
+        topic = self._topic("state")
+        settings = self._settings
+        client_id = f"{settings.site}/{settings.name}"
+        connection = BrokerConnection(broker, client_id, Will(topic, self._state("offline")))
+        queue = DiskQueue(queue_path(settings.site, settings.name))
+        opened.callback(queue.close)
+        self._publisher = Publisher(connection, queue, say)
+        self._publisher.retain(topic, self._state("online"))
+        connection.open()
+        opened.callback(lambda: connection.close(Will(topic, self._state("offline"))))
+
+    def _turn(self) -> None:
+        now = clock.now_ns()
+        try:
+            if self._engine is None and now >= self._start_at:
+                self._start(now)
+            if self._engine is not None:
+                self._look(self._engine, now)
+        except (EngineStopped, UserError) as stopped:
+            self._failed(stopped, now)
+        if self._publisher is not None:
+            self._tell_figures(now)
+            self._publisher.turn(now)
+
+    def _start(self, now: int) -> None:
+        settings = self._settings
+        self._engine = EngineDriver(
+            settings.project, settings.kernel, read_only=settings.record is None, record=settings.record
+        )
+        self._started_at = now
+        self.seen.begin_run()
+        self._engine.project()  # first: with a request unread its last words would be lost
+        self._engine.request(UpdateRequest(most_lines=MOST_LINES))
+
+    def _failed(self, stopped: Exception, now: int) -> None:
+        """Tell it, and start anew later; pauses grow."""
+        self._end_engine()
+        if now > self._started_at + HEALTHY_NS:
+            self._pause = FIRST_PAUSE_NS
+        why = one_line(str(stopped).strip().rpartition("\n")[2])
+        say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
+        for instance in self.seen.instances.values():
+            cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
+            self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
+        self._start_at = now + self._pause
+        self._pause = min(2 * self._pause, MOST_PAUSE_NS)
+        self.restarts += 1
+
+    def _end_engine(self) -> None:
+        engine, self._engine = self._engine, None
+        if engine is not None:
+            engine.close()
+
+    def _look(self, engine: EngineDriver, now: int) -> None:
+        update = engine.picture()
+        if update is None:
+            return
+        changed, events, moved = self.seen.take(update, _wall())
+        for instance in changed:
+            if instance.status is not None:
+                self._retain(instance.status, instance.line, instance.name)
+        for instance, event in events:
+            self._publish_event(instance, event)
+        for line in moved:
+            self._figures_at.pop(line.name, None)
+        known = UpdateRequest(
+            since_seq=self.seen.seq, most_lines=MOST_LINES, bench=update.bench, project=update.project_number
+        )
+        engine.request(known)
+
+    def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
+        if self._publisher is not None:
+            self._publisher.event(self._topic("event", instance.line, instance.name), event.to_json())
+            self._retain(instance.recent_message(_wall()), instance.line, instance.name)
+
+    def _tell_figures(self, now: int) -> None:
+        assert self._publisher is not None
+        for line in self.seen.lines.values():
+            gap = MOVING_NS if line.has_moved else FIGURES_NS
+            last = self._figures_at.get(line.name)
+            if last is None or now >= last + gap:
+                self._figures_at[line.name] = now
+                self._publisher.figures(self._topic("figures", line.name), line.figures(_wall()).to_json())
+
+    def _retain(self, message: FleetMessage, line: str, instance: str) -> None:
+        if self._publisher is not None:
+            self._publisher.retain(self._topic(message.KIND, line, instance), message.to_json())
+
+    def _topic(self, kind: str, line: str = "", instance: str = "") -> str:
+        return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
+
+    def _state(self, state: str) -> bytes:
+        return StateMessage(state, _wall(), __version__).to_json()
+
+
+def run_agent(settings: AgentSettings, project: Project) -> int:
+    """Run a project until SIGTERM or Ctrl+C; raise UserError for what cannot be run."""
+    for what, rows in (("[[watch]]", project.watches), ("[[tap]]", project.taps)):
+        if rows:
+            raise mistake(
+                f"{settings.project}: {what}", f"{len(rows)}", "a bench: an agent runs no other yet"
+            )
+    return Agent(settings, project).run()
+
+
+def say(line: str) -> None:
+    """Tell the user, in the journal of a service: one line."""
+    try:
+        sys.stderr.write(f"{one_line(line)}\n")
+        sys.stderr.flush()
+    except OSError:
+        return  # nobody reads it: the line goes on
+
+
+def _wall() -> float:
+    return round(clock.wall_ns() / NS, 3)
+
+
+@contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Yield a list that a signal, which asks for the end, stands in."""
+    came: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        came.append(number)
+
+    names = [each for each in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, each)]
+    before: dict[str, Any] = {each: signal.signal(getattr(signal, each), note) for each in names}
+    try:
+        yield came
+    finally:
+        for each, handler in before.items():
+            signal.signal(getattr(signal, each), handler)

@@ -1,0 +1,206 @@
+"""What an agent knows of its lines: pictures of a bench to messages, each ERROR edge to an event."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from trcvtui.fleet.topics import MOST_RECENT, EventMessage, FiguresMessage, RecentMessage, StatusMessage
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
+from trcvtui.rig.bench_update import BenchUpdate
+from trcvtui.rig.scenario.runner import cause_record
+
+NS: Final = 1_000_000_000
+HOUR_S: Final = 3600
+MINUTE_S: Final = 60
+MOST_TIMES: Final = 4096  # of ERRORs and DONEs, in the hour and the minute
+
+
+class SeenInstance:
+    """One instance: what it shows, its newest events."""
+
+    def __init__(self, line: str, name: str) -> None:
+        self.line, self.name = line, name
+        self.status: StatusMessage | None = None
+        self.recent: deque[EventMessage] = deque(maxlen=MOST_RECENT)
+        self.count = 0
+        self.jobs_done = self.errors = 0  # since the agent began, whatever engine has counted them
+        self._last: tuple[bool, int] = (False, 0)
+        self._base = 0, 0
+
+    def edge(self, boot: str, at: float, edge: StatusEdge) -> EventMessage | None:
+        """Return the event of an edge, None: no ERROR has begun with it."""
+        shown = edge.outputs.error, edge.outputs.status
+        is_new = edge.outputs.error and shown != self._last
+        self._last = shown
+        if not is_new:
+            return None
+        cause = cause_record(edge.cause, edge.block)
+        return self.event(boot, at, "error", f"{edge.outputs.status:04X}", cause)
+
+    def event(
+        self, boot: str, at: float, kind: str, status: str | None, cause: dict[str, object]
+    ) -> EventMessage:
+        """Return a new event with the next number."""
+        self.count += 1
+        plain = {"id": f"{boot}-{self.count}", "t": at, "kind": kind, "STATUS": status, "cause": cause}
+        made = EventMessage.from_plain(plain, "an event of ours")
+        self.recent.append(made)
+        return made
+
+    def recent_message(self, at: float) -> RecentMessage:
+        """Return the newest events."""
+        return RecentMessage(at, self.count, tuple(self.recent))
+
+    def begin_run(self) -> None:
+        """Count on: a new engine begins at 0."""
+        self._base = self.jobs_done, self.errors
+        self._last = False, 0
+
+    def show(self, shown: InstanceSnapshot, text: str, at: float, age_s: float) -> bool:
+        """Take what it shows now; return whether anything has changed but the time."""
+        outputs = shown.outputs
+        self.jobs_done, self.errors = self._base[0] + shown.jobs_done, self._base[1] + shown.errors
+        status = StatusMessage(
+            at,
+            f"{outputs.status:04X}",
+            text,
+            outputs.busy,
+            outputs.done,
+            outputs.error,
+            self.jobs_done,
+            self.errors,
+            shown.have,
+            shown.need,
+            round(age_s, 3),
+        )
+        before, self.status = self.status, status
+        return before is None or _facts(before) != _facts(status)
+
+
+def _facts(status: StatusMessage) -> tuple[object, ...]:
+    return (
+        status.status,
+        status.error,
+        status.done,
+        status.busy,
+        status.jobs_done,
+        status.errors,
+        status.here,
+    )
+
+
+class SeenLine:
+    """One CONNECT or ComBuffer: bytes and jobs over time."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.state = name, ""
+        self.received = self.sent = 0  # bytes since the agent began
+        self._told = 0, 0, 0.0  # received, sent, when the figures were told last
+        self._of_connection = 0, 0, 0  # incarnation, received, sent
+        self.errors: deque[float] = deque(maxlen=MOST_TIMES)
+        self.dones: deque[tuple[float, int]] = deque(maxlen=MOST_TIMES)
+
+    def show(self, state: str, incarnation: int, received: int, sent: int) -> bool:
+        """Take what a connection counts; return whether its state has changed."""
+        last, last_received, last_sent = self._of_connection
+        is_same = last == incarnation and received >= last_received and sent >= last_sent
+        self.received += received - last_received if is_same else received
+        self.sent += sent - last_sent if is_same else sent
+        self._of_connection = incarnation, received, sent
+        changed, self.state = state != self.state, state
+        return changed
+
+    def figures(self, at: float) -> FiguresMessage:
+        """Return the figures since the last ones."""
+        received, sent, then = self._told
+        seconds = max(at - then, 1e-3) if then else float(MINUTE_S)
+        self._told = self.received, self.sent, at
+        while self.errors and self.errors[0] < at - HOUR_S:
+            self.errors.popleft()
+        while self.dones and self.dones[0][0] < at - MINUTE_S:
+            self.dones.popleft()
+        rates = (self.received - received) / seconds, (self.sent - sent) / seconds
+        done = sum(count for _, count in self.dones)
+        return FiguresMessage(at, self.state, round(rates[0], 1), round(rates[1], 1), done, len(self.errors))
+
+    @property
+    def has_moved(self) -> bool:
+        """Return whether bytes have come or gone since the last figures."""
+        return (self.received, self.sent) != self._told[:2]
+
+
+class SeenBench:
+    """A bench: its lines and instances by name; `boot` names this run of the agent."""
+
+    def __init__(self, boot: str, label: Callable[[str], str]) -> None:
+        self.boot, self._label = boot, label
+        self.lines: dict[str, SeenLine] = {}
+        self.instances: dict[str, SeenInstance] = {}
+        self.seq = 0  # of the ledger, up to which it was read
+
+    def begin_run(self) -> None:
+        """Read the ledger of a new engine from its beginning."""
+        self.seq = 0
+        for instance in self.instances.values():
+            instance.begin_run()
+
+    def take(
+        self, update: BenchUpdate, wall: float
+    ) -> tuple[list[SeenInstance], list[tuple[SeenInstance, EventMessage]], list[SeenLine]]:
+        """Take a picture; return instances that have changed, new events, lines whose state has changed."""
+        snapshot = update.snapshot
+        began = wall - snapshot.t_ns / NS
+        events = []
+        if update.lines_skipped:
+            for instance in self.instances.values():
+                missed = {
+                    "text": f"{update.lines_skipped} lines of the ledger were not read: too many at once"
+                }
+                events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
+        for each in snapshot.instances:
+            self.instances.setdefault(each.name, SeenInstance(each.connect, each.name))
+        for line in update.lines:
+            self.seq = line.seq
+            if isinstance(line.event, StatusEdge) and line.event.instance in self.instances:
+                seen = self.instances[line.event.instance]
+                at = round(began + line.t_ns / NS, 3)
+                event = seen.edge(self.boot, at, line.event)
+                if event is not None:
+                    events.append((seen, event))
+                    self._line(seen.line).errors.append(at)
+        moved = [line for line in self._lines_of(update) if line is not None]
+        return (
+            list(self._changed(snapshot.instances, snapshot.scan, snapshot.interval_ns, wall)),
+            events,
+            moved,
+        )
+
+    def _changed(
+        self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float
+    ) -> Iterable[SeenInstance]:
+        for each in shown:
+            seen = self.instances[each.name]
+            done = seen.jobs_done
+            age = (scan - each.since_scan) * interval_ns / NS
+            if seen.show(each, self._label(each.condition), round(wall, 3), age):
+                yield seen
+            if seen.jobs_done > done:
+                self._line(seen.line).dones.append((wall, seen.jobs_done - done))
+
+    def _lines_of(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
+        for each in update.snapshot.connections:
+            line = self._line(each.name)
+            yield line if line.show(*_counted(each)) else None
+        for buffer in update.snapshot.combuffers:
+            line = self._line(buffer.name)
+            yield line if line.show("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
+
+    def _line(self, name: str) -> SeenLine:
+        return self.lines.setdefault(name, SeenLine(name))
+
+
+def _counted(link: ConnectionSnapshot) -> tuple[str, int, int, int]:
+    return link.state, link.incarnation, link.bytes_received, link.bytes_sent

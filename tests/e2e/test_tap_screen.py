@@ -96,6 +96,15 @@ def test_a_key_holds_a_direction_another_lets_it_go_and_q_ends_both_ends(line: L
     assert line.far.recv(1) == b""
 
 
+def test_the_doctor_judges_what_has_passed_the_tap(line: Line) -> None:
+    line.call()
+    line.near.sendall(b"message")
+    assert exactly(line.far, 7) == b"message"
+    line.terminal.wait("DONE ◆ 7 B")
+    line.terminal.keys("J")
+    line.terminal.wait("healthy")
+
+
 def test_without_its_screen_a_tap_lets_go_and_goes_on(line: Line) -> None:
     line.call()
     line.terminal.keys("h")

@@ -19,6 +19,7 @@ from trcvtui.rig.watch.live_screen import ServedShadows, serve_live
 if TYPE_CHECKING:
     from trcvtui.net.tap import TapOrder
     from trcvtui.rig.bench_update import BenchUpdate
+    from trcvtui.rig.watch.capture_player import ShadowLines
 
 OVER: Final = "the tap has ended"
 Asked = tuple[list[list[str]], str | None, str | None, str | None]
@@ -63,8 +64,12 @@ class _TapServed(ServedShadows):
 
     def run(self, fd: int, asked: Asked) -> None:
         """Play what the tap tells; when it is gone, go on showing what there was."""
+        from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
+        from trcvtui.capture.tapped import TapPackets
         from trcvtui.net.tap import events_of, route_of
+        from trcvtui.rig.recording.asked import FilesJudge
         from trcvtui.rig.tap.looking import LookingOn, TapPlan
+        from trcvtui.rig.watch.live import KeptPackets
 
         places, project, plc, dialect = asked
         routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
@@ -74,12 +79,23 @@ class _TapServed(ServedShadows):
             with suppress(OSError):  # the tap has ended: soon it is said
                 os.write(fd, given.line())
 
-        looking = LookingOn(plan, lambda ns: self, order, lambda text: self.tell("tap", text))
+        def lines_of(first_ns: int) -> ShadowLines:
+            judge.begins_ns = first_ns or None
+            return self
+
+        kept, packets = KeptPackets(), TapPackets()
+        kept.interfaces = lambda: [(RAW_IP, "tap"), *((RTAC_SERIAL, name) for name in packets.lines)]
+        end = plc or (str(routes[0].to).removeprefix("udp:") if len(routes) == 1 else None)
+        end = None if routes[0].to.kind == "serial" else end
+        self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
+        looking = LookingOn(plan, lines_of, order, lambda text: self.tell("tap", text))
         self.show(looking.player, "tap")
         with suppress(OSError):
             os.write(fd, b"\n")
             for events in events_of(lambda most: os.read(fd, most)):
                 for event in events:
+                    for interface, ns, data, remarks in packets.of(event):
+                        kept.keep(Packet(ns, interface, data, len(data), remarks, 0))
                     looking.take(event)
                 self.serve()
         if looking.player.talks is not None:

@@ -381,19 +381,23 @@ class KeptPackets:
 
     def __init__(self) -> None:
         self._packets: deque[Packet] = deque()
-        self._link_types: Sequence[int] = ()
+        self.interfaces: Callable[[], Sequence[tuple[int, str]]] = tuple  # link type and name of each
         self._size = 0
         self._opened = ExitStack()
 
     def passing(self, reader: CaptureReader) -> Iterator[Packet]:
         """Yield the packets of a reader, and keep them."""
-        self._link_types = reader.link_types
+        self.interfaces = lambda: [(kind, "") for kind in reader.link_types]
         for packet in reader:
-            self._packets.append(packet)
-            self._size += len(packet.data)
-            while self._size > MOST_KEPT:
-                self._size -= len(self._packets.popleft().data)
+            self.keep(packet)
             yield packet
+
+    def keep(self, packet: Packet) -> None:
+        """Keep one more."""
+        self._packets.append(packet)
+        self._size += len(packet.data)
+        while self._size > MOST_KEPT:
+            self._size -= len(self._packets.popleft().data)
 
     def files(self) -> list[str]:
         """Write them into a file in memory; return its name, which other processes can open."""
@@ -401,7 +405,7 @@ class KeptPackets:
         handle, name = self._opened.enter_context(unnamed())
         with open(handle, "wb", closefd=False) as file:
             file.write(section_block(""))
-            file.writelines(interface_block(kind, "") for kind in self._link_types)
+            file.writelines(interface_block(*each) for each in self.interfaces())
             file.writelines(
                 packet_block(one.interface, one.ns, one.data, (), one.length) for one in self._packets
             )

@@ -59,7 +59,9 @@ def queue_path(site: str, name: str) -> Path:
     from platformdirs import user_state_path
 
     folder = Path(os.environ.get("STATE_DIRECTORY", "").partition(":")[0] or user_state_path("trcvtui"))
-    make_folder(folder, "the folder of the queue")
+    for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
+        if not each.is_dir():
+            make_folder(each, "the folder of the queue")
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
 

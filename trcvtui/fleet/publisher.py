@@ -19,17 +19,11 @@ LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topi
 MOST_QUEUED: Final = 20_000
 MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 EVENT, FIGURES = 0, 1  # what stands in the queue
-_TABLE: Final = "CREATE TABLE IF NOT EXISTS queue (n INTEGER PRIMARY KEY, kind INT, topic TEXT, payload BLOB)"
-
-
-class DiskQueue:
-    """Messages that wait for the broker, in a file that the next start of the agent reads again."""
-
-    def __init__(self, path: Path | None, most: int = MOST_QUEUED) -> None:
-        self._most = most
-        self.dropped = {EVENT: 0, FIGURES: 0}
-        try:
-            self._base = sqlite3.connect(path or ":memory:", isolation_level=None)
+# No number comes twice, also after the queue was empty: what has been sent is known by its number.
+_TABLE: Final = (
+    "CREATE TABLE IF NOT EXISTS queue "
+    "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)"
+)
             self._base.execute("PRAGMA journal_mode=WAL")
             self._base.execute("PRAGMA synchronous=OFF")
             self._base.execute(_TABLE)

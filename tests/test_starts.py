@@ -12,7 +12,7 @@ from tests.test_cli import ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]
 SCREEN = "textual rich asyncio"
-LIBRARY = "argparse dataclasses inspect ssl multiprocessing subprocess"
+LIBRARY = "argparse dataclasses inspect ssl multiprocessing subprocess paho prometheus_client sqlite3"
 RUN = "import sys; from trcvtui.__main__ import main; main(); "
 SCENARIO = "configs/scenarios/baosky/0000-not-called.toml"
 TYPES = "udt show trcvtui/rig/telegram.st --type Telegram"

@@ -24,6 +24,16 @@ _TABLE: Final = (
     "CREATE TABLE IF NOT EXISTS queue "
     "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)"
 )
+
+
+class DiskQueue:
+    """Messages that wait for the broker, in a file that the next start of the agent reads again."""
+
+    def __init__(self, path: Path | None, most: int = MOST_QUEUED) -> None:
+        self._most = most
+        self.dropped = {EVENT: 0, FIGURES: 0}
+        try:
+            self._base = sqlite3.connect(path or ":memory:", isolation_level=None)
             self._base.execute("PRAGMA journal_mode=WAL")
             self._base.execute("PRAGMA synchronous=OFF")
             self._base.execute(_TABLE)

@@ -5,13 +5,15 @@ Each line has its proof beside it: how many messages it explains of how many. Wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
+from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.records import NamedTuple
@@ -132,9 +134,10 @@ def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
 
 
 def _toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
+    dialect = _dialect(any(one.framing is not None for one in found))
     marks = [(n, one.framing) for n, one in enumerate(found, 1) if one.framing is not None]
     yield "# What the partner's bytes say by themselves, with the proof of each. Addresses are the capture's."
-    yield f'dialect = "{"twincat" if marks else "baosky"}"'
+    yield f'dialect = "{dialect}"'
     writes = [
         f"write {word}_{n} hex {mark.hex(' ')}"
         for n, framing in marks
@@ -150,7 +153,7 @@ def _toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
         yield from (f"# {' '.join(text.split())}" for text in one.proof)
         yield from _data(n, one)
         yield from _line(n, one)
-        yield from _receiver(n, one)
+        yield from _receiver(n, one, dialect)
 
 
 def _table(kind: str, **keys: object) -> Iterator[str]:
@@ -198,31 +201,46 @@ def _line(n: int, one: Suggestion) -> Iterator[str]:
         yield from _table("watch", name=f"L{n}", plc=line.plc, connect=name)
 
 
-def _receiver(n: int, one: Suggestion) -> Iterator[str]:
+def _dialect(frames: bool) -> str:
+    """Return the first dialect; with `frames` the first with a block that cuts by marks of any bytes."""
+    return next(
+        name
+        for name, dialect in DIALECTS.items()
+        if not frames or any(block_row(block).mark_lengths for block in dialect.blocks)
+    )
+
+
+def _block(dialect: str, is_it: Callable[[BlockRow], object]) -> BlockRow:
+    return next(row for row in map(block_row, DIALECTS[dialect].blocks) if is_it(row))
+
+
+def _receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
     framing, is_serial = one.framing, one.line.protocol == "serial"
     if one.is_datagram:
+        row = _block(dialect, lambda row: row.receives and row.speaks_udp)
         yield from _table(
-            "instance", name=f"URECV_C_{n}", block="URECV_C", config=f"C{n}", addr=f"from_{n}",
+            "instance", name=f"{row.name}_{n}", block=row.name, config=f"C{n}", addr=f"from_{n}",
             data=f"data_{n}", EN_R=True,
         )  # fmt: skip
         return
+    row = _block(dialect, lambda row: row.receives and row.builds)
     if not is_serial:
         data = f"data_{n}" if framing is None else f"chunk_{n}"
         yield from _table(
-            "instance", name=f"TRCV_C_{n}", block="TRCV_C", connect=f"C{n}", data=data, CONT=True, EN_R=True,
-            ADHOC=True if one.adhoc else None, LEN=None if one.adhoc else one.size,
+            "instance", name=f"{row.name}_{n}", block=row.name, connect=f"C{n}", data=data, CONT=True,
+            EN_R=True, ADHOC=True if one.adhoc else None, LEN=None if one.adhoc else one.size,
         )  # fmt: skip
     if framing is None:
         return
-    source = "sim" if is_serial else f"TRCV_C_{n}"
-    yield from _table("combuffer", name=f"RX_{n}", source=source)
-    keys: dict[str, object] = {}
-    for word, mark in (("Prefix", framing.prefix), ("Suffix", framing.suffix)):
+    yield from _table("combuffer", name=f"RX_{n}", source="sim" if is_serial else f"{row.name}_{n}")
+    row = _block(dialect, lambda row: row.mark_lengths)
+    keys: dict[str, object] = {row.buffer_pin: f"RX_{n}", "data": f"data_{n}"}
+    marks = zip(
+        row.pointers, row.mark_lengths, ("prefix", "suffix"), (framing.prefix, framing.suffix), strict=True
+    )
+    for pointer, length, word, mark in marks:
         if mark:
-            keys |= {f"p{word}": f"{word.lower()}_{n}", f"Len{word}": len(mark)}
+            keys |= {pointer: f"{word}_{n}", length: len(mark)}
     if framing.timeout_ns:
         keys["Timeout"] = f"T#{framing.timeout_ns // 1_000_000}ms"
-    yield from _table(
-        "instance", name=f"RD_{n}", block="ReceiveData", RxBuffer=f"RX_{n}", data=f"data_{n}", **keys,
-        SizeReceiveData=one.size,
-    )  # fmt: skip
+    yield from _table("instance", name=f"FRAMES_{n}", block=row.name, **keys, **{row.data_length: one.size})

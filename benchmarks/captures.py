@@ -23,6 +23,7 @@ PAYLOAD: Final = 546  # 600 bytes with the heads
 STREAMS: Final = 8
 GIB: Final = 1 << 30
 PARTS: Final = 8
+TALKS: Final = 64
 # The doctor's exit code is 1 where it finds anything; 2 is a mistake.
 JUDGED: Final = CHILD.replace("check=True)", "check=False).returncode < 2 or sys.exit(1)")
 PLC_END: Final = bytes([10, 0, 0, 5])
@@ -75,27 +76,61 @@ def measure_doctor(effort: Effort) -> Iterator[Figure]:
     """Yield what 1 GiB of captures in eight files takes, of time and of memory, with two processes."""
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder, f"part{n}") for n in range(PARTS)]
-        size = sum([_large(path, GIB // PARTS) for path in paths])
+        size = sum([_large(path, GIB // PARTS, _both_ways) for path in paths])
         words = ["doctor", *map(str, paths), "--jobs", "2", "--format", "jsonl"]
         program = [sys.executable, "-c", JUDGED, sys.executable, "-m", "trcvtui", *words]
         began = time.monotonic()
         ran = subprocess.run(program, capture_output=True, text=True, check=True)
         wall = time.monotonic() - began
         mib = float(ran.stdout.split()[-1])
-        note = f"{size / wall / 1e6:.0f} MB/s; packets of 600 bytes"
+        note = f"{size / wall / 1e6:.0f} MB/s; packets of 600 bytes, {TALKS} conversations a file, both ways"
         yield Figure("1 GiB of captures, --jobs 2", f"{wall:.0f} s", wall, note=note)
         yield Figure("peak memory of a process", f"{mib:.0f} MiB", mib)
 
 
-def _large(path: Path, least: int) -> int:
+Packets = Iterator[tuple[int, bytes]]
+
+
+def _large(path: Path, least: int, packets_of: Callable[[int], Packets] | None = None) -> int:
     """Write a capture of so many bytes; return its size."""
     with path.open("wb") as file:
-        size = file.write(_pcapng(0, True))
+        size = file.write(_pcapng(0, True, packets_of))
         part = 1
         while size < least:
-            size += file.write(_pcapng(part, False))
+            size += file.write(_pcapng(part, False, packets_of))
             part += 1
     return size
+
+
+def _both_ways(part: int) -> Packets:
+    """Yield conversations with their handshakes: question and answer of 546 bytes each, in turn."""
+    if not part:
+        for talk in range(TALKS):
+            for step, (way, flags) in enumerate(((0, 2), (1, 18), (0, 16))):
+                yield (
+                    talk * 1000 + step * 300,
+                    _segment(talk, way, 1 if step == 2 else 0, step > 0, flags, b""),
+                )
+    for n in range(PACKETS):
+        turn, way = divmod(part * PACKETS + n, 2)
+        talk, message = turn % TALKS, turn // TALKS
+        data = struct.pack(">HI", 0xAA55, message) * (PAYLOAD // 6)
+        at = 1_000_000 + (part * PACKETS + n) * 50_000
+        yield at, _segment(talk, way, 1 + message * len(data), 1 + (message + way) * len(data), 24, data)
+
+
+def _segment(talk: int, way: int, seq: int, ack: int, flags: int, data: bytes) -> bytes:
+    ends = ((PARTNER_END, 50_000 + talk), (PLC_END, 2000))
+    (source, port), (target, to) = ends if way == 0 else ends[::-1]
+    ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(data), 0, 0, 64, 6, 0) + source + target
+    numbers = seq & 0xFFFFFFFF, ack & 0xFFFFFFFF
+    return (
+        bytes(12)
+        + b"\x08\x00"
+        + ip
+        + struct.pack(">HHIIBBHHH", port, to, *numbers, 0x50, flags, 8192, 0, 0)
+        + data
+    )
 
 
 def _memory(path: Path) -> Figure:
@@ -117,9 +152,9 @@ def _packets(part: int) -> Iterator[tuple[int, bytes]]:
         yield (part * PACKETS + n) * 50_000, frame
 
 
-def _pcapng(part: int, is_first: bool) -> bytes:
+def _pcapng(part: int, is_first: bool, packets_of: Callable[[int], Packets] | None = None) -> bytes:
     head = section_block("benchmark") + interface_block(ETHERNET, "wire") if is_first else b""
-    return head + b"".join(packet_block(0, ns, frame) for ns, frame in _packets(part))
+    return head + b"".join(packet_block(0, ns, frame) for ns, frame in (packets_of or _packets)(part))
 
 
 def _pcap(part: int, is_first: bool) -> bytes:

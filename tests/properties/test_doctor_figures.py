@@ -57,7 +57,7 @@ def shares(name: str, cases: Iterable[Built], path: Path) -> tuple[float, float]
             f"\n{name}: {total} captures, first {first / total:.2%}, among three {three / total:.2%}", wrong
         )
         print(
-            "  said, right:", {sure: (said[sure], f"{right[sure] / said[sure]:.0%}") for sure in sorted(said)}
+            "  said, right:", {sure: (said[sure], f"{right[sure] / said[sure]:.1%}") for sure in sorted(said)}
         )
     return first / total, three / total
 

@@ -68,8 +68,8 @@ def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -
     writer = BrokerConnection(Broker("127.0.0.1", broker.port, False), "writer", Will("a/will", b"gone"))
     reader.open()
     seen(reader, Connected)
-    writer.open()
     assert writer.publish("a/b", b"too early") is None
+    writer.open()
     seen(writer, Connected)
     number = writer.publish("a/b", b"1")
     assert Taken(number or 0) in seen(writer, Taken)

@@ -285,14 +285,23 @@ class BrokerConnection:
         client.on_disconnect = self._on_disconnect
         client.on_message = self._on_message
         client.on_publish = self._on_publish
+        client.on_subscribe = self._on_subscribe
         return client
 
     def _on_connect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
         if reason.is_failure:
             self._why = one_line(f"it refuses: {reason}")
             return
-        for topic in self._topics:
-            client.subscribe(topic, qos=1)
+        if self._topics:
+            client.subscribe([(topic, 1) for topic in self._topics])
+        else:
+            self._stand()
+
+    def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
+        self._stand()
+
+    def _stand(self) -> None:
+        """Take that the connection stands, and that nothing of the topics is missed from now on."""
         self._is_up = True
         self._tell(Connected())
 

@@ -52,4 +52,6 @@ def mistake(where: str, found: object, expected: str) -> UserError:
 
 def one_line(text: str) -> str:
     """Return text with every control character made visible, so that a message stays one line."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)

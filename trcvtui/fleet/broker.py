@@ -29,6 +29,7 @@ CONNECT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
 LOOP_S: Final = 0.2
 MOST_WAITING: Final = 100_000  # messages that nobody has taken yet
+MOST_WAITING_BYTES: Final = 1 << 26
 MOST_PASSWORD: Final = 65_536
 OPEN_TO_ALL: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
 
@@ -76,13 +77,25 @@ class Taken(NamedTuple):
     number: int
 
 
+class Subscribed(NamedTuple):
+    """The broker has taken our later subscription of this number."""
+
+    number: int
+
+
+class SubscriptionRefused(NamedTuple):
+    """The broker does not let us read: most often the right is lacking."""
+
+    why: str
+
+
 class PublishRefused(NamedTuple):
     """The broker does not take what we publish: most often it lacks the right."""
 
     why: str
 
 
-News = Connected | Lost | Came | Taken | PublishRefused
+News = Connected | Lost | Came | Taken | Subscribed | SubscriptionRefused | PublishRefused
 
 
 class Will(NamedTuple):
@@ -175,6 +188,7 @@ class BrokerConnection:
         need_paho()
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
         self._news: deque[News] = deque()
+        self._waiting_bytes = 0
         self.dropped = 0  # messages that came faster than they were taken
         self._client: Client | None = None
         self._is_up = False
@@ -189,6 +203,7 @@ class BrokerConnection:
     def news(self) -> list[News]:
         """Return what has happened since the last call."""
         self._something.clear()
+        self._waiting_bytes = 0
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def wait(self, seconds: float) -> None:
@@ -205,6 +220,17 @@ class BrokerConnection:
         except (OSError, ValueError):
             return None
         return sent.mid if sent.rc == 0 else None
+
+    def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int | None:
+        """Ask for more topics, each with its QoS; return the number that `Subscribed` brings, None: away."""
+        client = self._client
+        if client is None or not self._is_up:
+            return None
+        try:
+            code, number = client.subscribe([*topics])
+        except (OSError, ValueError):
+            return None
+        return number if code == 0 else None
 
     def close(self, last: Will | None = None) -> None:
         """End the connection; `last` is published before, retained."""
@@ -223,9 +249,11 @@ class BrokerConnection:
     # -- the thread --------------------------------------------------------------------------------------
 
     def _tell(self, news: News) -> None:
-        if isinstance(news, Came) and len(self._news) >= MOST_WAITING:
-            self.dropped += 1
-            return
+        if isinstance(news, Came):
+            if len(self._news) >= MOST_WAITING or self._waiting_bytes > MOST_WAITING_BYTES:
+                self.dropped += 1
+                return
+            self._waiting_bytes += len(news.payload)
         self._news.append(news)
         self._something.set()
 
@@ -298,7 +326,13 @@ class BrokerConnection:
             self._stand()
 
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
-        self._stand()
+        refused = [reason for reason in reasons if reason.is_failure]
+        if refused:
+            self._tell(SubscriptionRefused(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
+        if self._is_up:
+            self._tell(Subscribed(number))
+        else:
+            self._stand()
 
     def _stand(self) -> None:
         """Take that the connection stands, and that nothing of the topics is missed from now on."""

@@ -1,0 +1,366 @@
+"""What a reader knows of all lines: each event once, gaps told, the worst first, hostile messages bounded."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from typing import cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trcvtui.errors import UserError
+from trcvtui.fleet import seen_fleet
+from trcvtui.fleet.broker import (
+    BrokerConnection,
+    Came,
+    Connected,
+    Lost,
+    News,
+    Subscribed,
+    SubscriptionRefused,
+)
+from trcvtui.fleet.event_log import MOST_GAPS, EventLog
+from trcvtui.fleet.reader import AT_ONCE, MISS_NS, SETTLED_NS, TELL_NS, FleetReader, topics_of
+from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, SeenFleet
+from trcvtui.fleet.topics import (
+    EventMessage,
+    FiguresMessage,
+    FleetMessage,
+    RecentMessage,
+    StateMessage,
+    StatusMessage,
+    Topic,
+)
+
+NOW = 1_795_000_000.0
+SECOND = 1_000_000_000
+
+
+def event(seq: int, boot: str = "b", kind: str = "error", t: float = NOW) -> EventMessage:
+    return EventMessage(f"{boot}-{seq}", t + seq / 1000, kind, "80A6", {"text": "recv gave ECONNRESET"})
+
+
+def recent(*seqs: int, boot: str = "b") -> RecentMessage:
+    return RecentMessage(NOW, max(seqs), tuple(event(seq, boot) for seq in seqs))
+
+
+def status(code: str = "7006", error: bool = False, errors: int = 0) -> StatusMessage:
+    return StatusMessage(NOW, code, "receiving", not error, False, error, 7, errors, 12, 24, 60.0)
+
+
+def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> FiguresMessage:
+    return FiguresMessage(t, state, 120.5, 0, 60, errors)
+
+
+ONLINE, OFF = StateMessage("online", NOW, "0.1.0"), StateMessage("offline", NOW + 5, "0.1.0")
+
+
+# -- events of an instance -------------------------------------------------------------------------------
+
+
+def test_each_event_is_kept_once_whichever_way_it_comes() -> None:
+    log = EventLog()
+    log.take([event(1), event(2)])
+    log.take(recent(1, 2, 3).events)
+    assert log.take([event(3)]) == []
+    assert [each.seq for each in log.kept] == [1, 2, 3] and log.missing == 0
+
+
+def test_a_gap_is_missing_until_recent_fills_it() -> None:
+    log = EventLog()
+    log.take([event(1), event(7)])
+    assert log.missing == 5
+    log.take(recent(4, 5, 6, 7).events)
+    assert log.missing == 2
+    log.take([event(2)])  # it had waited on the agent's disk
+    assert log.missing == 1
+    assert [each.seq for each in log.kept] == [1, 2, 4, 5, 6, 7]
+
+
+def test_what_was_before_we_looked_is_not_missing_but_a_new_run_of_the_agent_begins_at_1() -> None:
+    log = EventLog()
+    log.take(recent(100, 101).events)
+    assert log.missing == 0
+    log.begin()
+    log.take([event(3, "c")])
+    assert log.missing == 2
+    log.take(recent(1, 2, 3, boot="c").events)
+    assert log.missing == 0
+
+
+def test_an_instance_without_an_event_so_far_misses_those_that_recent_has_no_more() -> None:
+    log = EventLog()
+    log.begin()
+    log.take(recent(*range(37, 101)).events)
+    assert log.missing == 36
+
+
+def test_history_comes_once_even_where_little_of_it_is_kept() -> None:
+    log = EventLog()
+    log.take([event(64)])
+    assert len(log.take(recent(*range(1, 65)).events, 8)) == 63
+    assert log.take(recent(*range(1, 65)).events, 8) == []
+    assert [each.seq for each in log.kept] == [*range(57, 65)] and log.missing == 0
+
+
+@given(st.lists(st.integers(1, 200), min_size=1, max_size=120), st.booleans())
+def test_whatever_comes_in_whatever_order_nothing_stands_twice_and_the_rest_is_missing(
+    seqs: list[int], has_begun: bool
+) -> None:
+    log = EventLog()
+    if has_begun:
+        log.begin()
+    fresh = [kept.seq for seq in seqs for kept in log.take([event(seq)])]
+    assert len(set(fresh)) == len(fresh)
+    first = 1 if has_begun else seqs[0]
+    wanted = set(range(first, max(seqs) + 1)) - set(seqs)
+    gaps = 1 + sum(b > a + 1 for a, b in pairwise(sorted(wanted)))
+    if gaps < MOST_GAPS:
+        assert log.missing == len(wanted)
+    assert log.missing >= len(wanted)
+    assert [each.seq for each in log.kept] == sorted(fresh)[-64:]
+
+
+# -- the lines -------------------------------------------------------------------------------------------
+
+
+class Fleet:
+    """A fleet, told by short words."""
+
+    def __init__(self) -> None:
+        self.seen = SeenFleet()
+
+    def tell(self, place: str, message: FleetMessage | None, kind: str = "") -> None:
+        site, agent, line, instance = [*place.split("/"), "", "", ""][:4]
+        topic = Topic(site, agent, line, instance, kind or (message.KIND if message else ""))
+        self.seen.take(topic, message, NOW)
+
+    def line(self, place: str, code: str = "7006", error: bool = False, errors: int = 0) -> None:
+        site, agent, _ = place.split("/")
+        self.tell(f"{site}/{agent}", ONLINE)
+        self.tell(place, figures(errors=errors))
+        self.tell(f"{place}/T", status(code, error))
+
+    def names(self, wall: float = NOW) -> list[str]:
+        return [line.name for line in self.seen.ordered(wall, True)]
+
+
+def test_the_worst_stands_first_offline_then_error_then_the_most_errors_an_hour() -> None:
+    fleet = Fleet()
+    for place, error, errors in (("s/a/good", False, 0), ("s/a/many", False, 9), ("s/a/bad", True, 1)):
+        fleet.line(place, "80A6" if error else "7006", error, errors)
+    fleet.line("s/b/gone")
+    fleet.line("s/a/away")
+    fleet.tell("s/a/away", figures("listening"))
+    assert fleet.names() == ["bad", "many", "away", "good", "gone"]
+    fleet.tell("s/b", OFF)
+    assert fleet.names() == ["gone", "bad", "many", "away", "good"]
+    assert [line.shows for line in fleet.seen.lines] == [OFFLINE, ERROR, GOOD, AWAY, GOOD]
+    assert next(fleet.seen.lines).since == NOW + 5
+
+
+def test_an_agent_that_is_offline_makes_all_its_lines_offline_at_once() -> None:
+    fleet = Fleet()
+    for number in range(50):
+        fleet.line(f"s/a/L{number}")
+    fleet.tell("s/a", OFF)
+    assert {line.shows for line in fleet.seen.ordered(NOW)} == {OFFLINE}
+    fleet.tell("s/a", ONLINE)
+    assert {line.shows for line in fleet.seen.ordered(NOW)} == {GOOD}
+
+
+def test_errors_of_an_hour_are_drawn_by_their_times_and_grow_old() -> None:
+    fleet = Fleet()
+    fleet.line("s/a/L")
+    for seq, ago in ((1, 4000), (2, 1800), (3, 1800), (4, 0)):
+        fleet.tell("s/a/L/T", event(seq, t=NOW - ago), "event")
+    fleet.tell("s/a/L/T", event(5, kind="note"), "event")
+    [line] = fleet.seen.ordered(NOW)
+    assert line.errors_an_hour(NOW) == 3
+    assert line.sparkline(NOW)[-1] == 1 and sum(line.sparkline(NOW)) == 3
+    assert line.cause == "recv gave ECONNRESET"
+    fleet.names(NOW + 7200)
+    assert line.errors_an_hour(NOW + 7200) == 0 and line.cause == "no error in the last hour"
+
+
+def test_a_cleared_topic_takes_what_it_told_of_away() -> None:
+    fleet = Fleet()
+    for place in ("s/a/L", "s/a/M", "s/b/N"):
+        fleet.line(place)
+    fleet.tell("s/a/L", None, "figures")
+    assert len(fleet.names()) == 3
+    fleet.tell("s/a/L/T", None, "status")
+    assert fleet.names() == ["M", "N"]
+    fleet.tell("s/a", None, "state")
+    assert fleet.names() == ["N"] and fleet.seen.instances == 1
+
+
+def test_what_has_no_room_is_refused_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, most in (("MOST_AGENTS", 2), ("MOST_LINES", 3), ("MOST_INSTANCES", 3), ("MOST_EVENTS", 20)):
+        monkeypatch.setattr(seen_fleet, name, most)
+    fleet = Fleet()
+    for place in ("s/a/L", "s/a/M", "s/b/N"):
+        fleet.line(place)
+    for place, message in (("s/c", ONLINE), ("s/a/O", figures()), ("s/a/L/U", status())):
+        with pytest.raises(UserError, match="at most"):
+            fleet.tell(place, message)
+    for place in ("s/a/L/T", "s/a/M/T", "s/b/N/T"):
+        fleet.tell(place, recent(*range(1, 65)), "recent")
+    assert fleet.seen.events == 64 + 8 + 8
+    assert fleet.names() == ["L", "M", "N"]
+
+
+# -- from a broker ---------------------------------------------------------------------------------------
+
+
+class Broker:
+    """A broker that takes subscriptions when it is told to."""
+
+    def __init__(self, pattern: str = "*") -> None:
+        self.asked: list[tuple[str, ...]] = []
+        self._news: list[News] = []
+        self._taken = 0
+        self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
+        self.now, self.wall = 0, NOW
+
+    def news(self) -> list[News]:
+        news, self._news = self._news, []
+        return news
+
+    def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
+        self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
+        return len(self.asked)
+
+    def tell(self, *news: News, seconds: float = 0.0) -> None:
+        self._news += news
+        self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
+        self.reader.turn(self.now, self.wall, 1 << 62)
+
+    def message(self, topic: str, message: FleetMessage) -> Came:
+        return Came(f"trcvtui/v1/{topic}", message.to_json(), True)
+
+    def take_subscriptions(self) -> None:
+        while self._taken < len(self.asked):
+            self._taken += 1
+            self.tell(Subscribed(self._taken))
+
+    @property
+    def names(self) -> list[str]:
+        return [line.name for line in self.reader.fleet.ordered(self.wall)]
+
+
+def test_agents_are_asked_for_a_few_at_a_time_and_past_events_last() -> None:
+    broker = Broker()
+    broker.tell(Connected(), *(broker.message(f"s/a{n}/state", ONLINE) for n in range(20)))
+    assert len(broker.asked) == AT_ONCE
+    assert broker.asked[0] == ("s/a0/+/figures", "s/a0/+/+/status", "s/a0/+/+/event")
+    assert not broker.reader.is_complete
+    broker.take_subscriptions()
+    assert [topics[0].rpartition("/")[2] for topics in broker.asked] == ["figures"] * 20 + ["recent"] * 20
+    assert broker.reader.is_complete
+
+
+@pytest.mark.parametrize(
+    ("pattern", "subscribed", "sites"),
+    [
+        ("*", "trcvtui/v1/+/+/state", {"plant1", "plant2", "mill"}),
+        ("plant*", "trcvtui/v1/+/+/state", {"plant1", "plant2"}),
+        ("mill", "trcvtui/v1/mill/+/state", {"mill"}),
+        ("a/b", "trcvtui/v1/a%2Fb/+/state", set()),
+    ],
+)
+def test_only_the_sites_that_fit_are_asked_for(pattern: str, subscribed: str, sites: set[str]) -> None:
+    broker = Broker(pattern)
+    assert topics_of(pattern) == (subscribed,)
+    broker.tell(Connected(), *(broker.message(f"{s}/a/state", ONLINE) for s in ("plant1", "plant2", "mill")))
+    assert {topics[0].partition("/")[0] for topics in broker.asked} == sites
+    assert broker.reader.refused == 0
+
+
+def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_missing() -> None:
+    broker = Broker()
+    broker.tell(Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/L/T/status", status()))
+    broker.take_subscriptions()
+    broker.tell(seconds=SETTLED_NS / SECOND)
+    broker.tell(*(broker.message("s/a/L/T/event", event(n)) for n in (1, 2)))
+    broker.tell(Lost("away"))
+    assert broker.reader.why == "away" and not broker.reader.is_up
+    broker.tell(Connected(), broker.message("s/a/state", ONLINE), seconds=60)
+    broker.tell(broker.message("s/a/L/T/recent", recent(*range(1, 51))))
+    broker.tell(*(broker.message("s/a/L/T/event", event(n)) for n in range(3, 51)))
+    [line] = broker.reader.fleet.ordered(NOW)
+    assert [each.seq for each in line.instances["T"].log.kept] == [*range(1, 51)]
+    assert line.missing == 0 and line.errors_an_hour(NOW) == 50
+    broker.tell(broker.message("s/a/L/T/recent", recent(*range(87, 151))))
+    assert line.missing == 36
+
+
+def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:
+    broker = Broker()
+    both = [broker.message(f"s/{name}/state", ONLINE) for name in "ab"]
+    lines = [broker.message(f"s/{name}/{name}/figures", figures()) for name in "ab"]
+    broker.tell(Connected(), *both, *lines)
+    broker.tell(Lost("away"))
+    broker.tell(Connected(), both[1])
+    broker.tell(seconds=MISS_NS / SECOND - 1)
+    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [GOOD, GOOD]
+    broker.tell(seconds=1)
+    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [OFFLINE, GOOD]
+    assert broker.names == ["a", "b"]
+    broker.tell(both[0])
+    assert [line.shows for line in broker.reader.fleet.ordered(NOW)] == [GOOD, GOOD]
+
+
+def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None:
+    broker = Broker()
+    broker.tell(
+        Connected(), broker.message("s/a/state", ONLINE), Came("trcvtui/v1/s/a/L/figures", b"{", False)
+    )
+    assert (
+        broker.reader.told
+        == "broker, trcvtui/v1/s/a/L/figures: found no JSON, expected a message of an agent"
+    )
+    broker.tell(*(Came(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
+    assert broker.reader.refused == 1001 and "no JSON" in broker.reader.told
+    broker.tell(SubscriptionRefused("it lets us not read"), seconds=TELL_NS / SECOND)
+    assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
+
+
+def test_of_a_retained_topic_the_newest_message_alone_is_looked_at_of_events_each() -> None:
+    broker = Broker()
+    broker.tell(Connected(), broker.message("s/a/state", ONLINE))
+    version = broker.reader.fleet.version
+    broker.tell(*(broker.message("s/a/L/figures", figures(errors=n)) for n in range(100)))
+    assert broker.reader.fleet.version == version + 1
+    broker.tell(*(broker.message("s/a/L/T/event", event(n)) for n in range(1, 10)))
+    [line] = broker.reader.fleet.ordered(NOW)
+    assert line.figures is not None and line.figures.errors_an_hour == 99
+    assert len(line.instances["T"].log.kept) == 9
+
+
+texts = st.text(max_size=30)
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=8,
+)
+hostile = st.binary(max_size=60) | values.map(lambda value: json.dumps(value).encode())
+kinds = st.sampled_from(
+    ["state", "figures", "L/figures", "L/T/status", "L/T/event", "L/T/recent", "L/T/request"]
+)
+
+
+@given(st.lists(st.tuples(texts, kinds, hostile), max_size=12))
+def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_line(
+    came: list[tuple[str, str, bytes]],
+) -> None:
+    broker = Broker()
+    broker.tell(
+        Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/good/figures", figures())
+    )
+    broker.tell(*(Came(f"trcvtui/v1/s/{name}/{kind}", payload, False) for name, kind, payload in came))
+    broker.tell(*(Came(name, payload, False) for name, _, payload in came), seconds=2)
+    assert "good" in broker.names
+    assert broker.reader.told.isprintable() and len(broker.reader.told) < 900

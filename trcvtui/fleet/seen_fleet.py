@@ -1,0 +1,301 @@
+"""All lines of all sites as a reader knows them: who is there, what each shows, the worst first.
+
+Rule: every number is bounded; what has no room is refused with one line, and the lines that are there go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.fleet.event_log import EventLog, KeptEvent
+from trcvtui.fleet.topics import (
+    MOST_RECENT,
+    EventMessage,
+    FiguresMessage,
+    FleetMessage,
+    RecentMessage,
+    StateMessage,
+    StatusMessage,
+    Topic,
+)
+
+MOST_AGENTS: Final = 5_000
+MOST_LINES: Final = 20_000
+MOST_INSTANCES: Final = 60_000
+MOST_EVENTS: Final = 300_000  # in all; beyond it an instance keeps its newest FEW_EVENTS
+FEW_EVENTS: Final = 8
+HOUR_S: Final = 3600
+BUCKETS: Final = 12  # of the hour, in the sparkline
+BUCKET_S: Final = HOUR_S // BUCKETS
+UP: Final = frozenset(("connected", "created", "up"))  # states of a line
+OFFLINE, ERROR, AWAY, GOOD = range(4)  # what a line shows, the worst first
+SHOWN: Final = ("offline", "ERROR", "not connected", "good")
+
+
+class FleetInstance:
+    """One instance of a line: what it shows, its events."""
+
+    __slots__ = ("log", "name", "status")
+
+    def __init__(self, name: str) -> None:
+        self.name, self.log = name, EventLog()
+        self.status: StatusMessage | None = None
+
+    @property
+    def has_error(self) -> bool:
+        """Return whether its ERROR is 1."""
+        return self.status is not None and self.status.error
+
+
+class FleetAgent:
+    """One agent: whether it is there, and its lines by name."""
+
+    __slots__ = ("asked", "has_begun", "is_heard", "lines", "name", "site", "state")
+
+    def __init__(self, site: str, name: str) -> None:
+        self.site, self.name = site, name
+        self.state: StateMessage | None = None
+        self.lines: dict[str, FleetLine] = {}
+        self.has_begun = False  # all that the broker has retained of its events has come
+        self.is_heard = True  # its state has come on this connection
+        self.asked = 0  # the connection on which its topics were subscribed
+
+    @property
+    def is_offline(self) -> bool:
+        """Return whether it is known not to be there."""
+        return self.state is not None and self.state.state == "offline"
+
+    def begin(self) -> None:
+        """Take that what came before we looked has come."""
+        self.has_begun = True
+        for line in self.lines.values():
+            for instance in line.instances.values():
+                instance.log.begin()
+
+
+class FleetLine:
+    """One line. `rank`: lines in its order have the worst first."""
+
+    __slots__ = ("agent", "errors", "figures", "instances", "name", "rank", "shows", "words")
+
+    def __init__(self, agent: FleetAgent, name: str) -> None:
+        self.agent, self.name = agent, name
+        self.figures: FiguresMessage | None = None
+        self.instances: dict[str, FleetInstance] = {}
+        self.errors: dict[int, int] = {}  # of the hour: the bucket by its number since 1970
+        self.shows = GOOD
+        self.rank: tuple[object, ...] = ()
+        self.words = ""  # what a filter looks in, small letters
+
+    @property
+    def worst(self) -> FleetInstance | None:
+        """Return the instance to be told of: with ERROR, else with the most errors."""
+        return max(self.instances.values(), key=_badness, default=None)
+
+    @property
+    def newest_error(self) -> KeptEvent | None:
+        """Return the last ERROR of any instance."""
+        kept = (event for each in self.instances.values() for event in each.log.kept if event.kind == "error")
+        return max(kept, default=None)
+
+    @property
+    def cause(self) -> str:
+        """Return what to group by: why it shows what it shows."""
+        if self.shows == OFFLINE:
+            return "the agent is offline"
+        newest = self.newest_error
+        if self.shows == ERROR or self.errors:
+            return newest.title if newest is not None else "an ERROR without a cause"
+        return "the line is not connected" if self.shows == AWAY else "no error in the last hour"
+
+    @property
+    def missing(self) -> int:
+        """Return how many events there were that have not come."""
+        return sum(each.log.missing for each in self.instances.values())
+
+    @property
+    def since(self) -> float | None:
+        """Return since when it shows what it shows: seconds of UTC since 1970."""
+        if self.shows == OFFLINE:
+            return self.agent.state.t if self.agent.state is not None else None
+        worst = self.worst
+        return worst.status.t - worst.status.age_s if worst is not None and worst.status is not None else None
+
+    def errors_an_hour(self, wall: float) -> int:
+        """Return the ERRORs of the last hour: those that came, or as many as its agent counts."""
+        oldest = int(wall // BUCKET_S) - BUCKETS
+        for bucket in [each for each in self.errors if each <= oldest]:
+            del self.errors[bucket]
+        figures = self.figures
+        told = figures.errors_an_hour if figures is not None and figures.t > wall - HOUR_S else 0
+        return max(sum(self.errors.values()), int(told))
+
+    def sparkline(self, wall: float) -> list[int]:
+        """Return the ERRORs of each twelfth of the last hour, the oldest first."""
+        newest = int(wall // BUCKET_S)
+        return [self.errors.get(bucket, 0) for bucket in range(newest - BUCKETS + 1, newest + 1)]
+
+    def judge(self, wall: float) -> None:
+        """Find out what it shows, and its rank."""
+        if self.agent.is_offline:
+            self.shows = OFFLINE
+        elif any(each.has_error for each in self.instances.values()):
+            self.shows = ERROR
+        else:
+            self.shows = AWAY if self.figures is not None and self.figures.state not in UP else GOOD
+        at = self.shows if self.shows < AWAY else AWAY
+        names = self.agent.site, self.agent.name, self.name
+        self.rank = (at, -self.errors_an_hour(wall), self.shows, *names)
+        state = self.figures.state if self.figures is not None else ""
+        codes = " ".join(
+            f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
+        )
+        self.words = f"{'/'.join(names)} {SHOWN[self.shows]} {state} {codes}".casefold()
+
+
+def _badness(instance: FleetInstance) -> tuple[bool, int]:
+    return instance.has_error, instance.status.errors if instance.status is not None else -1
+
+
+class SeenFleet:
+    """Takes message by message; `ordered` gives the lines."""
+
+    def __init__(self) -> None:
+        self.agents: dict[tuple[str, str], FleetAgent] = {}
+        self.instances = self.events = 0  # that are kept
+        self.version = 0  # another number: something is shown otherwise
+        self._ordered: list[FleetLine] = []
+        self._changed: set[FleetLine] = set()
+
+    # -- messages ----------------------------------------------------------------------------------------
+
+    def take(self, topic: Topic, message: FleetMessage | None, wall: float) -> None:
+        """Take what came on a topic, None: it was cleared; raise UserError for what has no room."""
+        self.version += 1
+        if message is None:
+            self._forget(topic)
+            return
+        agent = self._agent(topic)
+        if isinstance(message, StateMessage):
+            agent.state, agent.is_heard = message, True
+            self._changed.update(agent.lines.values())
+            return
+        line = self._line(agent, topic.line)
+        self._changed.add(line)
+        if isinstance(message, FiguresMessage):
+            line.figures = message
+            return
+        instance = self._instance(line, topic.instance)
+        if isinstance(message, StatusMessage):
+            instance.status = message
+        elif isinstance(message, RecentMessage):
+            self._take_events(line, instance, message.events, wall)
+        elif isinstance(message, EventMessage):
+            self._take_events(line, instance, (message,), wall)
+
+    def begin_connection(self) -> None:
+        """Take that the broker is there again: what it knows of the agents comes now."""
+        for agent in self.agents.values():
+            agent.is_heard = False
+
+    def miss(self, wall: float) -> None:
+        """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
+        for agent in self.agents.values():
+            if not agent.is_heard and not agent.is_offline and agent.state is not None:
+                agent.state = StateMessage("offline", wall, agent.state.version)
+                self._changed.update(agent.lines.values())
+                self.version += 1
+
+    def _take_events(
+        self, line: FleetLine, instance: FleetInstance, events: tuple[EventMessage, ...], wall: float
+    ) -> None:
+        before = len(instance.log.kept)
+        fresh = instance.log.take(events, MOST_RECENT if self.events < MOST_EVENTS else FEW_EVENTS)
+        self.events += len(instance.log.kept) - before
+        for event in fresh:
+            if event.kind == "error" and event.t > wall - HOUR_S:
+                bucket = int(min(event.t, wall) // BUCKET_S)
+                line.errors[bucket] = line.errors.get(bucket, 0) + 1
+
+    def _agent(self, topic: Topic) -> FleetAgent:
+        found = self.agents.get(topic[:2])
+        if found is None:
+            if len(self.agents) >= MOST_AGENTS:
+                raise mistake("fleet", f"one more agent, '{topic.agent}'", f"{MOST_AGENTS} at most")
+            found = self.agents[topic[:2]] = FleetAgent(topic.site, topic.agent)
+        return found
+
+    def _line(self, agent: FleetAgent, name: str) -> FleetLine:
+        found = agent.lines.get(name)
+        if found is None:
+            if len(self._ordered) >= MOST_LINES:
+                raise mistake("fleet", f"one more line, '{name}'", f"{MOST_LINES} at most")
+            found = agent.lines[name] = FleetLine(agent, name)
+            self._ordered.append(found)
+        return found
+
+    def _instance(self, line: FleetLine, name: str) -> FleetInstance:
+        found = line.instances.get(name)
+        if found is None:
+            if self.instances >= MOST_INSTANCES:
+                raise mistake("fleet", f"one more instance, '{name}'", f"{MOST_INSTANCES} at most")
+            self.instances += 1
+            found = line.instances[name] = FleetInstance(name)
+            if line.agent.has_begun:
+                found.log.begin()
+        return found
+
+    def _forget(self, topic: Topic) -> None:
+        """Take that somebody has cleared a topic on the broker: what it told of is no longer there."""
+        agent = self.agents.get(topic[:2])
+        line = agent.lines.get(topic.line) if agent is not None else None
+        if agent is not None and topic.kind == "state":
+            self._forget_lines(agent, [*agent.lines.values()])
+            del self.agents[topic[:2]]
+        elif line is not None:
+            if topic.kind == "figures":
+                line.figures = None
+            elif topic.kind == "status":
+                self._forget_instance(line, topic.instance)
+            self._changed.add(line)
+            if line.figures is None and not line.instances:
+                self._forget_lines(line.agent, [line])
+
+    def _forget_lines(self, agent: FleetAgent, lines: list[FleetLine]) -> None:
+        for line in lines:
+            for name in [*line.instances]:
+                self._forget_instance(line, name)
+            del agent.lines[line.name]
+        gone = set(lines)
+        self._changed -= gone
+        self._ordered = [line for line in self._ordered if line not in gone]
+
+    def _forget_instance(self, line: FleetLine, name: str) -> None:
+        gone = line.instances.pop(name, None)
+        if gone is not None:
+            self.instances -= 1
+            self.events -= len(gone.log.kept)
+
+    # -- what is shown -----------------------------------------------------------------------------------
+
+    @property
+    def lines(self) -> Iterator[FleetLine]:
+        """Return all lines, in no order."""
+        return iter(self._ordered)
+
+    def ordered(self, wall: float, anew: bool = False) -> list[FleetLine]:
+        """Return the lines, the worst first; `anew`: time has passed, errors grow old."""
+        if anew:
+            self._changed.update(line for line in self._ordered if line.errors or line.rank[1:2] != (0,))
+        if self._changed:
+            for line in self._changed:
+                line.judge(wall)
+            self._changed.clear()
+            self._ordered.sort(key=_rank)  # nearly in order: it costs little more than a look at each
+        return self._ordered
+
+
+def _rank(line: FleetLine) -> tuple[object, ...]:
+    return line.rank

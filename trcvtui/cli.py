@@ -281,6 +281,26 @@ def _agent(args: SimpleNamespace) -> int:
     return run_agent(settings, _load_bench(path))
 
 
+def _fleet(args: SimpleNamespace) -> int:
+    import gc
+    import os
+
+    from trcvtui.fleet.broker import OPEN_TO_ALL, broker_of, need_paho
+    from trcvtui.rig.clock import wall_ns
+
+    broker = broker_of(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
+    need_paho()
+    if not (os.isatty(0) and os.isatty(1)):
+        raise mistake("trcvtui fleet", "no terminal", "a terminal; scripts read the broker: docs/fleet.md")
+    if not broker.has_tls:
+        sys.stderr.write(f"{OPEN_TO_ALL}\n")
+    gc.disable()  # until the list stands: what is imported on the way to it stays
+    os.environ.setdefault("TEXTUAL_FPS", "200")
+    from trcvtui.tui.fleet.app import run_fleet
+
+    return run_fleet(broker, args.site, f"fleet-{wall_ns():x}-{os.getpid()}", args.theme)
+
+
 def _replay(args: SimpleNamespace) -> int:
     if args.set or args.dialect is not None:
         from trcvtui.rig.replay.command import what_if_file
@@ -729,10 +749,23 @@ def _add_agent(parser: ArgumentRows) -> None:
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
 
 
+def _add_fleet(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_fleet)
+    about = "the broker; user and password: TRCVTUI_MQTT_.."
+    parser.add_argument("url", metavar="mqtts://HOST", help=about)
+    parser.add_argument("--site", metavar="PATTERN", default="*", help='such as "plant*"; default: all')
+    _add_certificates(parser)
+    _add_theme(parser, SUPPRESS)
+
+
 def _add_broker(parser: ArgumentRows) -> None:
     parser.add_argument(
         "--mqtt", metavar="mqtts://HOST", help="the broker; user and password: TRCVTUI_MQTT_.."
     )
+    _add_certificates(parser)
+
+
+def _add_certificates(parser: ArgumentRows) -> None:
     parser.add_argument("--mqtt-ca", metavar="FILE", help="who may have signed its certificate (PEM)")
     parser.add_argument("--mqtt-cert", metavar="FILE", help="ours")
     parser.add_argument("--mqtt-key", metavar="FILE", help="of --mqtt-cert")
@@ -884,6 +917,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "scenario": ("run without a screen", _add_scenario),
     "record": ("keep what a bench does, without a screen", _add_record_command),
     "agent": ("a bench as a service: MQTT, Prometheus", _add_agent),
+    "fleet": ("the lines of all agents on one screen", _add_fleet),
     "replay": ("a recording run again", _add_replay),
     "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
     "report": ("a recording or a capture as one HTML page", _add_report),

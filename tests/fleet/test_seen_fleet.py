@@ -4,58 +4,28 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
-from typing import cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
+from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import seen_fleet
 from trcvtui.fleet.broker import (
-    BrokerConnection,
     Came,
     Connected,
     Lost,
-    News,
-    Subscribed,
     SubscriptionRefused,
 )
 from trcvtui.fleet.event_log import MOST_GAPS, EventLog
-from trcvtui.fleet.reader import AT_ONCE, MISS_NS, SETTLED_NS, TELL_NS, FleetReader, topics_of
+from trcvtui.fleet.reader import AT_ONCE, MISS_NS, SETTLED_NS, TELL_NS, topics_of
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, SeenFleet
 from trcvtui.fleet.topics import (
-    EventMessage,
-    FiguresMessage,
     FleetMessage,
-    RecentMessage,
-    StateMessage,
-    StatusMessage,
     Topic,
 )
-
-NOW = 1_795_000_000.0
-SECOND = 1_000_000_000
-
-
-def event(seq: int, boot: str = "b", kind: str = "error", t: float = NOW) -> EventMessage:
-    return EventMessage(f"{boot}-{seq}", t + seq / 1000, kind, "80A6", {"text": "recv gave ECONNRESET"})
-
-
-def recent(*seqs: int, boot: str = "b") -> RecentMessage:
-    return RecentMessage(NOW, max(seqs), tuple(event(seq, boot) for seq in seqs))
-
-
-def status(code: str = "7006", error: bool = False, errors: int = 0) -> StatusMessage:
-    return StatusMessage(NOW, code, "receiving", not error, False, error, 7, errors, 12, 24, 60.0)
-
-
-def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> FiguresMessage:
-    return FiguresMessage(t, state, 120.5, 0, 60, errors)
-
-
-ONLINE, OFF = StateMessage("online", NOW, "0.1.0"), StateMessage("offline", NOW + 5, "0.1.0")
-
 
 # -- events of an instance -------------------------------------------------------------------------------
 
@@ -215,44 +185,8 @@ def test_what_has_no_room_is_refused_and_memory_is_bounded(monkeypatch: pytest.M
 # -- from a broker ---------------------------------------------------------------------------------------
 
 
-class Broker:
-    """A broker that takes subscriptions when it is told to."""
-
-    def __init__(self, pattern: str = "*") -> None:
-        self.asked: list[tuple[str, ...]] = []
-        self._news: list[News] = []
-        self._taken = 0
-        self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
-        self.now, self.wall = 0, NOW
-
-    def news(self) -> list[News]:
-        news, self._news = self._news, []
-        return news
-
-    def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
-        self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
-        return len(self.asked)
-
-    def tell(self, *news: News, seconds: float = 0.0) -> None:
-        self._news += news
-        self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
-        self.reader.turn(self.now, self.wall, 1 << 62)
-
-    def message(self, topic: str, message: FleetMessage) -> Came:
-        return Came(f"trcvtui/v1/{topic}", message.to_json(), True)
-
-    def take_subscriptions(self) -> None:
-        while self._taken < len(self.asked):
-            self._taken += 1
-            self.tell(Subscribed(self._taken))
-
-    @property
-    def names(self) -> list[str]:
-        return [line.name for line in self.reader.fleet.ordered(self.wall)]
-
-
 def test_agents_are_asked_for_a_few_at_a_time_and_past_events_last() -> None:
-    broker = Broker()
+    broker = FakeBroker()
     broker.tell(Connected(), *(broker.message(f"s/a{n}/state", ONLINE) for n in range(20)))
     assert len(broker.asked) == AT_ONCE
     assert broker.asked[0] == ("s/a0/+/figures", "s/a0/+/+/status", "s/a0/+/+/event")
@@ -272,7 +206,7 @@ def test_agents_are_asked_for_a_few_at_a_time_and_past_events_last() -> None:
     ],
 )
 def test_only_the_sites_that_fit_are_asked_for(pattern: str, subscribed: str, sites: set[str]) -> None:
-    broker = Broker(pattern)
+    broker = FakeBroker(pattern)
     assert topics_of(pattern) == (subscribed,)
     broker.tell(Connected(), *(broker.message(f"{s}/a/state", ONLINE) for s in ("plant1", "plant2", "mill")))
     assert {topics[0].partition("/")[0] for topics in broker.asked} == sites
@@ -280,7 +214,7 @@ def test_only_the_sites_that_fit_are_asked_for(pattern: str, subscribed: str, si
 
 
 def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_missing() -> None:
-    broker = Broker()
+    broker = FakeBroker()
     broker.tell(Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/L/T/status", status()))
     broker.take_subscriptions()
     broker.tell(seconds=SETTLED_NS / SECOND)
@@ -298,7 +232,7 @@ def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_m
 
 
 def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:
-    broker = Broker()
+    broker = FakeBroker()
     both = [broker.message(f"s/{name}/state", ONLINE) for name in "ab"]
     lines = [broker.message(f"s/{name}/{name}/figures", figures()) for name in "ab"]
     broker.tell(Connected(), *both, *lines)
@@ -314,7 +248,7 @@ def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:
 
 
 def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None:
-    broker = Broker()
+    broker = FakeBroker()
     broker.tell(
         Connected(), broker.message("s/a/state", ONLINE), Came("trcvtui/v1/s/a/L/figures", b"{", False)
     )
@@ -329,7 +263,7 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
 
 
 def test_of_a_retained_topic_the_newest_message_alone_is_looked_at_of_events_each() -> None:
-    broker = Broker()
+    broker = FakeBroker()
     broker.tell(Connected(), broker.message("s/a/state", ONLINE))
     version = broker.reader.fleet.version
     broker.tell(*(broker.message("s/a/L/figures", figures(errors=n)) for n in range(100)))
@@ -356,7 +290,7 @@ kinds = st.sampled_from(
 def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_line(
     came: list[tuple[str, str, bytes]],
 ) -> None:
-    broker = Broker()
+    broker = FakeBroker()
     broker.tell(
         Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/good/figures", figures())
     )
@@ -364,3 +298,21 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
     broker.tell(*(Came(name, payload, False) for name, _, payload in came), seconds=2)
     assert "good" in broker.names
     assert broker.reader.told.isprintable() and len(broker.reader.told) < 900
+
+
+# -- bad input -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("http://x", "trcvtui fleet: found 'http://x', expected mqtts://HOST[:8883] or mqtt://HOST[:1883]"),
+        ("mqtts://a:b@c", "trcvtui fleet: found a user or password in the URL"),
+        ("mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
+        ("mqtts://c", "trcvtui fleet: found no terminal, expected a terminal"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(words: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fleet", *words.split()]) == 2
+    said = capsys.readouterr()
+    assert told in said.err and said.err.count("\n") == 1 and not said.out

@@ -18,7 +18,7 @@ from textual.message_pump import MessagePump
 from textual.pilot import Pilot, WaitForScreenTimeout
 
 from trcvtui.rig.scenario import scenario as scenario_files
-from trcvtui.tui import app
+from trcvtui.tui import app, terminal_app
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +40,7 @@ def frames_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     tests open hundreds of screens.
     """
     monkeypatch.setattr(app, "FRAME_S", 0.5)
-    monkeypatch.setattr(app, "_quiet_collector", lambda: None)
+    monkeypatch.setattr(terminal_app, "quiet_collector", lambda: None)
 
 
 _parsed: dict[object, list[RuleSet]] = {}

@@ -32,7 +32,7 @@ def generations() -> Iterator[list[int]]:
 
 
 async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.tui.app.REST_S", 3600.0)  # the test says when it is
+    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_S", 3600.0)  # the test says when it is
     async with on_a_bench() as screen:
         with generations() as seen:
             for _ in range(6):
@@ -46,7 +46,7 @@ async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pyt
 async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("trcvtui.tui.app.REST_S", 3600.0)
+    monkeypatch.setattr("trcvtui.tui.terminal_app.REST_S", 3600.0)
     async with on_a_bench() as screen:
         app = screen.app
         await screen.press(*KEYS)

@@ -111,22 +111,23 @@ def broker_of(
     cert: str | None = None,
     key: str | None = None,
     environment: Mapping[str, str] = os.environ,
+    where: str = "--mqtt",
 ) -> Broker:
-    """Return the broker of `--mqtt`; raise UserError for what cannot be one."""
+    """Return the broker of a URL; raise UserError for what cannot be one. `where`: the URL was given."""
     wanted = "mqtts://HOST[:8883] or mqtt://HOST[:1883]"
     try:
         parts = urlsplit(url)
         port = parts.port
     except ValueError:
-        raise mistake("--mqtt", "no such URL", wanted) from None
+        raise mistake(where, "no such URL", wanted) from None
     if "@" in url:
-        raise mistake("--mqtt", "a user or password in the URL", f"{USER}, {PASSWORD} or {PASSWORD_FILE}")
+        raise mistake(where, "a user or password in the URL", f"{USER}, {PASSWORD} or {PASSWORD_FILE}")
     is_bare = parts.path in ("", "/") and not parts.query and not parts.fragment
     if parts.scheme not in PORTS or not parts.hostname or not is_bare or port == 0 or not url.isprintable():
-        raise mistake("--mqtt", f"'{one_line(url)}'", wanted)
+        raise mistake(where, f"'{one_line(url)}'", wanted)
     has_tls = parts.scheme == "mqtts"
     if not has_tls and (ca or cert or key):
-        raise mistake("--mqtt", "mqtt:// beside a certificate", "mqtts://")
+        raise mistake(where, "mqtt:// beside a certificate", "mqtts://")
     if (cert is None) != (key is None):
         raise mistake("--mqtt-cert, --mqtt-key", "one of them", "both")
     for option, path in (("--mqtt-ca", ca), ("--mqtt-cert", cert), ("--mqtt-key", key)):

@@ -78,13 +78,26 @@ class FleetAgent:
 class FleetLine:
     """One line. `rank`: lines in its order have the worst first."""
 
-    __slots__ = ("agent", "errors", "figures", "instances", "name", "rank", "shows", "words")
+    __slots__ = (
+        "agent",
+        "errors",
+        "errors_hour",
+        "figures",
+        "instances",
+        "name",
+        "newest_error",
+        "rank",
+        "shows",
+        "words",
+    )
 
     def __init__(self, agent: FleetAgent, name: str) -> None:
         self.agent, self.name = agent, name
         self.figures: FiguresMessage | None = None
         self.instances: dict[str, FleetInstance] = {}
         self.errors: dict[int, int] = {}  # of the hour: the bucket by its number since 1970
+        self.newest_error: KeptEvent | None = None  # of any instance
+        self.errors_hour = 0  # of the last hour, when it was judged
         self.shows = GOOD
         self.rank: tuple[object, ...] = ()
         self.words = ""  # what a filter looks in, small letters
@@ -93,12 +106,6 @@ class FleetLine:
     def worst(self) -> FleetInstance | None:
         """Return the instance to be told of: with ERROR, else with the most errors."""
         return max(self.instances.values(), key=_badness, default=None)
-
-    @property
-    def newest_error(self) -> KeptEvent | None:
-        """Return the last ERROR of any instance."""
-        kept = (event for each in self.instances.values() for event in each.log.kept if event.kind == "error")
-        return max(kept, default=None)
 
     @property
     def cause(self) -> str:
@@ -147,7 +154,8 @@ class FleetLine:
             self.shows = AWAY if self.figures is not None and self.figures.state not in UP else GOOD
         at = self.shows if self.shows < AWAY else AWAY
         names = self.agent.site, self.agent.name, self.name
-        self.rank = (at, -self.errors_an_hour(wall), self.shows, *names)
+        self.errors_hour = self.errors_an_hour(wall)
+        self.rank = (at, -self.errors_hour, self.shows, *names)
         state = self.figures.state if self.figures is not None else ""
         codes = " ".join(
             f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
@@ -214,8 +222,10 @@ class SeenFleet:
         before = len(instance.log.kept)
         fresh = instance.log.take(events, MOST_RECENT if self.events < MOST_EVENTS else FEW_EVENTS)
         self.events += len(instance.log.kept) - before
-        for event in fresh:
-            if event.kind == "error" and event.t > wall - HOUR_S:
+        for event in (each for each in fresh if each.kind == "error"):
+            if line.newest_error is None or line.newest_error < event:
+                line.newest_error = event
+            if event.t > wall - HOUR_S:
                 bucket = int(min(event.t, wall) // BUCKET_S)
                 line.errors[bucket] = line.errors.get(bucket, 0) + 1
 
@@ -288,7 +298,7 @@ class SeenFleet:
     def ordered(self, wall: float, anew: bool = False) -> list[FleetLine]:
         """Return the lines, the worst first; `anew`: time has passed, errors grow old."""
         if anew:
-            self._changed.update(line for line in self._ordered if line.errors or line.rank[1:2] != (0,))
+            self._changed.update(line for line in self._ordered if line.errors or line.errors_hour)
         if self._changed:
             for line in self._changed:
                 line.judge(wall)

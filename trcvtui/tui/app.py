@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
-import gc
-import os
-import signal
 import sys
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from textual import events
-from textual.app import App, SystemCommand
+from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.screen import Screen
 from textual.widget import AwaitMount
@@ -27,9 +21,9 @@ from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
 from trcvtui.tui.settings import ScreenSettings, load_settings
+from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.theme import THEMES
-from trcvtui.tui.widgets.typed_lines import obey
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
@@ -40,12 +34,6 @@ if TYPE_CHECKING:
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
-HANG_UP_S: Final = 1.0
-REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
-LONG_REST: Final = 15  # such rests: and at all that was made since the start
-YOUNG: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
-ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
@@ -70,12 +58,9 @@ def may_open(screen: object) -> bool:
     return isinstance(screen, MainScreen | HelpScreen | DescriptionScreen | CommandPalette)
 
 
-class BenchApp(App[None]):
+class BenchApp(TerminalApp):
     """Twenty times a second: take the newest picture, show it, ask for the next."""
 
-    TITLE = "trcvtui"
-    CSS_PATH = Path(__file__).with_name("styles.tcss")
-    ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
         Binding("D", "race", show=False, id="race"),
@@ -93,11 +78,8 @@ class BenchApp(App[None]):
         read_only: bool = False,
         replay: bool = False,
     ) -> None:
-        super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
-        self._settings = settings or ScreenSettings()
+        super().__init__(settings or ScreenSettings())
         self._read_only = read_only
-        self.key_names, self.problems = self._settings.names, self._settings.problems
-        self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
         self.view_model = ViewModel(project)
@@ -110,76 +92,35 @@ class BenchApp(App[None]):
         self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
-        self._rests = self._keys_seen = 0
-        self._keys, self._warned = 0, (0, 0)  # keys so far; the key of the warning, and what was unsaved
-        self._early_keys: list[events.Key | events.Paste] | None = []
-        self._ended_by = 0  # a signal
-        for theme in THEMES.values():
-            self.register_theme(theme)
-        theme = THEMES[self._settings.theme]
-        if not theme.ansi:
-            # Without its watcher: every rule would be read twice before the first frame.
-            self.set_reactive(BenchApp.theme, theme.name)
-            self.stylesheet.set_variables(self.get_css_variables())
-
-    def on_load(self) -> None:
-        """Listen to signals before the terminal is asked for anything."""
-        if not self.is_headless:
-            self._end_on_signals()
+        self._warned = 0, 0  # the key of the warning, and what was unsaved
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
         # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
-        if THEMES[self._settings.theme].ansi:
-            self.theme = THEMES[self._settings.theme].name  # with its watcher: native colours need it
+        self.begin()
         self.push_screen(self.main)
         self._frame()
         self.set_interval(FRAME_S, self._frame)
-        if not self.is_headless and not self.is_web:
-            self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
-        self.call_after_refresh(self._after_the_first_frame)
+        self.call_after_refresh(self.stand)
 
-    # -- keys ---------------------------------------------------------------------------------------
-
-    async def on_event(self, event: events.Event) -> None:
-        """Obey a key at once; those typed before everything is there are kept for the moment it is."""
-        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
-            self._keys += 1
-            if self._early_keys is not None:
-                self._early_keys.append(_as_typed(event))
-                return
-            if await obey(self, event):
-                return
-        await super().on_event(event)
-
-    async def _after_the_first_frame(self) -> None:
+    async def prepare(self) -> None:
+        """Make the fields that can be typed into."""
         await self.main.prepare()
-        while self._early_keys:
-            await self._obey_early(self._early_keys.pop(0))
-        self._early_keys = None
-        if self._ended_by:
-            self._end_by_signal(self._ended_by)
+
+    def tell_first(self) -> None:
+        """Say what is to be known of this screen."""
         if self._read_only:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
-        if self._settings.problems:
-            first, *more = self._settings.problems
+        if self.problems:
+            first, *more = self.problems
             self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
-        _quiet_collector()
-        self.set_interval(REST_S, self._collect_at_rest)
 
-    def _collect_at_rest(self) -> None:
-        """Look for cycles while nobody types; `gc.get_count` says what has been made since."""
-        self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
-        self._keys_seen = self._keys
-        _, older, oldest = gc.get_count()
-        if self._rests >= LONG_REST and oldest:
-            gc.collect()
-        elif self._rests and older:
-            gc.collect(1)
-
-    async def _obey_early(self, event: events.Key | events.Paste) -> None:
-        if not await obey(self, event):
-            await super().on_event(event)
+    def end_children(self, is_dead: bool) -> None:
+        """Leave no file of a race; where the terminal is dead, end the engine, too."""
+        if is_dead:
+            self._engine.close()
+        if self.race is not None:
+            self.race.forget()
 
     # -- pictures and lines -------------------------------------------------------------------------
 
@@ -214,33 +155,6 @@ class BenchApp(App[None]):
                 self.main.show_soon()
             else:
                 self.main.show()
-
-    def _end_on_signals(self) -> None:
-        """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""
-        loop = asyncio.get_running_loop()
-        for number in ENDING_SIGNALS:
-            if signal.getsignal(number) is signal.SIG_IGN:  # below nohup
-                continue
-            with suppress(NotImplementedError, ValueError):  # not on every system, not beside the main thread
-                loop.add_signal_handler(number, self._end_by_signal, number)
-
-    def _end_by_signal(self, number: int) -> None:
-        if self._early_keys is not None:  # the screen is not there yet: as soon as it is
-            self._ended_by = number
-            return
-        if not self.is_web:
-            self._leave_a_dead_terminal()
-        if self.race is not None:
-            self.race.forget()
-        self.exit(return_code=128 + number)  # as a shell reports a signal
-
-    def _leave_a_dead_terminal(self) -> None:
-        """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
-        if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
-            self._engine.close()
-            if self.race is not None:
-                self.race.forget()
-            os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; some are for this screen."""
@@ -532,22 +446,6 @@ def _is_for_replay(screen: object) -> bool:
     from trcvtui.tui.replay import may_open
 
     return may_open(screen)
-
-
-def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
-    """Return enter for ctrl+j: so a terminal that is not the screen's yet passes it on."""
-    return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
-
-
-def _quiet_collector() -> None:
-    """Let the collector look at young objects only, a few at a time; the others wait for a rest.
-
-    What lives now lives to the end. 50,000 young objects took 37 to 181 ms (performance-2.md 4).
-    """
-    gc.enable()
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(YOUNG, 1_000_000, 1_000_000)
 
 
 def run_app(

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
 from trcvtui.records import NamedTuple
+
+if TYPE_CHECKING:
+    from trcvtui.fleet.fleet_list import Entry
 
 
 class PaneActions(NamedTuple):
@@ -115,3 +119,11 @@ class DialectToggled(Message):
     def __init__(self, digit: int) -> None:
         super().__init__()
         self.digit = digit
+
+
+class FleetEntryOpened(Message):
+    """A row of the fleet's list was opened: a line, or the head of a group."""
+
+    def __init__(self, entry: Entry) -> None:
+        super().__init__()
+        self.entry = entry

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import ClassVar, Final
 
 from textual.binding import Binding
@@ -189,6 +189,17 @@ SIGNS: Final = (
 )
 
 
+def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) -> list[Row]:
+    """Return a table of keys; `names`: of those that the user has changed."""
+    rows = [row((title, "strong"))]
+    for shown, what in table:
+        key = names.get(shown.split(" or ")[0], shown)
+        first, *rest = wrapped(what, width - KEY - 3)
+        rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
+        rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
+    return [*rows, EMPTY]
+
+
 class HelpText(TextView):
     """All of it as one scrolling text."""
 
@@ -212,13 +223,7 @@ class HelpText(TextView):
         is_replay = picture is not None and picture.position is not None
         time_line = [("Time line of the recording", TIME_LINE)] if is_replay else []
         for title, table in [*time_line, *sections_for(self._focused)]:
-            rows.append(row((title, "strong")))
-            for shown, what in table:
-                key = names.get(shown.split(" or ")[0], shown)
-                first, *rest = wrapped(what, self.line_width - KEY - 3)
-                rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
-                rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
-            rows.append(EMPTY)
+            rows += key_rows(title, table, self.line_width, names)
         return rows
 
     def _table(self) -> list[Row]:

@@ -314,24 +314,33 @@ class HeaderWord(NamedTuple):
     rank: int
 
 
-class HeaderLine(OneLine):
-    """One line that never scrolls."""
+class WordLine(OneLine):
+    """Words in one line, as many as fit."""
 
-    DEFAULT_CSS = "HeaderLine { background: $panel; padding: 0 1; }"
+    DEFAULT_CSS = "WordLine { background: $panel; padding: 0 1; }"
+
+    def line(self) -> Row:
+        """Return the line."""
+        pieces = self.pieces()
+        while len(pieces) > 1 and _length(pieces) > self.line_width:
+            pieces.remove(max(pieces, key=lambda piece: piece.rank))
+        return row(*_spaced(pieces))
+
+    def pieces(self) -> list[HeaderWord]:
+        """Return all words."""
+        raise NotImplementedError
+
+
+class HeaderLine(WordLine):
+    """The header of a bench."""
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="header")
         self._view_model = view_model
         self.ended = False
 
-    def line(self) -> Row:
-        """Return the line, with as many words as fit."""
-        pieces = self._pieces()
-        while len(pieces) > 1 and _length(pieces) > self.line_width:
-            pieces.remove(max(pieces, key=lambda piece: piece.rank))
-        return row(*_spaced(pieces))
-
-    def _pieces(self) -> list[HeaderWord]:
+    def pieces(self) -> list[HeaderWord]:
+        """Return file, dialect, model; scans and how punctual they are."""
         project, picture = self._view_model.project, self._view_model.picture
         name = plain(project.path.name)
         pieces = [HeaderWord(f"trcvtui{lane_note()}", "dim", 60), HeaderWord(name, "strong", 10)]

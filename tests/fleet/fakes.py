@@ -1,0 +1,75 @@
+"""Messages of agents, and a broker that brings them when a test says so."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from trcvtui.fleet.broker import BrokerConnection, Came, News, Subscribed
+from trcvtui.fleet.reader import FleetReader
+from trcvtui.fleet.seen_fleet import SeenFleet
+from trcvtui.fleet.topics import (
+    EventMessage,
+    FiguresMessage,
+    FleetMessage,
+    RecentMessage,
+    StateMessage,
+    StatusMessage,
+)
+
+NOW = 1_795_000_000.0
+SECOND = 1_000_000_000
+
+
+def event(seq: int, boot: str = "b", kind: str = "error", t: float = NOW) -> EventMessage:
+    return EventMessage(f"{boot}-{seq}", t + seq / 1000, kind, "80A6", {"text": "recv gave ECONNRESET"})
+
+
+def recent(*seqs: int, boot: str = "b") -> RecentMessage:
+    return RecentMessage(NOW, max(seqs), tuple(event(seq, boot) for seq in seqs))
+
+
+def status(code: str = "7006", error: bool = False, errors: int = 0) -> StatusMessage:
+    return StatusMessage(NOW, code, "receiving", not error, False, error, 7, errors, 12, 24, 60.0)
+
+
+def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> FiguresMessage:
+    return FiguresMessage(t, state, 120.5, 0, 60, errors)
+
+
+ONLINE, OFF = StateMessage("online", NOW, "0.1.0"), StateMessage("offline", NOW + 5, "0.1.0")
+
+
+class FakeBroker:
+    """A broker that takes subscriptions when it is told to."""
+
+    def __init__(self, pattern: str = "*") -> None:
+        self.asked: list[tuple[str, ...]] = []
+        self._news: list[News] = []
+        self._taken = 0
+        self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
+        self.now, self.wall = 0, NOW
+
+    def news(self) -> list[News]:
+        news, self._news = self._news, []
+        return news
+
+    def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
+        self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
+        return len(self.asked)
+
+    def tell(self, *news: News, seconds: float = 0.0) -> None:
+        self._news += news
+        self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
+        self.reader.turn(self.now, self.wall, 1 << 62)
+
+    def message(self, topic: str, message: FleetMessage) -> Came:
+        return Came(f"trcvtui/v1/{topic}", message.to_json(), True)
+
+    def take_subscriptions(self) -> None:
+        while self._taken < len(self.asked):
+            self._taken += 1
+            self.tell(Subscribed(self._taken))
+
+    @property
+    def names(self) -> list[str]:
+        return [line.name for line in self.reader.fleet.ordered(self.wall)]

@@ -1,0 +1,259 @@
+"""The screen of the fleet: the list, its filter and groups, a card, the broker away, hostile texts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
+from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
+from trcvtui.fleet.broker import Broker, Came, Connected, Lost
+from trcvtui.fleet.topics import StatusMessage
+from trcvtui.records import replace
+from trcvtui.rig import clock
+from trcvtui.tui.fleet import app as fleet_app
+from trcvtui.tui.fleet.app import FleetApp
+from trcvtui.tui.widgets.line_view import Row
+
+MIDDLE = (100, 30)
+SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: f"{size[0]}x{size[1]}")
+
+
+@pytest.fixture(autouse=True)
+def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let tests call the frames and say what time it is, in UTC."""
+    monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
+    monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
+    monkeypatch.setattr(fleet_app, "quiet_collector", lambda: None)
+    monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
+    monkeypatch.setenv("TZ", "UTC")
+    if hasattr(time, "tzset"):
+        time.tzset()
+    yield
+    monkeypatch.undo()
+    if hasattr(time, "tzset"):
+        time.tzset()
+
+
+class OnFleet:
+    """A running screen on a broker of the test."""
+
+    def __init__(self, app: FleetApp, broker: FakeBroker, pilot: Pilot[None]) -> None:
+        self.app, self.broker, self.pilot = app, broker, pilot
+
+    async def tell(self, *news: Connected | Lost | Came) -> None:
+        """Let this come from the broker, and be shown."""
+        self.broker.tell(*news)
+        self.app.frame()
+        await self.pilot.pause()
+
+    async def press(self, *keys: str) -> None:
+        """Press keys, one after the other."""
+        for key in keys:
+            await self.pilot.press(key)
+        self.app.frame()
+        await self.pilot.pause()
+
+    async def type(self, text: str) -> None:
+        """Type a text."""
+        for key in typed(text):
+            self.app.post_message(key)
+        await self.pilot.pause()
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+    @property
+    def names(self) -> list[str]:
+        """Return the names of the rows, from the top."""
+        rows = [line[2:].split() for line in self.text.splitlines() if line[:1] in "┃│"]
+        return [next(word for word in words if word[0].isalpha()) for words in rows[1:] if len(words) > 2]
+
+    @property
+    def chosen(self) -> str:
+        """Return the row under the cursor."""
+        return next(line for line in self.text.splitlines() if "▸" in line)
+
+
+@asynccontextmanager
+async def on_fleet(size: tuple[int, int] = WIDE, is_filled: bool = True) -> AsyncIterator[OnFleet]:
+    """Open the screen; two sites, three agents, one of them offline."""
+    broker = FakeBroker()
+    app = FleetApp(Broker("broker.example", 8883, True), "*", broker.reader)
+    async with app.run_test(size=size) as pilot:
+        screen = OnFleet(app, broker, pilot)
+        await screen.tell(Connected(), *(plant(broker) if is_filled else ()))
+        yield screen
+
+
+def plant(broker: FakeBroker) -> list[Came]:
+    bad = replace(status("80A6", True, 3), text="the partner has reset the connection")
+    message = broker.message
+    return [
+        message("plant1/press/state", ONLINE),
+        message("plant1/press/C1/figures", figures()),
+        message("plant1/press/C1/TRCV_C_1/status", status()),
+        message("plant1/press/C2/figures", figures(errors=3)),
+        message("plant1/press/C2/TRCV_C_2/status", bad),
+        message("plant1/press/C2/TSEND_C_2/status", replace(status("7009"), text="sending", busy=True)),
+        message("plant1/press/C2/TRCV_C_2/event", replace(event(4), t=NOW - 1900)),
+        message("plant1/press/C2/TRCV_C_2/event", replace(event(7), t=NOW - 20)),
+        message("plant2/oven/state", OFF),
+        message("plant2/oven/C1/figures", figures()),
+        message("plant2/oven/C1/TRCV_C_1/status", status()),
+        message("plant2/saw/state", ONLINE),
+        message("plant2/saw/C1/figures", figures("listening")),
+        message("plant2/saw/C1/TRCV_C_1/status", status("7002")),
+    ]
+
+
+WORST_FIRST = ["plant2/oven/C1", "plant1/press/C2", "plant2/saw/C1", "plant1/press/C1"]
+
+
+@SIZES
+async def test_the_list_and_a_card_stand_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
+    name = f"{size[0]}x{size[1]}"
+    async with on_fleet(size) as screen:
+        assert screen.names == WORST_FIRST
+        same_screen(screen.app, f"fleet-{name}", tmp_path)
+        await screen.press("g")
+        same_screen(screen.app, f"fleet-groups-{name}", tmp_path)
+        await screen.press("escape", "down", "enter")
+        same_screen(screen.app, f"fleet-card-{name}", tmp_path)
+
+
+async def test_the_cursor_stays_on_the_worst_until_it_is_moved_then_on_its_line() -> None:
+    async with on_fleet() as screen:
+        assert "oven" in screen.chosen
+        await screen.tell(screen.broker.message("plant2/oven/state", ONLINE))
+        assert "press/C2" in screen.chosen
+        await screen.press("end", "up")
+        assert "press/C1" in screen.chosen
+        await screen.tell(screen.broker.message("plant1/press/C1/figures", figures(errors=99)))
+        assert screen.names[1] == "plant1/press/C1" and "press/C1" in screen.chosen
+        await screen.press("home")
+        await screen.tell(screen.broker.message("plant2/saw/state", OFF))
+        assert "saw" in screen.chosen
+
+
+async def test_a_filter_lists_what_has_its_words_while_it_is_typed() -> None:
+    async with on_fleet() as screen:
+        await screen.press("slash")
+        await screen.type("plant1 80a6")
+        assert screen.names == ["plant1/press/C2"] and "1 of 4 with plant1 80a6" in screen.text
+        await screen.press("enter", "q")
+    async with on_fleet() as screen:
+        await screen.press("slash")
+        await screen.type("offline")
+        await screen.press("enter")
+        assert screen.names == ["plant2/oven/C1"]
+        await screen.press("escape")
+        assert screen.names == WORST_FIRST
+        await screen.press("slash")
+        await screen.type("nobody")
+        assert "no line has these words" in screen.text
+
+
+async def test_groups_by_site_and_by_cause_open_and_close() -> None:
+    async with on_fleet() as screen:
+        await screen.press("g")
+        assert "plant2  2 lines · 1 offline" in screen.text and "plant1  2 lines · 1 ERROR" in screen.text
+        await screen.press("enter")
+        assert "oven" in screen.text and "press" not in screen.text
+        await screen.press("down", "left", "enter")
+        assert "oven" not in screen.text
+        await screen.press("g")
+        assert "the agent is offline  1 line" in screen.text and "recv gave ECONNRESET  1 line" in screen.text
+        await screen.press("g")
+        assert screen.names == WORST_FIRST
+
+
+async def test_a_card_shows_what_comes_meanwhile_and_what_is_missing() -> None:
+    async with on_fleet() as screen:
+        await screen.press("down", "enter")
+        assert "2 events are missing" in screen.text and "TSEND_C_2" in screen.text
+        await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/recent", recent(*range(1, 9))))
+        assert "missing" not in screen.text
+        assert screen.text.count("recv gave ECONNRESET") == 8
+        await screen.press("escape")
+        assert screen.names == WORST_FIRST
+
+
+async def test_a_broker_that_is_away_stands_in_the_head_and_the_lines_stay() -> None:
+    async with on_fleet(SMALL) as screen:
+        assert "4 lines" in screen.text and "BROKER AWAY" not in screen.text
+        await screen.tell(Lost("mqtts://broker.example:8883: wrong certificate: self-signed certificate"))
+        assert "BROKER AWAY" in screen.text.splitlines()[0]
+        assert "wrong certificate" in screen.text and screen.names == WORST_FIRST
+        await screen.tell(Connected())
+        assert "BROKER AWAY" not in screen.text
+
+
+async def test_an_empty_broker_says_what_to_do() -> None:
+    async with on_fleet(SMALL, is_filled=False) as screen:
+        assert "no line yet" in screen.text and "trcvtui agent PROJECT.toml --mqtt" in screen.text
+
+
+async def test_ten_thousand_lines_are_a_list_of_which_the_rows_in_view_are_made(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with on_fleet(SMALL, is_filled=False) as screen:
+        for number in range(200):
+            screen.broker.tell(screen.broker.message(f"s/a{number}/state", ONLINE))
+            lines = (f"s/a{number}/L{line}/figures" for line in range(50))
+            screen.broker.tell(*(screen.broker.message(line, figures()) for line in lines))
+        await screen.tell()
+        made = set[int]()
+        row_at = screen.app.main.table.row_at
+
+        def noted(y: int) -> Row:
+            made.add(y)
+            return row_at(y)
+
+        monkeypatch.setattr(screen.app.main.table, "row_at", noted)
+        await screen.press("end")
+        assert "a99/L9 " in screen.chosen and "10000 lines" in screen.text
+        assert made <= {*range(9900, 10_000), *range(100)}
+
+
+async def test_hostile_texts_reach_the_terminal_as_plain_characters() -> None:
+    async with on_fleet(is_filled=False) as screen:
+        message = screen.broker.message
+        loud = StatusMessage(1e15, "80A6", "\x1b[31m[bold]loud", False, False, True, 1, 1, 0, 0, 1e15)
+        place = "s%1B[2J/a/[red]/T"
+        await screen.tell(
+            message("s%1B[2J/a/state", ONLINE),
+            message(f"{place}/status", loud),
+            message(f"{place}/event", replace(event(1), t=-1e15, cause={"text": "\x9b31m[/]\u202e" * 9})),
+            Came("trcvtui/v1/\x1b[2J/x", b"\x1b", False),
+        )
+        assert "[red]" in screen.text and "1 message refused" in screen.text
+        await screen.press("enter")
+        assert "[bold]loud" in screen.text
+        await screen.press("escape", "g", "g", "enter")
+        shown = screen.text.replace("\n", "")
+        assert shown.isprintable()
+
+
+async def test_help_names_the_keys_and_q_ends() -> None:
+    async with on_fleet(SMALL) as screen:
+        await screen.press("question_mark")
+        assert "in groups by site, by cause" in screen.text
+        await screen.press("escape", "q")
+        assert not screen.app.is_running or screen.app._exit
+
+
+async def test_the_mouse_chooses_a_line_and_opens_the_chosen_one() -> None:
+    async with on_fleet() as screen:
+        await screen.pilot.click("#fleet-table", offset=(5, 1))
+        assert "press/C2" in screen.chosen
+        await screen.pilot.click("#fleet-table", offset=(5, 1))
+        await screen.press("down")
+        assert "recv gave ECONNRESET" in screen.text

@@ -1,0 +1,59 @@
+"""The list of lines as it is asked for: those that a filter lets through, in groups by site or by cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from typing import Final
+
+from trcvtui.fleet.seen_fleet import BUCKETS, ERROR, OFFLINE, FleetLine
+from trcvtui.records import NamedTuple
+
+# What can be grouped by: the name on the screen, and whose lines stand together.
+GROUPS: Final[dict[str, Callable[[FleetLine], str]]] = {
+    "site": lambda line: line.agent.site,
+    "cause": lambda line: line.cause,
+}
+
+
+class FleetGroup(NamedTuple):
+    """The head of a group: how many lines, how many of them offline and with ERROR, ERRORs of the hour."""
+
+    name: str
+    lines: int
+    offline: int
+    errors: int
+    errors_an_hour: int
+    sparkline: tuple[int, ...]
+
+
+Entry = FleetLine | FleetGroup
+
+
+def filtered(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
+    """Return the lines that have all of these words: in names, state, STATUS."""
+    words = typed.casefold().split()
+    return [line for line in lines if all(word in line.words for word in words)]
+
+
+def grouped(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: float) -> list[Entry]:
+    """Return heads, the one with the worst line first, and below those that are open their lines."""
+    groups: dict[str, list[FleetLine]] = {}
+    name_of = GROUPS[by]
+    for line in lines:
+        groups.setdefault(name_of(line), []).append(line)
+    entries: list[Entry] = []
+    for name, members in groups.items():
+        entries.append(_head(name, members, wall))
+        if name in opened:
+            entries += members
+    return entries
+
+
+def _head(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
+    sums = [0] * BUCKETS
+    for line in members:
+        if line.errors:
+            sums = [a + b for a, b in zip(sums, line.sparkline(wall), strict=True)]
+    shown = [line.shows for line in members]
+    hour = sum(line.errors_hour for line in members)
+    return FleetGroup(name, len(members), shown.count(OFFLINE), shown.count(ERROR), hour, tuple(sums))

@@ -1,0 +1,333 @@
+"""`trcvtui fleet`: twenty times a second it hears the broker, twice a second the list is ordered anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import ClassVar, Final
+
+from textual.app import SystemCommand
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.fleet.broker import Broker, BrokerConnection
+from trcvtui.fleet.fleet_list import GROUPS, Entry, FleetGroup, filtered, grouped
+from trcvtui.fleet.reader import FleetReader, topics_of
+from trcvtui.fleet.seen_fleet import ERROR, OFFLINE, FleetLine, SeenFleet
+from trcvtui.rig import clock
+from trcvtui.tui.fleet.card import FleetCardScreen
+from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
+from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.messages import FleetEntryOpened, KeyClicked
+from trcvtui.tui.settings import ScreenSettings, load_settings
+from trcvtui.tui.terminal_app import TerminalApp, quiet_collector
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.help import KeyTable, key_rows
+from trcvtui.tui.widgets.line_view import Row, TextView, pane_title
+from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, THEMES
+from trcvtui.tui.widgets.typed_lines import FilterLine
+
+NS: Final = 1_000_000_000
+FRAME_S: Final = 1 / 20
+LOOK_NS: Final = 10_000_000  # of a frame, for messages
+READ_NS: Final = 30_000_000  # of a frame, while what the broker has retained comes
+ORDER_NS: Final = NS // 2  # between two orders of the list
+OLD_NS: Final = 10 * NS  # until errors are looked at whether they are of the last hour
+NONE_FITS: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
+KEYS: Final = (("/", "filter"), ("g", "group"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"))
+ACTIONS: Final = {
+    "↑↓": "move", "enter": "open", "/": "filter", "g": "group", "ctrl+p": "app.command_palette",
+    "?": "help", "q": "app.quit",
+}  # fmt: skip
+HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
+    ("Lines", (
+        ("↑ ↓, j k", "choose a line; from then on the cursor stays on it, wherever it goes"),
+        ("home, end or G", "the worst, whichever that is; the last one"),
+        ("enter or →", "the card of a line; a group opens and closes; the mouse: click it twice"),
+        ("←", "to the head of the group"),
+        ("/", "list only those with these words: names, `offline`, `ERROR`, a state, a code; esc: all"),
+        ("g", "in groups by site, by cause, all in one list"),
+        ("P", "a picture of the screen as SVG, its path is told"),
+        ("ctrl+p", "command palette"),
+        ("? or F1", "this help"),
+        ("q or ctrl+q", "quit"),
+    )),
+    ("Order", (
+        ("1", "lines whose agent is offline"),
+        ("2", "lines with ERROR now"),
+        ("3", "most errors in the last hour; then those that are not connected"),
+    )),
+    ("Signs", (
+        ("✗ ■ □ ◆", "offline; good or, in red, ERROR; not connected; good, with errors in the last hour"),
+        ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
+        ("? in state", "the agent has told no figures of this line yet"),
+    )),
+)  # fmt: skip
+
+
+class FleetHead(WordLine):
+    """Which broker, whether it is there, how many lines, how many of them are bad."""
+
+    def __init__(self, broker: Broker, pattern: str, reader: FleetReader) -> None:
+        super().__init__(id="header")
+        self._broker, self._pattern, self._reader = broker, pattern, reader
+        self.shown: list[FleetLine] = []
+
+    def pieces(self) -> list[HeaderWord]:
+        """Return all words."""
+        reader, shows = self._reader, [line.shows for line in self.shown]
+        pieces = [
+            HeaderWord("trcvtui fleet", "dim", 60),
+            HeaderWord(plain(str(self._broker)), "strong", 20),
+        ]
+        if self._pattern != "*":
+            pieces.append(HeaderWord(f"site {plain(self._pattern)}", "", 15))
+        if not self._broker.has_tls:
+            pieces.append(HeaderWord("no TLS", "warn", 40))
+        pieces.append(HeaderWord(count(len(shows), "line"), "", 3))
+        for what, number in ((OFFLINE, shows.count(OFFLINE)), (ERROR, shows.count(ERROR))):
+            if number:
+                pieces.append(HeaderWord(f"{number} {'offline' if what == OFFLINE else 'ERROR'}", "error", 4))
+        if missing := sum(line.missing for line in self.shown if line.newest_error is not None):
+            pieces.append(HeaderWord(f"{count(missing, 'event')} missing", "warn", 10))
+        if reader.refused:
+            pieces.append(HeaderWord(f"{count(reader.refused, 'message')} refused", "warn", 12))
+        if not reader.is_up:
+            pieces.append(HeaderWord(" BROKER AWAY ", "stop", 0))
+        elif not reader.is_complete:
+            pieces.append(HeaderWord("reading …", "busy", 2))
+        return pieces
+
+
+class FleetScreen(Screen[None]):
+    """Head, filter, list, what is to be told, keys."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    BINDINGS: ClassVar = [
+        Binding("slash", "filter", show=False),
+        Binding("g", "group", show=False),
+        Binding("escape", "calm", show=False),
+        Binding("question_mark,f1", "help", show=False),
+    ]
+    CSS_PATH = "fleet.tcss"
+
+    def __init__(self, broker: Broker, pattern: str, reader: FleetReader) -> None:
+        super().__init__()
+        self._reader = reader
+        self._typed = self._by = ""
+        self._opened: set[str] = set()
+        self._ordered_at = self._aged_at = -OLD_NS
+        self._shown = -1  # the version of the fleet
+        self.head = FleetHead(broker, pattern, reader)
+        self.heads = FleetHeads()
+        self.table = FleetTable(self.wall)
+        self.filter = FilterLine(self.narrow, self.table.action_move, self.table)
+        self.outcome = OutcomeLine()
+        self.key_line = KeyLine(KEYS, ACTIONS)
+        self._frame = Vertical(id="fleet-frame")
+
+    def wall(self) -> float:
+        """Return seconds of UTC since 1970."""
+        return clock.wall_ns() / NS
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose everything."""
+        yield self.head
+        yield self.filter
+        with self._frame:
+            yield self.heads
+            yield self.table
+        yield self.outcome
+        yield self.key_line
+
+    def on_mount(self) -> None:
+        """Begin in the list."""
+        self.set_focus(self.table)
+        self.follow(clock.now_ns())
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    def follow(self, now: int) -> None:
+        """Order the list anew where something has changed, not too often; ages go on by themselves."""
+        if now < self._ordered_at + ORDER_NS:
+            return
+        self._ordered_at = now
+        is_old = now >= self._aged_at + OLD_NS
+        version = self._reader.fleet.version
+        if is_old or version != self._shown:
+            self._shown = version
+            self._aged_at = now if is_old else self._aged_at
+            self.order(is_old)
+        else:
+            self.table.show()
+        self.tell()
+
+    def order(self, is_old: bool = False) -> None:
+        """Make the list."""
+        wall = self.wall()
+        ordered = self._reader.fleet.ordered(wall, is_old)
+        self.head.shown = ordered
+        lines = filtered(ordered, self._typed) if self._typed else ordered
+        entries: list[Entry] = grouped(lines, self._by, self._opened, wall) if self._by else [*lines]
+        self.table.nothing = NONE_FITS if ordered and not lines else NOTHING_YET
+        self.table.take(entries)
+        told = [f"by {self._by}"] if self._by else []
+        told += [f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all"] if self._typed else []
+        self._frame.border_title = pane_title(None, "Lines", " · ".join([*told, "the worst first"]))
+
+    def tell(self) -> None:
+        """Say what the broker does, and which keys there are."""
+        reader = self._reader
+        words, style = reader.told, "warn"
+        if not reader.is_up:
+            words, style = f"{reader.why}; what is shown was so before; the next try follows", "error"
+        self.outcome.display = bool(words)
+        self.outcome.say(words, style)
+        self.head.show()
+        self.key_line.show_keys_of(self.focused, holding=False)
+
+    # -- keys ---------------------------------------------------------------------------------------
+
+    def narrow(self, typed: str) -> None:
+        """List only the lines that have these words."""
+        self._typed = typed.strip()
+        self.order()
+
+    def action_filter(self) -> None:
+        """Let the words be typed."""
+        self.filter.open()
+
+    def action_group(self) -> None:
+        """Go on to the next way to group."""
+        ways = ["", *GROUPS]
+        self._by = ways[(ways.index(self._by) + 1) % len(ways)]
+        self._opened.clear()
+        self.order()
+
+    def action_calm(self) -> None:
+        """Show all lines again, then all in one list."""
+        if self._typed:
+            self.filter.clear()
+        elif self._by:
+            self._by = ""
+            self.order()
+
+    def action_move(self) -> None:
+        """Choose the next line: the key was clicked."""
+        self.table.action_move(1)
+
+    def action_open(self) -> None:
+        """Open what is chosen: the key was clicked."""
+        self.table.action_open()
+
+    def action_help(self) -> None:
+        """Open the help."""
+        self.app.push_screen(FleetHelpScreen())
+
+    async def on_key_clicked(self, message: KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    def on_fleet_entry_opened(self, message: FleetEntryOpened) -> None:
+        """Open a card, or open and close a group."""
+        if isinstance(message.entry, FleetGroup):
+            self._opened ^= {message.entry.name}
+            self.order()
+        else:
+            self.app.push_screen(FleetCardScreen(message.entry, self.wall))
+
+
+class FleetHelp(TextView):
+    """All keys and signs of this screen."""
+
+    def __init__(self) -> None:
+        super().__init__(id="help")
+
+    def make_rows(self) -> list[Row]:
+        """Return the tables."""
+        return [each for title, table in HELP for each in key_rows(title, table, self.line_width, {})]
+
+
+class FleetHelpScreen(ListDialog[None]):
+    """Closed by the keys that opened it, and by escape."""
+
+    BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False)]
+    DEFAULT_CSS = "FleetHelpScreen FleetHelp { width: 100; height: auto; max-height: 100%; }"
+
+    def __init__(self) -> None:
+        text = FleetHelp()
+        text.set_title(None, "Help", "esc closes")
+        super().__init__(text, None)
+
+
+class FleetApp(TerminalApp):
+    """Hears the broker, shows the fleet."""
+
+    BINDINGS: ClassVar = [Binding("q", "quit", show=False), Binding("P", "picture", show=False)]
+
+    def __init__(
+        self, broker: Broker, pattern: str, reader: FleetReader, settings: ScreenSettings | None = None
+    ) -> None:
+        super().__init__(settings or ScreenSettings())
+        self._reader = reader
+        self._is_quiet = False
+        self.main = FleetScreen(broker, pattern, reader)
+
+    def on_mount(self) -> None:
+        """Put the list on the screen, then let the messages flow."""
+        self.begin()
+        self.push_screen(self.main)
+        self.set_interval(FRAME_S, self.frame)
+        self.call_after_refresh(self.stand)
+
+    def frame(self) -> None:
+        """Hear what has come, and show it."""
+        now, is_complete = clock.now_ns(), self._reader.is_complete
+        self._reader.turn(now, self.main.wall(), LOOK_NS if is_complete else READ_NS)
+        if is_complete and not self._is_quiet:
+            self._is_quiet = True
+            quiet_collector()  # what has come lives as long as the screen
+        if self.main.is_mounted:
+            self.main.follow(now)
+            if isinstance(self.screen, FleetCardScreen):
+                self.screen.card.draw()
+
+    def tell_first(self) -> None:
+        """Say what is wrong with the settings."""
+        if self.problems:
+            self.notify(self.problems[0], markup=False)
+
+    def action_picture(self) -> None:
+        """Save the screen as SVG and tell where."""
+        from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
+
+        tell = partial(self.notify, markup=False)
+        take_picture(self, tell, tell)
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """Yield everything that can be done, by name."""
+        main = self.main
+        yield SystemCommand("Filter", "list only lines with some words · key /", main.action_filter)
+        yield SystemCommand("Group", "by site, by cause, all in one list · key g", main.action_group)
+        for name, theme in THEMES.items():
+            yield SystemCommand(f"Theme {name}", "another look", partial(setattr, self, "theme", theme.name))
+        yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
+        yield SystemCommand("Help", "keys and signs · key ?", main.action_help)
+        yield SystemCommand("Quit", "end the screen · key q", self.exit)
+
+
+def run_fleet(broker: Broker, pattern: str, client_id: str, theme: str | None) -> int:
+    """Open the screen until it is left."""
+    connection = BrokerConnection(broker, client_id, topics=topics_of(pattern))
+    reader = FleetReader(connection, SeenFleet(), pattern)
+    settings = load_settings((), theme)
+    connection.open()
+    try:
+        app = FleetApp(broker, pattern, reader, settings)
+        app.run()
+    finally:
+        connection.close()
+    return app.return_code or 0

@@ -1,0 +1,142 @@
+"""The card of one line: what it shows, its instances, its last events and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from typing import Final
+
+from trcvtui.fleet.event_log import KeptEvent
+from trcvtui.fleet.seen_fleet import OFFLINE, FleetInstance, FleetLine
+from trcvtui.rig.wording import size_text
+from trcvtui.tui.fleet.table import since_text, spark_parts
+from trcvtui.tui.formatting import count, lamp, plain, wrapped
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+
+LABEL: Final = 9
+WHEN: Final = 15  # columns of a time, its blanks included
+DAY: Final = "%Y-%m-%d"
+
+
+def time_text(t: float, wall: float) -> str:
+    """Return a time of the day here, with the date of another day; an agent may tell any number."""
+    try:
+        then, now = datetime.fromtimestamp(t), datetime.fromtimestamp(wall)
+    except (OverflowError, OSError, ValueError):
+        return "?"
+    return f"{then:%H:%M:%S}" if f"{then:{DAY}}" == f"{now:{DAY}}" else f"{then:%d %b %H:%M}"
+
+
+class FleetCard(TextView):
+    """Everything that is known of one line."""
+
+    def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
+        super().__init__(id="fleet-card")
+        self._line = line
+        self._wall = wall
+
+    @property
+    def _width(self) -> int:
+        return max(40, self.line_width)
+
+    def make_rows(self) -> list[Row]:
+        """Return the line, its instances, its findings, its events."""
+        rows = [*self._of_line()]
+        for instance in self._line.instances.values():
+            rows += self._instance(instance)
+        for title, is_wanted in (("findings", True), ("events", False)):
+            told = [each for each in self._events() if (each[1].kind == "finding") == is_wanted]
+            missing = self._line.missing if title == "events" else 0
+            if told or missing or title == "events":
+                rows.append(ruled(self._width, (f"── {title} ", "dim"), *_missing(missing)))
+                rows += [part for name, event in told for part in self._event(name, event)]
+            if not told and title == "events":
+                rows.append(row(("none is known", "dim")))
+        return rows
+
+    def _of_line(self) -> Iterator[Row]:
+        line, wall = self._line, self._wall()
+        figures, agent = line.figures, line.agent.state
+        state = figures.state if figures is not None else "?"
+        told = f"{plain(agent.state)} since {time_text(agent.t, wall)}" if agent is not None else "not heard"
+        version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
+        yield from self._told("line", plain(state), "" if line.shows != OFFLINE else "faint")
+        yield from self._told("agent", told + version, "error" if line.shows == OFFLINE else "")
+        if figures is not None:
+            trip, again = figures.round_trip_ms, figures.retransmissions
+            parts = [
+                f"{size_text(figures.received)}/s in",
+                f"{size_text(figures.sent)}/s out",
+                f"{figures.done_a_minute:g} DONE a minute",
+                f"round trip {trip:g} ms" if trip is not None else "",
+                count(again, "retransmission") if again is not None else "",
+                f"told {since_text(figures.t, wall)} ago",
+            ]
+            yield from self._told("figures", " · ".join(filter(None, parts)), "")
+        hour = f" {count(line.errors_hour, 'error')} in the last hour"
+        yield row(("errors".ljust(LABEL), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
+
+    def _instance(self, instance: FleetInstance) -> list[Row]:
+        rows = [ruled(self._width, (f"── {plain(instance.name)} ", "dim"), *_missing(instance.log.missing))]
+        status = instance.status
+        if status is None:
+            return [*rows, row(("no STATUS has come", "dim"))]
+        style = "error" if status.error else "done" if status.done else "busy" if status.busy else "strong"
+        lamps: list[Part] = [
+            (f"{name}{lamp(on)} ", lit if on else "faint")
+            for name, on, lit in (
+                ("BUSY", status.busy, "busy"),
+                ("DONE", status.done, "done"),
+                ("ERROR", status.error, "error"),
+            )
+        ]
+        have = f"{status.here}/{status.wanted} B · " if status.wanted else ""
+        since = since_text(status.t - status.age_s, self._wall())
+        counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
+        rows.append(row((f"16#{status.status}  ", style), *lamps, (f" {counted}", "")))
+        return [*rows, *self._told("", plain(status.text), style)]
+
+    def _events(self) -> list[tuple[str, KeptEvent]]:
+        """Return the events of all instances, the newest first."""
+        instances = self._line.instances.values()
+        kept = [(event, each.name) for each in instances for event in each.log.kept]
+        return [(name, event) for event, name in sorted(kept, reverse=True)]
+
+    def _event(self, name: str, event: KeptEvent) -> list[Row]:
+        when, code = time_text(event.t, self._wall()), f"16#{event.status}" if event.status else event.kind
+        whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
+        what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
+        first, *rest = wrapped(f"{whose}{what}", self._width - WHEN - 9)
+        style = "error" if event.kind == "error" else "warn" if event.kind == "finding" else "dim"
+        rows = [row((when.ljust(WHEN), "dim"), (code.ljust(9), style), (first, ""))]
+        return [*rows, *(row((" " * (WHEN + 9), ""), (text, "")) for text in rest)]
+
+    def _told(self, label: str, text: str, style: str) -> list[Row]:
+        lines = wrapped(text, self._width - LABEL)
+        labels = (label, *[""] * len(lines))
+        return [
+            row((name.ljust(LABEL), "label"), (line, style))
+            for name, line in zip(labels, lines, strict=False)
+        ]
+
+
+def _missing(events: int) -> list[Part]:
+    """Return what is said of events that have not come."""
+    return [(f"{count(events, 'event is', 'events are')} missing ", "warn")] if events else []
+
+
+class FleetCardScreen(ListDialog[None]):
+    """The card above the list; what comes meanwhile is shown."""
+
+    DEFAULT_CSS = "FleetCardScreen FleetCard { width: 104; height: auto; max-height: 100%; }"
+
+    def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
+        self.card = FleetCard(line, wall)
+        name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
+        self.card.set_title(None, name, "esc closes")
+        super().__init__(self.card, None)
+
+    def on_mount(self) -> None:
+        """Show it."""
+        self.card.draw()

@@ -1,0 +1,230 @@
+"""The list of `trcvtui fleet`: one row a line, or the head of a group; only rows in view are made.
+
+Rule: the list is ordered anew while somebody reads it. Until the cursor is moved it stays on the worst row;
+then it stays on its line, at its place on the screen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding, BindingType
+
+from trcvtui.fleet.fleet_list import Entry, FleetGroup
+from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, FleetLine
+from trcvtui.records import NamedTuple
+from trcvtui.tui.formatting import SECOND, age, clip, count, pad, plain, squeeze
+from trcvtui.tui.messages import FleetEntryOpened
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+
+STATE, CODE, SINCE, SPARK, HOUR = 10, 5, 7, 12, 5  # columns
+FIXED: Final = 4 + STATE + CODE + 1 + SINCE + 1 + SPARK + HOUR
+NAME: Final = 34  # columns; what is left goes to the words of the STATUS
+LEAST_TEXT, MOST_TEXT = 12, 60
+LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
+    OFFLINE: ("✗", "error", "error"),
+    ERROR: ("■", "error", "error"),
+    AWAY: ("□", "warn", "warn"),
+    GOOD: ("■", "done", ""),
+}
+HAD: Final = ("◆", "glow", "")  # good now, with ERRORs in the last hour
+HEIGHTS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
+NOTHING_YET: Final = (
+    "  no line yet: on the broker is nothing of an agent below trcvtui/v1",
+    "  trcvtui agent PROJECT.toml --mqtt ... publishes there",
+)
+
+
+def spark_parts(errors: Sequence[int]) -> list[Part]:
+    """Return a sparkline; its scale is the same for all lines, so that rows can be compared."""
+    drawn = "".join(HEIGHTS[min(each.bit_length(), len(HEIGHTS) - 1)] for each in errors)
+    return [(drawn, "error" if any(errors) else "faint")]
+
+
+def since_text(t: float | None, wall: float) -> str:
+    """Return how long something has been so, "" where that is unknown."""
+    return "" if t is None else age(int((wall - t) * SECOND))
+
+
+class FleetColumns(NamedTuple):
+    """Widths of the columns that change with that of the screen."""
+
+    name: int
+    text: int
+
+
+def columns_of(width: int) -> FleetColumns:
+    """Return the widths: names first, then the words of the STATUS."""
+    left = max(8, width - FIXED)
+    text = min(MOST_TEXT, left - NAME - 1)
+    return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT else FleetColumns(left, 0)
+
+
+class FleetHeads(OneLine):
+    """The names above the columns."""
+
+    def __init__(self) -> None:
+        super().__init__(id="fleet-heads")
+
+    def line(self) -> Row:
+        """Return the names."""
+        columns = columns_of(self.line_width - 1)
+        names = [
+            pad("   site/agent/line", columns.name + 4),
+            pad("state", STATE),
+            pad("STATUS", CODE + 1 + columns.text + bool(columns.text)),
+            pad("since", SINCE, right=True),
+            pad(" errors an hour", SPARK + HOUR + 1, right=True),
+        ]
+        return row(("".join(names), "dim"))
+
+
+class FleetTable(LineView, inherit_bindings=False):
+    """The lines; `row_at` makes those in view."""
+
+    KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("down,j", "move(1)", show=False),
+        Binding("up,k", "move(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("home", "edge(-1)", show=False),
+        Binding("end,G", "edge(1)", show=False),
+        Binding("enter,right", "open", show=False),
+        Binding("left", "shut", show=False),
+    ]
+
+    def __init__(self, wall: Callable[[], float]) -> None:
+        super().__init__(id="fleet-table")
+        self._wall = wall
+        self.entries: Sequence[Entry] = ()
+        self.cursor = 0
+        self._is_moved = False  # by somebody: from then on the cursor stays on its line
+        self.nothing: Sequence[str] = NOTHING_YET
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    @property
+    def chosen(self) -> Entry | None:
+        """Return what stands under the cursor."""
+        return self.entries[self.cursor] if self.cursor < len(self.entries) else None
+
+    def take(self, entries: Sequence[Entry]) -> None:
+        """Show another list, the cursor on its line."""
+        here, before, top = self.chosen, self.cursor, self.scroll_offset.y
+        self.entries = entries
+        place = _place_of(here, entries) if self._is_moved else 0
+        self.cursor = min(before, max(0, len(entries) - 1)) if place is None else place
+        self.resize_rows()
+        if self._is_moved and self.cursor != before:
+            self.scroll_to(y=top + self.cursor - before, animate=False)
+        self.show()
+
+    def row_count(self) -> int:
+        """Return the number of rows."""
+        return len(self.entries) or len(self.nothing)
+
+    def row_at(self, y: int) -> Row:
+        """Return one row."""
+        if not self.entries:
+            return row((self.nothing[y], "dim")) if y < len(self.nothing) else EMPTY
+        if y >= len(self.entries):
+            return EMPTY
+        entry, columns = self.entries[y], columns_of(self.line_width - 1)
+        parts = self._group(entry, columns) if isinstance(entry, FleetGroup) else self._line(entry, columns)
+        mark = ("▸" if y == self.cursor else " ", "key")
+        return row(mark, *parts, style=self.cursor_style(y == self.cursor))
+
+    def _line(self, line: FleetLine, columns: FleetColumns) -> list[Part]:
+        wall, worst = self._wall(), line.worst
+        lamp, lamp_style, style = HAD if line.shows == GOOD and line.errors_hour else LOOKS[line.shows]
+        name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
+        state = "offline" if line.shows == OFFLINE else line.figures.state if line.figures else "?"
+        status = worst.status if worst is not None else None
+        code, text = (status.status, status.text) if status is not None else ("", "")
+        more = f" +{len(line.instances) - 1}" if len(line.instances) > 1 else ""
+        return [
+            (f"{lamp} ", lamp_style),
+            (pad(squeeze(name, columns.name), columns.name + 1), "strong"),
+            (pad(clip(plain(state), STATE - 1), STATE), style),
+            (pad(code, CODE), "error" if line.shows == ERROR else style),
+            *self._text(plain(text), more, columns.text, style),
+            *self._hour(since_text(line.since, wall), line.sparkline(wall), line.errors_hour),
+        ]
+
+    def _text(self, text: str, more: str, width: int, style: str) -> list[Part]:
+        return [(pad(clip(text, width - len(more)), width - len(more)) + f"{more} ", style)] if width else []
+
+    def _group(self, group: FleetGroup, columns: FleetColumns) -> list[Part]:
+        told = [f"{group.offline} offline"] * bool(group.offline) + [f"{group.errors} ERROR"] * bool(
+            group.errors
+        )
+        words = f"  {count(group.lines, 'line')}" + "".join(f" · {each}" for each in told)
+        room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)
+        name = clip(plain(group.name), max(8, room - len(words) - 1))
+        return [
+            ("● " if told else "○ ", "error" if told else "done"),
+            (name, "strong"),
+            (pad(clip(words, room - len(name)), room - len(name)), "error" if told else "dim"),
+            *self._hour("", group.sparkline, group.errors_an_hour),
+        ]
+
+    def _hour(self, since: str, errors: Sequence[int], hour: int) -> list[Part]:
+        return [
+            (pad(clip(since, SINCE), SINCE, right=True), "dim"),
+            (" ", ""),
+            *spark_parts(errors),
+            (pad(str(hour) if hour < 10_000 else "9999+", HOUR, right=True), "strong" if hour else "faint"),
+        ]
+
+    # -- moving -------------------------------------------------------------------------------------
+
+    def go_to(self, cursor: int) -> None:
+        """Choose a row."""
+        self._is_moved = True
+        self.cursor = max(0, min(len(self.entries) - 1, cursor))
+        self.keep_in_view(self.cursor)
+        self.show()
+
+    def action_move(self, rows: int) -> None:
+        """Choose another row."""
+        self.go_to(self.cursor + rows)
+
+    def action_edge(self, direction: int) -> None:
+        """Choose the first row, and stay on whatever is the worst; or the last one."""
+        self.go_to(direction * len(self.entries))
+        self._is_moved = direction > 0
+
+    def action_open(self) -> None:
+        """Open the card of a line, or a group."""
+        if self.chosen is not None:
+            self.post_message(FleetEntryOpened(self.chosen))
+
+    def action_shut(self) -> None:
+        """Go to the head of the group."""
+        for y in range(self.cursor, -1, -1):
+            if isinstance(self.entries[y] if y < len(self.entries) else None, FleetGroup):
+                self.go_to(y)
+                return
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the row under the mouse; the chosen one opens."""
+        place = self.place_of(event)
+        if place is None or place[1] >= len(self.entries):
+            return
+        is_open = place[1] == self.cursor and (self._is_moved or event.chain > 1)
+        self.go_to(place[1])
+        if is_open:
+            self.action_open()
+
+
+def _place_of(entry: Entry | None, entries: Sequence[Entry]) -> int | None:
+    """Return where a line, or the head of a group, stands now."""
+    if isinstance(entry, FleetGroup):
+        name = entry.name
+        found = (y for y, each in enumerate(entries) if isinstance(each, FleetGroup) and each.name == name)
+    else:
+        found = (y for y, each in enumerate(entries) if each is entry)
+    return next(found, None)

@@ -1,0 +1,155 @@
+"""What each program on a terminal has, whatever it shows: looks, keys in order, signals, the collector."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import os
+import signal
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import ClassVar, Final
+
+from textual import events
+from textual.app import App
+
+from trcvtui.tui.settings import ScreenSettings
+from trcvtui.tui.widgets.theme import THEMES
+from trcvtui.tui.widgets.typed_lines import obey
+
+HANG_UP_S: Final = 1.0
+REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
+LONG_REST: Final = 15  # such rests: and at all that was made since the start
+YOUNG: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
+ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+HANG_UP: Final = 129  # as a shell reports SIGHUP
+
+
+class TerminalApp(App[None]):
+    """A subclass calls `begin` when it is mounted, and `stand` after its first frame."""
+
+    TITLE = "trcvtui"
+    CSS_PATH = Path(__file__).with_name("styles.tcss")
+    ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
+
+    def __init__(self, settings: ScreenSettings) -> None:
+        super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
+        self._look = THEMES[settings.theme]
+        self.key_names, self.problems = settings.names, settings.problems
+        self.set_keymap(dict(settings.keymap))
+        self._keys = self._rests = self._keys_seen = 0
+        self._early_keys: list[events.Key | events.Paste] | None = []
+        self._ended_by = 0  # a signal
+        for theme in THEMES.values():
+            self.register_theme(theme)
+        if not self._look.ansi:
+            # Without its watcher: every rule would be read twice before the first frame.
+            self.set_reactive(TerminalApp.theme, self._look.name)
+            self.stylesheet.set_variables(self.get_css_variables())
+
+    # -- what a subclass says -----------------------------------------------------------------------
+
+    async def prepare(self) -> None:
+        """Make what need not be in the first frame, such as fields that can be typed into."""
+
+    def tell_first(self) -> None:
+        """Say what is to be known of this screen when it stands."""
+
+    def end_children(self, is_dead: bool) -> None:
+        """Leave nothing; `is_dead`: the process ends at once after this."""
+
+    # -- from the start to the end ------------------------------------------------------------------
+
+    def on_load(self) -> None:
+        """Listen to signals before the terminal is asked for anything."""
+        if not self.is_headless:
+            self._end_on_signals()
+
+    def begin(self) -> None:
+        """Take the look, and keep an eye on the terminal."""
+        if self._look.ansi:
+            self.theme = self._look.name  # with its watcher: native colours need it
+        if not self.is_headless and not self.is_web:
+            self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
+
+    async def stand(self) -> None:
+        """Obey the keys that came before the first frame, and begin to be quiet."""
+        await self.prepare()
+        while self._early_keys:
+            await self._obey_early(self._early_keys.pop(0))
+        self._early_keys = None
+        if self._ended_by:
+            self._end_by_signal(self._ended_by)
+        self.tell_first()
+        quiet_collector()
+        self.set_interval(REST_S, self._collect_at_rest)
+
+    def _end_on_signals(self) -> None:
+        """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""
+        loop = asyncio.get_running_loop()
+        for number in ENDING_SIGNALS:
+            if signal.getsignal(number) is signal.SIG_IGN:  # below nohup
+                continue
+            with suppress(NotImplementedError, ValueError):  # not on every system, not beside the main thread
+                loop.add_signal_handler(number, self._end_by_signal, number)
+
+    def _end_by_signal(self, number: int) -> None:
+        if self._early_keys is not None:  # the screen is not there yet: as soon as it is
+            self._ended_by = number
+            return
+        if not self.is_web:
+            self._leave_a_dead_terminal()
+        self.end_children(False)
+        self.exit(return_code=128 + number)  # as a shell reports a signal
+
+    def _leave_a_dead_terminal(self) -> None:
+        """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
+        if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
+            self.end_children(True)
+            os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
+
+    # -- keys ---------------------------------------------------------------------------------------
+
+    async def on_event(self, event: events.Event) -> None:
+        """Obey a key at once; those typed before everything is there are kept for the moment it is."""
+        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
+            self._keys += 1
+            if self._early_keys is not None:
+                self._early_keys.append(_as_typed(event))
+                return
+            if await obey(self, event):
+                return
+        await super().on_event(event)
+
+    async def _obey_early(self, event: events.Key | events.Paste) -> None:
+        if not await obey(self, event):
+            await super().on_event(event)
+
+    # -- the collector ------------------------------------------------------------------------------
+
+    def _collect_at_rest(self) -> None:
+        """Look for cycles while nobody types; `gc.get_count` says what has been made since."""
+        self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
+        self._keys_seen = self._keys
+        _, older, oldest = gc.get_count()
+        if self._rests >= LONG_REST and oldest:
+            gc.collect()
+        elif self._rests and older:
+            gc.collect(1)
+
+
+def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
+    """Return enter for ctrl+j: so a terminal that is not the screen's yet passes it on."""
+    return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
+
+
+def quiet_collector() -> None:
+    """Let the collector look at young objects only, a few at a time; the others wait for a rest.
+
+    What lives now lives to the end. 50,000 young objects took 37 to 181 ms (performance-2.md 4).
+    """
+    gc.enable()
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(YOUNG, 1_000_000, 1_000_000)

@@ -13,6 +13,7 @@ from benchmarks import (
     attacked,
     busy,
     captures,
+    fleet_load,
     growth,
     hex_export,
     hex_view,
@@ -200,6 +201,11 @@ TARGETS: Final = (
     Target("R7", "the doctor judges 1 GiB of captures in a minute on two cores", captures.measure_doctor, (
         Aim("1 GiB of captures, --jobs 2", "<= 60 s"),
         Aim("peak memory of a process", "<= 256 MiB"),
+    )),
+    Target("F1", "10,000 lines of 200 agents on one Mosquitto and one screen", fleet_load.measure, (
+        Aim("first list of 10,000 lines", "<= 3 s"),
+        Aim("key to paint p99", "<= 100 ms"),
+        Aim("an agent's publishing for 50 lines, of a core", "<= 2 %"),
     )),
     Target("growth", "what costs, costs by what is busy, not by what is there", growth.measure, (
         Aim("* 1 busy of 1000 / 1 busy of 1", "<= 1.2", "1.2",

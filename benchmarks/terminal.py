@@ -91,10 +91,14 @@ class Terminal:
         """Let only what is written from now on count."""
         self._written = b""
 
+    @property
+    def process(self) -> int:
+        """Return the number of the program's process."""
+        return self._process.pid
+
     def used_s(self) -> float:
         """Return how many seconds of processor time the program has used, without its children (Linux)."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return used_s(self.process)
 
     def type(self, keys: str) -> None:
         """Send keys as a person would type them."""
@@ -113,3 +117,9 @@ class Terminal:
         if self._screen >= 0:
             os.close(self._screen)
             self._screen = -1
+
+
+def used_s(process: int) -> float:
+    """Return how many seconds of processor time a process has used, without its children (Linux)."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

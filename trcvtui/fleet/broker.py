@@ -1,7 +1,8 @@
 """The way to an MQTT 5 broker: URL, TLS, user and password, one connection that is built again and again.
 
-Rule: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
-connection, never the program; each connection has a client of its own, so nothing old is sent on a new one.
+Rule: paho is touched here and in reading_client.py. Its loop runs in a thread of ours, so that whatever a
+broker sends ends a connection, never the program; each connection has a client of its own, so nothing old is
+sent on a new one.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from trcvtui.records import NamedTuple, dataclass, field
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
+
+    from trcvtui.fleet.reading_client import ReadingClient
 
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "TRCVTUI_MQTT_PASSWORD_FILE"
@@ -267,6 +270,8 @@ class BrokerConnection:
                 why = self._connect(client)
                 while not why and not self._ends.is_set():
                     why = _told(client.loop(LOOP_S))
+                    while not why and client.has_more:
+                        why = _told(client.loop_read())
                     began_up = began_up or self._is_up
                 why = self._why or why
             except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
@@ -298,11 +303,13 @@ class BrokerConnection:
         if held is not None:
             held.close()
 
-    def _new_client(self) -> Client:
-        from paho.mqtt.client import Client, MQTTv5
+    def _new_client(self) -> ReadingClient:
+        from paho.mqtt.client import MQTTv5
         from paho.mqtt.enums import CallbackAPIVersion
 
-        client = Client(CallbackAPIVersion.VERSION2, self._id, protocol=MQTTv5)
+        from trcvtui.fleet.reading_client import ReadingClient
+
+        client = ReadingClient(CallbackAPIVersion.VERSION2, self._id, protocol=MQTTv5)
         client.connect_timeout = CONNECT_S
         if self._broker.has_tls:
             client.tls_set_context(_context(self._broker))

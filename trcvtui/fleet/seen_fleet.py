@@ -79,6 +79,7 @@ class FleetLine:
     """One line. `rank`: lines in its order have the worst first."""
 
     __slots__ = (
+        "_words",
         "agent",
         "errors",
         "errors_hour",
@@ -88,7 +89,6 @@ class FleetLine:
         "newest_error",
         "rank",
         "shows",
-        "words",
     )
 
     def __init__(self, agent: FleetAgent, name: str) -> None:
@@ -100,7 +100,7 @@ class FleetLine:
         self.errors_hour = 0  # of the last hour, when it was judged
         self.shows = GOOD
         self.rank: tuple[object, ...] = ()
-        self.words = ""  # what a filter looks in, small letters
+        self._words = ""
 
     @property
     def worst(self) -> FleetInstance | None:
@@ -156,11 +156,19 @@ class FleetLine:
         names = self.agent.site, self.agent.name, self.name
         self.errors_hour = self.errors_an_hour(wall)
         self.rank = (at, -self.errors_hour, self.shows, *names)
-        state = self.figures.state if self.figures is not None else ""
-        codes = " ".join(
-            f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
-        )
-        self.words = f"{'/'.join(names)} {SHOWN[self.shows]} {state} {codes}".casefold()
+        self._words = ""
+
+    @property
+    def words(self) -> str:
+        """Return what a filter looks in, small letters."""
+        if not self._words:
+            state = self.figures.state if self.figures is not None else ""
+            names = f"{self.agent.site}/{self.agent.name}/{self.name}"
+            codes = (
+                f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
+            )
+            self._words = f"{names} {SHOWN[self.shows]} {state} {' '.join(codes)}".casefold()
+        return self._words
 
 
 def _badness(instance: FleetInstance) -> tuple[bool, int]:

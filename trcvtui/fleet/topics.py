@@ -24,6 +24,8 @@ MOST_COUNT: Final = 1 << 53  # what every reader of JSON keeps exactly
 EVENT_KINDS: Final = ("error", "finding", "note")
 KINDS_AT: Final = {1: ("state",), 2: ("figures",), 3: ("status", "event", "recent")}  # by names after SITE
 
+SPECIAL: Final = re.compile("[/+#%]")  # what a level of a topic has not, as it is
+
 Scalar = str | int | float | bool | None
 Kind = TypeVar("Kind", bound="FleetMessage")
 
@@ -45,6 +47,8 @@ class Topic(NamedTuple):
 
 def encoded(name: str) -> str:
     """Return a name as one level of a topic: `/ + # %` and control characters are percent-encoded."""
+    if name.isprintable() and not SPECIAL.search(name):
+        return name
     return "".join(c if c.isprintable() and c not in "/+#%" else quote(c, safe="") for c in name)
 
 
@@ -102,10 +106,10 @@ class FleetMessage:
         return {key.key: getattr(self, key.field) for key in self.KEYS}
 
     @classmethod
-    def from_plain(cls: type[Kind], found: object, where: str) -> Kind:
+    def from_plain(cls: type[Kind], found: object, where: object) -> Kind:
         """Return the record of a JSON value; raise UserError."""
         if not isinstance(found, dict):
-            raise mistake(where, "no object", f"the keys of {cls.KIND}")
+            raise mistake(str(where), "no object", f"the keys of {cls.KIND}")
         return cls(**{key.field: _value(key, found, where) for key in cls.KEYS})
 
     @classmethod
@@ -233,17 +237,27 @@ MESSAGES: Final[dict[str, type[FleetMessage]]] = {
 }
 
 
+class FromTopic(NamedTuple):
+    """Where a message came from; as text it is asked for when something is wrong."""
+
+    topic: Topic
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return f"broker, {_cut(str(self.topic))}"
+
+
 def read(topic: Topic, payload: bytes) -> FleetMessage | None:
     """Return the message of a topic, None: the topic is cleared; raise UserError for what is no message."""
-    where = f"broker, {_cut(str(topic))}"
+    where = FromTopic(topic)
     if len(payload) > MOST_BYTES:
-        raise mistake(where, f"{len(payload)} bytes", f"{MOST_BYTES} at most")
+        raise mistake(str(where), f"{len(payload)} bytes", f"{MOST_BYTES} at most")
     if not payload:
         return None
     try:
-        found = json.loads(payload, parse_constant=_refuse)
+        found = JSON.decode(payload.decode())
     except (ValueError, RecursionError):
-        raise mistake(where, "no JSON", "a message of an agent") from None
+        raise mistake(str(where), "no JSON", "a message of an agent") from None
     return MESSAGES[topic.kind].from_plain(found, where)
 
 
@@ -256,7 +270,10 @@ def _refuse(name: str) -> float:
     raise ValueError(name)
 
 
-def _value(key: MessageKey, found: Mapping[str, Any], where: str) -> Any:
+JSON: Final = json.JSONDecoder(parse_constant=_refuse)
+
+
+def _value(key: MessageKey, found: Mapping[str, Any], where: object) -> Any:
     value = found.get(key.key)
     if value is None and key.or_null:
         return None

@@ -28,6 +28,8 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let tests call the frames and say what time it is, in UTC."""
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
+    monkeypatch.setattr(fleet_app, "READ_S", 3600.0)
+    monkeypatch.setattr("gc.disable", lambda: None)
     monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
     monkeypatch.setattr(fleet_app, "quiet_collector", lambda: None)
     monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
@@ -49,14 +51,14 @@ class OnFleet:
     async def tell(self, *news: Connected | Lost | Came) -> None:
         """Let this come from the broker, and be shown."""
         self.broker.tell(*news)
-        self.app.frame()
+        self.app.hear(1 << 62)
         await self.pilot.pause()
 
     async def press(self, *keys: str) -> None:
         """Press keys, one after the other."""
         for key in keys:
             await self.pilot.press(key)
-        self.app.frame()
+        self.app.hear(1 << 62)
         await self.pilot.pause()
 
     async def type(self, text: str) -> None:

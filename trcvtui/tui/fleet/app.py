@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import ClassVar, Final
@@ -33,7 +34,8 @@ from trcvtui.tui.widgets.typed_lines import FilterLine
 NS: Final = 1_000_000_000
 FRAME_S: Final = 1 / 20
 LOOK_NS: Final = 10_000_000  # of a frame, for messages
-READ_NS: Final = 30_000_000  # of a frame, while what the broker has retained comes
+READ_S: Final = 0.002  # between two looks, while what the broker has retained comes
+READ_NS: Final = 25_000_000  # of such a look
 ORDER_NS: Final = NS // 2  # between two orders of the list
 OLD_NS: Final = 10 * NS  # until errors are looked at whether they are of the last hour
 NONE_FITS: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
@@ -273,7 +275,7 @@ class FleetApp(TerminalApp):
     ) -> None:
         super().__init__(settings or ScreenSettings())
         self._reader = reader
-        self._is_quiet = False
+        self._is_reading = False
         self.main = FleetScreen(broker, pattern, reader)
 
     def on_mount(self) -> None:
@@ -285,11 +287,28 @@ class FleetApp(TerminalApp):
 
     def frame(self) -> None:
         """Hear what has come, and show it."""
-        now, is_complete = clock.now_ns(), self._reader.is_complete
-        self._reader.turn(now, self.main.wall(), LOOK_NS if is_complete else READ_NS)
-        if is_complete and not self._is_quiet:
-            self._is_quiet = True
-            quiet_collector()  # what has come lives as long as the screen
+        if self._is_reading:
+            return  # it looks by itself
+        self.hear(LOOK_NS)
+        self._read_on()
+
+    def _read_on(self) -> None:
+        """While what the broker has retained comes, look again and again; it lives as long as the screen."""
+        is_reading = self._reader.is_up and not self._reader.is_complete
+        if is_reading != self._is_reading:
+            self._is_reading = is_reading
+            gc.disable() if is_reading else quiet_collector()
+        if is_reading:
+            self.set_timer(READ_S, self._read)
+
+    def _read(self) -> None:
+        self.hear(READ_NS)
+        self._read_on()
+
+    def hear(self, most_ns: int) -> None:
+        """Hear for at most so long what has come, and show it."""
+        now = clock.now_ns()
+        self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted:
             self.main.follow(now)
             if isinstance(self.screen, FleetCardScreen):

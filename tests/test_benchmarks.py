@@ -71,6 +71,7 @@ def test_the_page_lists_every_target_what_was_before_and_what_is_aimed_at() -> N
     assert [target.name for target in TARGETS] == [
         *(f"M{n}" for n in range(1, 12)),
         *(f"R{n}" for n in range(1, 8)),
+        "F1",
         "growth",
     ]
     for target in TARGETS:

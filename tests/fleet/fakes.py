@@ -21,7 +21,13 @@ SECOND = 1_000_000_000
 
 
 def event(seq: int, boot: str = "b", kind: str = "error", t: float = NOW) -> EventMessage:
-    return EventMessage(f"{boot}-{seq}", t + seq / 1000, kind, "80A6", {"text": "recv gave ECONNRESET"})
+    return EventMessage(
+        f"{boot}-{seq}",
+        t + seq / 1000,
+        kind,
+        "80A6",
+        {"text": "recv gave ECONNRESET", "call": "recv", "errno": "ECONNRESET"},
+    )
 
 
 def recent(*seqs: int, boot: str = "b") -> RecentMessage:

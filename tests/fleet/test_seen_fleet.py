@@ -128,6 +128,8 @@ def test_the_worst_stands_first_offline_then_error_then_the_most_errors_an_hour(
     fleet.tell("s/b", OFF)
     assert fleet.names() == ["gone", "bad", "many", "away", "good"]
     assert [line.shows for line in fleet.seen.lines] == [OFFLINE, ERROR, GOOD, AWAY, GOOD]
+    assert next(fleet.seen.lines).since == NOW
+    fleet.seen.take(Topic("s", "b", "", "", "state"), OFF, NOW, is_retained=True)
     assert next(fleet.seen.lines).since == NOW + 5
 
 
@@ -150,7 +152,7 @@ def test_errors_of_an_hour_are_drawn_by_their_times_and_grow_old() -> None:
     [line] = fleet.seen.ordered(NOW)
     assert line.errors_an_hour(NOW) == 3
     assert line.sparkline(NOW)[-1] == 1 and sum(line.sparkline(NOW)) == 3
-    assert line.cause == "recv gave ECONNRESET"
+    assert line.cause == "16#80A6 recv ECONNRESET"
     fleet.names(NOW + 7200)
     assert line.errors_an_hour(NOW + 7200) == 0 and line.cause == "no error in the last hour"
 

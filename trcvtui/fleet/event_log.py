@@ -119,7 +119,8 @@ def _kept(event: EventMessage, boot: str, seq: int) -> KeptEvent:
     """Return what is kept of it: its cause in words, and a short name of that to group by."""
     cause = event.cause
     text = str(cause.get("text") or cause.get("cause") or event.kind)
-    title = str(cause.get("cause") or text)
+    names = (f"16#{event.status}" if event.status else "", cause.get("call"), cause.get("errno"))
+    title = str(cause.get("cause") or " ".join(str(each) for each in names if each) or event.kind)
     peer = cause.get("peer")
     told = f"{text} ({peer})" if peer and str(peer) not in text else text
     return KeptEvent(event.t, seq, boot, event.kind, event.status or "", title, told)

@@ -132,7 +132,7 @@ class FleetReader:
             if not self._fits(topic.site):
                 return
         message = read(topic, came.payload)
-        self.fleet.take(topic, message, wall)
+        self.fleet.take(topic, message, wall, came.is_retained)
         if len(self._topics) >= MOST_TOPICS:
             self._topics.clear()
         self._topics[came.topic] = topic

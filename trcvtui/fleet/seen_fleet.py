@@ -52,11 +52,12 @@ class FleetInstance:
 class FleetAgent:
     """One agent: whether it is there, and its lines by name."""
 
-    __slots__ = ("asked", "has_begun", "is_heard", "lines", "name", "site", "state")
+    __slots__ = ("asked", "has_begun", "is_heard", "lines", "name", "since", "site", "state")
 
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
         self.state: StateMessage | None = None
+        self.since = 0.0  # a last will tells the time when it was left
         self.lines: dict[str, FleetLine] = {}
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
@@ -125,10 +126,11 @@ class FleetLine:
     @property
     def since(self) -> float | None:
         """Return since when it shows what it shows: seconds of UTC since 1970."""
-        if self.shows == OFFLINE:
-            return self.agent.state.t if self.agent.state is not None else None
         worst = self.worst
-        return worst.status.t - worst.status.age_s if worst is not None and worst.status is not None else None
+        status = worst.status if worst is not None else None
+        if self.shows == OFFLINE:
+            return max([self.agent.since, *(each.t for each in (self.figures, status) if each is not None)])
+        return status.t - status.age_s if status is not None else None
 
     def errors_an_hour(self, wall: float) -> int:
         """Return the ERRORs of the last hour: those that came, or as many as its agent counts."""
@@ -187,7 +189,9 @@ class SeenFleet:
 
     # -- messages ----------------------------------------------------------------------------------------
 
-    def take(self, topic: Topic, message: FleetMessage | None, wall: float) -> None:
+    def take(
+        self, topic: Topic, message: FleetMessage | None, wall: float, is_retained: bool = False
+    ) -> None:
         """Take what came on a topic, None: it was cleared; raise UserError for what has no room."""
         self.version += 1
         if message is None:
@@ -196,6 +200,7 @@ class SeenFleet:
         agent = self._agent(topic)
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
+            agent.since = message.t if is_retained or message.state == "online" else wall
             self._changed.update(agent.lines.values())
             return
         line = self._line(agent, topic.line)
@@ -220,7 +225,7 @@ class SeenFleet:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
-                agent.state = StateMessage("offline", wall, agent.state.version)
+                agent.state, agent.since = StateMessage("offline", wall, agent.state.version), wall
                 self._changed.update(agent.lines.values())
                 self.version += 1
 

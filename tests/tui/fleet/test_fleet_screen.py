@@ -172,7 +172,9 @@ async def test_groups_by_site_and_by_cause_open_and_close() -> None:
         await screen.press("down", "left", "enter")
         assert "oven" not in screen.text
         await screen.press("g")
-        assert "the agent is offline  1 line" in screen.text and "recv gave ECONNRESET  1 line" in screen.text
+        assert (
+            "the agent is offline  1 line" in screen.text and "16#80A6 recv ECONNRESET  1 line" in screen.text
+        )
         await screen.press("g")
         assert screen.names == WORST_FIRST
 

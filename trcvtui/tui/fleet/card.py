@@ -59,7 +59,8 @@ class FleetCard(TextView):
         line, wall = self._line, self._wall()
         figures, agent = line.figures, line.agent.state
         state = figures.state if figures is not None else "?"
-        told = f"{plain(agent.state)} since {time_text(agent.t, wall)}" if agent is not None else "not heard"
+        since = line.since if line.shows == OFFLINE else line.agent.since
+        told = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "not heard"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._told("line", plain(state), "" if line.shows != OFFLINE else "faint")
         yield from self._told("agent", told + version, "error" if line.shows == OFFLINE else "")

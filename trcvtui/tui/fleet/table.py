@@ -19,9 +19,9 @@ from trcvtui.tui.formatting import SECOND, age, clip, count, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
 
-STATE, CODE, SINCE, SPARK, HOUR = 10, 5, 7, 12, 5  # columns
+STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
 FIXED: Final = 4 + STATE + CODE + 1 + SINCE + 1 + SPARK + HOUR
-NAME: Final = 34  # columns; what is left goes to the words of the STATUS
+NAME: Final = 32  # columns; what is left goes to the words of the STATUS
 LEAST_TEXT, MOST_TEXT = 12, 60
 LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
     OFFLINE: ("✗", "error", "error"),

@@ -29,7 +29,7 @@ AGENT_LINES: Final = 50
 WALK: Final = 30  # keys down, and as many up
 KEYS_A_ROUND: Final = 2 * WALK
 PAUSE_S: Final = (0.06, 0.20)
-STARTS: Final = 3
+STARTS, ROUNDS = 3, 3
 PUBLISH_S: Final = 12.0
 READY_S: Final = 30.0
 PROGRAM: Final = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
@@ -113,7 +113,9 @@ def _screen(port: int, broker: int, effort: Effort) -> Iterator[Figure]:
         passed = time.perf_counter() - before
         yield _share("the screen, of a core", terminal.used_s() - used[0], passed, terminal.process)
         yield _share("the broker, of a core", used_s(broker) - used[1], passed, broker)
-        yield from _figures("key to paint", [ms for _ in range(effort.rounds) for ms in _walk(terminal)])
+        yield from _figures(
+            "key to paint", [ms for _ in range(min(ROUNDS, effort.rounds)) for ms in _walk(terminal)]
+        )
         groups = [_press(terminal, "g", text) for _ in range(10) for text in _GROUPS]
         yield from _figures("groups to paint", groups)
         terminal.end("q")

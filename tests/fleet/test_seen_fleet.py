@@ -20,7 +20,7 @@ from trcvtui.fleet.broker import (
     SubscriptionRefused,
 )
 from trcvtui.fleet.event_log import MOST_GAPS, EventLog
-from trcvtui.fleet.reader import AT_ONCE, MISS_NS, SETTLED_NS, TELL_NS, topics_of
+from trcvtui.fleet.reader import AGAIN_NS, AT_ONCE, MISS_NS, MOST_AGAIN, SETTLED_NS, TELL_NS, topics_of
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, SeenFleet
 from trcvtui.fleet.topics import (
     FleetMessage,
@@ -231,6 +231,20 @@ def test_a_broker_that_has_forgotten_all_brings_nothing_twice_and_says_what_is_m
     assert line.missing == 0 and line.errors_an_hour(NOW) == 50
     broker.tell(broker.message("s/a/L/T/recent", recent(*range(87, 151))))
     assert line.missing == 36
+
+
+def test_what_a_broker_has_dropped_of_an_agent_is_asked_for_again_but_not_for_ever() -> None:
+    broker = FakeBroker()
+    broker.tell(Connected(), broker.message("s/a/state", ONLINE), broker.message("s/b/state", ONLINE))
+    broker.tell(*(broker.message(f"s/{name}/L/figures", figures()) for name in "ab"))
+    broker.tell(broker.message("s/b/L/T/status", status()))
+    broker.take_subscriptions()
+    assert len(broker.asked) == 4
+    for _ in range(10):
+        broker.tell(seconds=AGAIN_NS / SECOND)
+        broker.take_subscriptions()
+    assert len(broker.asked) == 4 + 2 * MOST_AGAIN
+    assert {topics[0] for topics in broker.asked[4:]} == {"s/a/+/figures", "s/a/+/+/recent"}
 
 
 def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:

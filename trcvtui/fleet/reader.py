@@ -24,6 +24,8 @@ MOST_WAITING_BYTES: Final = 1 << 26
 BUSY: Final = 5_000  # with so many waiting nothing more is asked for
 SETTLED_NS: Final = 2 * NS  # after the last subscription: what is retained has come
 MISS_NS: Final = 15 * NS  # after the broker came back: who has not come back, too, is offline
+AGAIN_NS: Final = 30 * NS  # between two looks for agents of whom something is lacking
+MOST_AGAIN: Final = 3  # times that an agent is asked for again: the broker may not have more
 MOST_TOPICS: Final = 300_000  # that are known by heart
 TELL_NS: Final = NS  # between two lines on what was refused
 # What is asked for of each agent, with its QoS: a retained topic comes again by itself, an event does not.
@@ -55,6 +57,7 @@ class FleetReader:
         self._topics: dict[str, Topic] = {}
         self._connections = 0  # so far
         self._miss_at: int | None = None
+        self._again_at = AGAIN_NS
         self._first: deque[FleetAgent] = deque()
         self._last: deque[FleetAgent] = deque()
         self._underway: dict[int, FleetAgent | None] = {}  # subscriptions; None: the first of two of an agent
@@ -92,6 +95,10 @@ class FleetReader:
         if self._miss_at is not None and now >= self._miss_at and not self._waiting:
             self._miss_at = None
             self.fleet.miss(wall)
+
+        if now >= self._again_at and self.is_complete:
+            self._again_at = now + AGAIN_NS
+            self._ask_again()
 
     def _lost(self, why: str) -> None:
         self.is_up, self.why, self._miss_at = False, why, None
@@ -155,6 +162,13 @@ class FleetReader:
             self.told, self._told_at = line, now
 
     # -- subscriptions -----------------------------------------------------------------------------------
+
+    def _ask_again(self) -> None:
+        """Ask for agents of whom something is lacking: a broker may have dropped what it had retained."""
+        for agent in self.fleet.agents.values():
+            if agent.asked_again < MOST_AGAIN and any(line.is_lacking for line in agent.lines.values()):
+                agent.asked_again += 1
+                self._first.append(agent)
 
     def _ask(self) -> None:
         while self.is_up and len(self._underway) < AT_ONCE and len(self._waiting) < BUSY:

@@ -52,7 +52,7 @@ class FleetInstance:
 class FleetAgent:
     """One agent: whether it is there, and its lines by name."""
 
-    __slots__ = ("asked", "has_begun", "is_heard", "lines", "name", "since", "site", "state")
+    __slots__ = ("asked", "asked_again", "has_begun", "is_heard", "lines", "name", "since", "site", "state")
 
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
@@ -62,6 +62,7 @@ class FleetAgent:
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
         self.asked = 0  # the connection on which its topics were subscribed
+        self.asked_again = 0  # times on this connection
 
     @property
     def is_offline(self) -> bool:
@@ -122,6 +123,12 @@ class FleetLine:
     def missing(self) -> int:
         """Return how many events there were that have not come."""
         return sum(each.log.missing for each in self.instances.values())
+
+    @property
+    def is_lacking(self) -> bool:
+        """Return whether something is known to be on the broker that has not come."""
+        has_status = any(each.status is not None for each in self.instances.values())
+        return self.figures is None or not has_status or self.missing > 0
 
     @property
     def since(self) -> float | None:
@@ -219,7 +226,7 @@ class SeenFleet:
     def begin_connection(self) -> None:
         """Take that the broker is there again: what it knows of the agents comes now."""
         for agent in self.agents.values():
-            agent.is_heard = False
+            agent.is_heard, agent.asked_again = False, 0
 
     def miss(self, wall: float) -> None:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""

@@ -197,10 +197,10 @@ def _is_there(path: Path) -> bool:
     return offer_in_the_terminal(path) if is_wanting(path) else True
 
 
-def _load_bench(path: Path) -> Project:
+def _load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
     from trcvtui.rig.scenario.scenario import load_bench
 
-    return load_bench(path)
+    return load_bench(path, sets)
 
 
 # -- scenario, status ---------------------------------------------------------------------------------------
@@ -366,20 +366,24 @@ def _conversations(args: SimpleNamespace) -> int:
 
 
 def _doctor(args: SimpleNamespace) -> int:
+    from functools import partial
+
     from trcvtui.rig.diagnosis.doctor import DoctorQuestion, doctor, receiver_of_type, verdict_on_project
 
     receivers: tuple[Receiver, ...] = ()
     if args.project is not None:
         from trcvtui.rig.diagnosis.lint import receivers_of
+        from trcvtui.rig.replay.what_if import pins_of
 
-        receivers = receivers_of(_load_bench(_path(args.project)))
+        receivers = receivers_of(_load_bench(_path(args.project), args.set), pins_of(args.set))
     if args.udt is not None:
         from trcvtui.udt.command import only_layout
 
         receivers = (*receivers, receiver_of_type(only_layout(_given(args.udt))))
-    asked = DoctorQuestion(args.plc, receivers, _recorded)
+    sets = tuple(args.set) if args.project is None else ()
+    asked = DoctorQuestion(args.plc, receivers, partial(_recorded, sets))
     projects = [_path(file) for file in args.files if file.endswith(".toml")]
-    lints = [verdict_on_project(_load_bench(path)) for path in projects]
+    lints = [verdict_on_project(_load_bench(path, args.set)) for path in projects]
     files = [_given(file) for file in args.files if not file.endswith(".toml")]
     if args.suggest is not None:
         from trcvtui.rig.diagnosis.suggest import suggest
@@ -395,17 +399,19 @@ def _doctor(args: SimpleNamespace) -> int:
         return doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
 
 
-def _recorded(path: str) -> RecordedFacts | None:
+def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
     """Return what a recording of ours knows beside its packets; a capture of others costs no import of it."""
     from trcvtui.capture.recording import Recording
 
     try:
         Recording(path)
     except UserError:
+        if sets:
+            raise mistake("--set", f"{path}, a capture", "--project beside it, or a recording") from None
         return None
     from trcvtui.rig.replay.job_facts import recorded_facts
 
-    return recorded_facts(path)
+    return recorded_facts(path, sets)
 
 
 def _run_for(path: Path, args: SimpleNamespace, folder: str) -> list[str]:
@@ -830,6 +836,9 @@ def _add_doctor(parser: ArgumentRows) -> None:
     parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
     parser.add_argument("--project", metavar="PROJECT.toml", help="what its instances expect")
     parser.add_argument("--udt", metavar="FILE", help="the type of the messages to the PLC")
+    parser.add_argument(
+        "--set", metavar="PATH=VALUE", action="append", default=[], help="judge it as if this had been so"
+    )
     parser.add_argument("--format", choices=("text", "json", "jsonl"), default="text", help="default: text")
     parser.add_argument(
         "--for", dest="time", metavar="T#..", help="run the projects so long, judge the traffic"

@@ -200,6 +200,13 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
         received(7, EIGHT) + '[[peer]]\nname = "P2"\nactive = true\nremote = "@C1"\nreconnect = "T#1s"\n',
         [],
     ),
+    ("plc-not-reading", received(7, EIGHT), [(300, "set R EN_R=0")]),
+    (
+        "partner-not-reading",
+        sent(59999, "", LISTENER).replace("[[data]]", "[options]\nsmall_buffers = true\n[[data]]"),
+        [(50, "peer P1 stall"), (9, "pulse S REQ")],
+    ),
+    ("dead-link", sent(7, "", LISTENER), [(50, "pulse S REQ"), (50, "link C1 down"), (9, "pulse S REQ")]),
     ("wrong-tsap", ISO, []),
     ("datagram-size", UDP, []),
 ]

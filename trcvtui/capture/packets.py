@@ -130,6 +130,12 @@ def ip_start(link_type: int, data: bytes) -> int:
     return kind_at + 2 if kind in _IP_TYPES else _past_vlans(data, kind_at + 2) if kind in _VLAN_TYPES else -1
 
 
+def ip_number(link_type: int, data: bytes) -> int:
+    """Return the Identification of IPv4, which most hosts count up with each packet; 0: there is none."""
+    at = ip_start(link_type, data)
+    return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
+
+
 def _past_vlans(data: bytes, at: int) -> int:
     while True:
         kind = data[at + 2 : at + 4]

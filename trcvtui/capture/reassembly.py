@@ -15,7 +15,17 @@ from enum import Enum
 from itertools import islice
 from typing import Final
 
-from trcvtui.capture.packets import TCP, UDP, Carried, Fragment, Fragments, NotRead, carried_by, macs_of
+from trcvtui.capture.packets import (
+    TCP,
+    UDP,
+    Carried,
+    Fragment,
+    Fragments,
+    NotRead,
+    carried_by,
+    ip_number,
+    macs_of,
+)  # fmt: skip
 from trcvtui.capture.pcap import ETHERNET, RTAC_SERIAL, USER0, Packet
 from trcvtui.records import NamedTuple
 
@@ -64,13 +74,15 @@ class EventKind(Enum):
     SILENCE = "silence"
     ACK = "ACK"
     EARLY = "early"
+    LATE = "late"
 
 
 class ConversationEvent(NamedTuple):
     """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds.
 
     Of a datagram that the capture has cut off, `size` counts the bytes of the wire, `data` has fewer.
-    An ACK is one without bytes: `size` is its window. EARLY bytes stand before earlier ones in the capture.
+    An ACK is one without bytes: `size` is its window. EARLY bytes stand before earlier ones in the capture;
+    LATE ones fill the hole, and have left their host after the early ones: they were said again.
     """
 
     ns: int
@@ -86,7 +98,7 @@ class WireDirection:
     """What one end says to the other."""
 
     __slots__ = (
-        "acked", "address", "conversation", "fin", "has_base", "has_fin", "is_closed_window",
+        "acked", "address", "conversation", "early_number", "fin", "has_base", "has_fin", "is_closed_window",
         "is_firm", "is_steady", "kept", "mac", "missing", "next", "other", "position", "probe",
         "retransmitted", "segments", "syn", "told_ack", "waiting", "waiting_cost", "waiting_since",
         "was_probed",
@@ -112,6 +124,7 @@ class WireDirection:
         self.kept: deque[tuple[int, bytes]] | None = None
         self.waiting: list[tuple[int, bytes]] = []
         self.waiting_cost = 0
+        self.early_number = 0  # of the last packet that came before an earlier one
         self.waiting_since: int | None = None
 
     @property
@@ -158,7 +171,7 @@ class Conversation:
 class Conversations:
     """Takes the packets of a capture; knows all conversations, tells their events to `told`.
 
-    ACK and EARLY are told with `is_detailed` alone.
+    ACK, EARLY and LATE are told with `is_detailed` alone.
     """
 
     def __init__(
@@ -340,6 +353,8 @@ class Conversations:
             self._see_window(ns, direction, window)
             if self._is_detailed and not size and not flags & _FIN:
                 self._tell(ns, direction, EventKind.ACK, size=window)
+            if self._is_detailed and size:
+                self._see_number(ns, direction, seq, ip_number(link_type, packet.data))
         if not flags & _RST:
             self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
@@ -439,6 +454,15 @@ class Conversations:
         if direction.is_closed_window != (not window):
             direction.is_closed_window = not window
             self._tell(ns, direction, EventKind.WINDOW_OPENS if window else EventKind.ZERO_WINDOW)
+
+    def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
+        """Tell a segment that fills a hole, and left its host after the one behind the hole."""
+        if _distance(seq, direction.next) > 0:
+            direction.early_number = number
+            return
+        fills = seq == direction.next and direction.waiting and number and direction.early_number
+        if fills and 0 < (number - direction.early_number) & 0xFFFF < 0x8000:
+            self._tell(ns, direction, EventKind.LATE, direction.position)
 
     def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
         """Take what the other end tells to have of what `said` holds."""

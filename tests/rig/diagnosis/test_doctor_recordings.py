@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from trcvtui.capture.pcap import RAW_IP, interface_block, section_block
 from trcvtui.cli import main
 
 SCENARIOS = Path(__file__).parents[3] / "configs" / "scenarios"
@@ -77,3 +78,53 @@ def test_a_report_shows_the_findings_first_and_no_bytes_without_payload(
     assert 0 < whole.find("byte-order, 95% sure") < whole.find("<h2>")
     assert "voltage = 230" in whole and "byte-order, 95% sure" in without
     assert "voltage = 230" not in without
+
+
+def first_finding(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any] | None:
+    main(["doctor", *words, "--format", "json"])
+    found = [one for each in json.loads(capsys.readouterr().out) for one in each["findings"]]
+    return max(found, key=lambda one: float(one["confidence"]), default=None)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "cause"),
+    [("byte-order-swapped", "byte-order"), ("four-bytes-short", "frame-short"), ("udt-mismatch", "padding")],
+)
+def test_the_remedy_of_a_story_set_as_a_what_if_takes_its_finding_away(
+    scenario: str, cause: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = judged(f"stories/{scenario}.toml", tmp_path, capsys)
+    number, first = next(
+        (n, f) for n, one in enumerate(before) for f in one["findings"] if f["cause"] == cause
+    )
+    sets = [word for mend in first["mend"] if mend["set"] for word in ("--set", mend["set"])]
+    assert sets
+    main(["doctor", str(tmp_path / "run.pcapng"), "--format", "json", *sets])
+    after = {one["cause"] for one in json.loads(capsys.readouterr().out)[number]["findings"]}
+    assert not after & {"byte-order", "frame-short", "padding", "frame-long", "header"}
+
+
+def test_the_story_of_the_night_and_of_the_colleague_have_one_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    story = SCENARIOS / "stories" / "four-bytes-short.toml"
+    night = str(tmp_path / "night.pcapng")
+    main(["scenario", str(story), "--record", night])
+    capsys.readouterr()
+    project = str(SCENARIOS.parent / "stories" / "four_bytes_short.toml")
+    of_the_night = first_finding(capsys, night)
+    of_the_colleague = first_finding(capsys, night, "--project", project)
+    for found in (of_the_night, of_the_colleague):
+        assert found is not None and found["cause"] == "frame-short"
+        assert found["mend"][0]["set"] == "instance.TRCV_C_1.LEN=20"
+
+
+def test_what_is_set_on_a_capture_of_others_needs_a_project(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capture = tmp_path / "night.pcapng"
+    capture.write_bytes(section_block("others") + interface_block(RAW_IP, "eth0"))
+    assert main(["doctor", str(capture), "--set", "instance.TRCV_C_1.LEN=20"]) == 2
+    assert capsys.readouterr().err == (
+        f"--set: found {capture}, a capture, expected --project beside it, or a recording\n"
+    )

@@ -1,7 +1,7 @@
 """The rules of the doctor, one row a cause: what speaks for it, what silences it, and the remedy.
 
-CauseRule 1: a judge that lacks a fact says nothing; "healthy" is what is left when nobody speaks.
-CauseRule 2: a row that explains another one silences it, so that a storm is not told as ten resets.
+Rule 1: a judge that lacks a fact says nothing; "healthy" is what is left when nobody speaks.
+Rule 2: a row that explains another one silences it, so that a storm is not told as ten resets.
 """
 
 from __future__ import annotations
@@ -181,9 +181,10 @@ def _second_client(case: LineCase) -> Said | None:
             text = f"{word} from the PLC end after {_s(ended.ns - begun)}, it had said nothing"
             return Said(0.93, (since, text), way="from-plc", at=SaidBytes(ended.ns, 0, 0, ended.packet))
     said = line.to_plc.segments
-    still = first.last_ns - line.first_ns
-    if not said and not line.from_plc.segments and ended is None and still >= UNANSWERED_NS:
-        return Said(0.75, (since, f"it stands, and nobody says a byte in {_s(still)}"), way="to-plc")
+    still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
+    if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
+        text = f"it stands, and nobody says a byte in {_s(still)}"
+        return Said(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
         text = f"{count(said, 'segment')} of this client in {_s(line.lasted_ns)}, and no answer"
@@ -368,6 +369,24 @@ def _no_keep_alive(case: LineCase) -> Said | None:
                 "then a new connection between the same ends: the old one was never ended",
             ]
             return Said(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
+    return _left_behind(case)
+
+
+def _left_behind(case: LineCase) -> Said | None:
+    """Return that a silent connection got no answer any more where a new one stood already."""
+    line = case.line
+    for idle in line.idles:
+        since = idle.until_ns - idle.size_ns
+        heard = sum(said.last_ns > since for said in (line.to_plc, line.from_plc))
+        new = [
+            one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
+        ]
+        if new and heard < 2:
+            texts = (
+                f"{_s(new[0].first_ns - since)} without a packet, no keep-alive probe",
+                "then a new connection between the same ends, and no answer on the old one",
+            )
+            return Said(0.85, texts, at=SaidBytes(since, 0, 0, idle.packet))
     return None
 
 
@@ -392,6 +411,8 @@ def _not_reading(case: LineCase, by_plc: bool) -> Said | None:
     often, longest, first = found
     if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
         return None
+    if by_plc and often > 1 and said.closed[0].until_ns is not None and _too_fast(case):
+        return None  # it reads, and too slowly
     who = "the PLC end" if by_plc else "the partner"
     texts = (f"{who} told a window of 0 {times(often)}, the longest time for {_s(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
@@ -406,7 +427,7 @@ def _flood(case: LineCase) -> Said | None:
     if found is not None and _is_tcp(case) and (found[0] >= 3 or (found[0] >= 2 and rate)):
         often, longest, first = found
         opened = sum(1 for one in said.closed if one.until_ns is not None)
-        if opened >= 2 and longest < 3 * SECOND:
+        if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
             at = SaidBytes(first.ns, 0, 0, first.packet)
             return Said(0.9, (*texts, *rate), way="to-plc", at=at)
@@ -420,11 +441,12 @@ def _flood(case: LineCase) -> Said | None:
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
-    """Return that messages come faster than scans, if so."""
+    """Return that messages come faster than scans, if so; a closed window holds the sender back."""
     line, receiver = case.line, case.receiver
-    if receiver is None or not receiver.interval_ns or len(line.to_plc.writes) < 50:
+    closed = line.from_plc.closed
+    writes = [one for one in line.to_plc.writes if not closed or one.ns <= closed[0].ns]
+    if receiver is None or not receiver.interval_ns or len(writes) < 50:
         return ()
-    writes = line.to_plc.writes
     taken = max(writes[-1].ns - writes[0].ns, 1)
     size = writes[-1].at + writes[-1].size - writes[0].at
     jobs = size / receiver.need if receiver.need and not receiver.adhoc else len(line.messages)
@@ -439,14 +461,15 @@ def _slow_ack(case: LineCase) -> Said | None:
     line = case.line
     if not line.is_wire:
         return None
-    trip = (line.established_ns or line.first_ns) - line.first_ns
+    begun = line.established_ns
+    trip = 2 * RELEASED_NS if begun is None else begun - line.first_ns  # nobody saw how long it takes
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         limit = RELEASED_NS + (trip if trip < 100 * RELEASED_NS else 0)
         slow = [one for one in said.slow if one.after_ns <= limit]
-        near = sum(1 for one in said.slow if limit < one.after_ns <= limit + NEAR_NS)
-        if len(slow) < 3 or len(slow) * 6 < min(said.segments, 256) or near * 3 > len(slow):
+        near = [one for one in said.slow if limit < one.after_ns <= limit + NEAR_NS]
+        if len(slow) < 3 or len(slow) * 6 < min(said.segments, 256) or len(near) * 3 > len(slow):
             continue  # a sender with a period meets ACKs by chance: then before and after them, too
-        if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, slow):
+        if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
             continue
         usual = median(one.wait_ns for one in slow)
         texts = (
@@ -609,7 +632,7 @@ RULES: Final = (
         "flood",
         _flood,
         (Mend("let the partner send less often, call the block faster, or take several messages a job"),),
-        ("plc-not-reading",),
+        weakened_by=("plc-not-reading",),
     ),
     CauseRule(
         "slow-ack",

@@ -13,9 +13,9 @@ from trcvtui.capture.packets import NotRead
 from trcvtui.capture.plc_end import parse_plc
 from trcvtui.errors import UserError, one_line
 from trcvtui.records import NamedTuple
-from trcvtui.rig.diagnosis.causes import LineCase, LineFinding, cases_of, findings_of
+from trcvtui.rig.diagnosis.causes import RULES, LineCase, LineFinding, cases_of, findings_of
 from trcvtui.rig.diagnosis.frame_causes import Receiver
-from trcvtui.rig.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
+from trcvtui.rig.diagnosis.line_facts import CaptureFacts, KnownHosts, LineFacts, facts_of
 from trcvtui.rig.diagnosis.sayings import Mend, Said
 from trcvtui.rig.wording import count, times
 
@@ -28,13 +28,14 @@ NOBODY: Final = 0  # the number of no conversation
 
 
 class TroubleRow(NamedTuple):
-    """What is said of something that a program did wrong."""
+    """What is said of something that a program did wrong; `{instance}` in a remedy is whose."""
 
     confidence: float
     text: str
-    mend: tuple[Mend, ...]
+    mend: tuple[Mend, ...] = ()  # (): that of the rule
 
 
+MENDS: Final = {rule.cause: rule.mend for rule in RULES}
 TROUBLES: Final = {
     "shifted": TroubleRow(
         0.95,
@@ -44,7 +45,19 @@ TROUBLES: Final = {
     "flood": TroubleRow(
         0.9,
         "in a second more bytes came than jobs took, so that more and more wait:",
-        (Mend("let the partner send less often, call the block faster, or take several messages a job"),),
+    ),
+    "plc-not-reading": TroubleRow(
+        0.9,
+        "in a second bytes waited at the PLC, and no job read:",
+        (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
+    ),
+    "partner-not-reading": TroubleRow(
+        0.9,
+        "in a second bytes waited to leave, and the partner had told no room for them:",
+    ),
+    "dead-link": TroubleRow(
+        0.9,
+        "in a second nobody acknowledged what had left:",
     ),
     "datagram-size": TroubleRow(
         0.95,
@@ -102,6 +115,12 @@ class DoctorQuestion(NamedTuple):
         known = [one for one in self.receivers if one.connect and one.active == calls]
         return frozenset(one.remote_port if calls else one.local_port for one in known) - {0}
 
+    def hosts(self) -> KnownHosts:
+        """Return the addresses of the PLC and of its partners."""
+        known = self.receivers
+        own, partners = {one.own_address for one in known}, {one.partner_address for one in known}
+        return KnownHosts(frozenset(own) - {b""}, frozenset(partners) - {b""})
+
 
 def receiver_of_type(layout: Layout) -> Receiver:
     """Return a receiver that takes messages of one type, whatever the conversation."""
@@ -123,7 +142,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     receives = any(not one.connect for one in asked.receivers)
     ports = asked.ports(calls=False), asked.ports(calls=True)
     until_ns = 0 if known is None else known.until_ns
-    facts = facts_of([path], given, *ports, always, receives, until_ns)
+    facts = facts_of([path], given, *ports, always, receives, until_ns, asked.hosts())
     if facts.troubles and not facts.found.packets:
         raise UserError(facts.troubles)
     if known is not None:
@@ -147,7 +166,8 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
         line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
         line = line or (lines[0] if lines else None)
         row = TROUBLES[one.cause]
-        said = Said(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=row.mend)
+        mend = tuple([_for_instance(each, one.instance) for each in row.mend or MENDS[one.cause]])
+        said = Said(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=mend)
         made = _finding(None, LineFinding(one.cause, row.confidence, said, said.mend))
         made["t_s"] = None if line is None else line.seconds(one.ns)
         made["where"]["scan"] = one.scan
@@ -191,6 +211,11 @@ def verdict_on_project(project: Project) -> Verdict:
     from trcvtui.rig.diagnosis.lint import lint
 
     return _verdict(str(project.path), None, lint(project), None)
+
+
+def _for_instance(mend: Mend, instance: str) -> Mend:
+    text, command, set_ = (part and part.replace("{instance}", instance) for part in mend)
+    return Mend(text or "", command, set_)
 
 
 def _finding(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:

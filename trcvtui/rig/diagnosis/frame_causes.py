@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from math import gcd
 from typing import TYPE_CHECKING, Final
 
@@ -16,7 +17,7 @@ from trcvtui.rig.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
 from trcvtui.rig.diagnosis.sayings import Mend, Said
 
 if TYPE_CHECKING:
-    from trcvtui.udt.layout.layout import Profile
+    from trcvtui.udt.layout.layout import Layout, Profile
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
@@ -49,6 +50,9 @@ class Receiver(NamedTuple):
     rules: LayoutRules | None = None
     marks: tuple[bytes, bytes] = (b"", b"")
     is_serial: bool = False
+    room: int = 0  # of DATA; 0: nobody has told
+    own_address: bytes = b""  # of the PLC; b"": any
+    partner_address: bytes = b""
 
     def fits(self, line: LineFacts) -> bool:
         """Return whether the conversation is this receiver's."""
@@ -83,8 +87,12 @@ class UsualSize(NamedTuple):
 
 
 def judged_messages(line: LineFacts) -> tuple[LineMessage, ...]:
-    """Return the messages that are whole: not the one that the capture, or an end, may have cut."""
+    """Return the messages that are whole: not what the capture, an end, or a closed window may have cut."""
     found = line.messages
+    closed = line.from_plc.closed
+    if closed:
+        free = tuple([one for one in found if one.ns < closed[0].ns][:-1])
+        found = free if len(free) >= FEW else found
     if len(found) > FEW and not line.has_begin:
         found = found[1:]
     if len(found) > FEW and line.end is not None:
@@ -110,6 +118,12 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     """Return the receiver where it is of this kind, and the bytes are its own."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
         return None
+    if (
+        len(line.from_plc.closed) >= FEW
+        and line.messages[FEW:]
+        and line.from_plc.closed[0].ns <= line.messages[FEW].ns
+    ):
+        return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
     return receiver if known == kind and not is_session(line) else None
 
@@ -145,12 +159,25 @@ def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, Usual
 
 
 def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
-    name = receiver.instance
+    name, has_len = receiver.instance, receiver.need < receiver.room
     if not name:
         return (Mend(f"a type, or LEN, of {size} bytes"),)
-    return (
-        Mend(f"LEN {size}, and DATA of that size", f"set {name} LEN={size}", f"instance.{name}.LEN={size}"),
-    )
+    length = Mend(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
+    if not receiver.room or size <= receiver.room:
+        return (length._replace(text=f"LEN {size}, and DATA of that size"),)
+    more = _room_mends(receiver, size)
+    return (*more, length._replace(command=None)) if has_len and more[0].set else more
+
+
+def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+    """Return what gives DATA room for so many bytes; (): it has it."""
+    if not receiver.room or size <= receiver.room:
+        return ()
+    element = getattr(receiver.type, "element", None)
+    if getattr(element, "size", 0) != 1:
+        return (Mend(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
+    array = f"ARRAY[0..{size - 1}] OF BYTE"
+    return (Mend(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
 
 
 def _frame_short(line: LineFacts, receiver: Receiver | None) -> Said | None:
@@ -224,7 +251,8 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Said | None:
         f"set {name} ADHOC=1",
         f"instance.{name}.ADHOC=true",
     )
-    return Said(sure, (text,), "to-plc", _at(messages[0]), name or None, (mend,) if name else ())
+    room = _room_mends(wanted, some[-1])
+    return Said(sure, (text,), "to-plc", _at(messages[0]), name or None, (mend, *room) if name else ())
 
 
 def _shifted(line: LineFacts, receiver: Receiver | None) -> Said | None:
@@ -297,6 +325,8 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
     elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
         several = {size: n for size, n in counted.items() if size > beat}
         base, often, amount, share, others = beat, 0, sum(several.values()), 1.0, 0
+    elif known is not None and not several and _recurs(line, base):
+        return _merged_in_a_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
         return None
     if known is None and often and not _begins_alike(line, base):
@@ -305,12 +335,24 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
     at = next(write for write in writes if write.size in several)
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     name = known.instance if known is not None else ""
-    mend = Mend(
-        f"receive static with LEN {base}: a job then takes one message",
-        f"set {name} ADHOC=0 LEN={base}",
-        None,
+    return Said(sure, (text,), "to-plc", at, name or None, _one_a_job(name, base))
+
+
+def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Said | None:
+    """Return that messages of one size come so soon after each other that a scan finds several."""
+    soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
+    if len(soon) < FEW or len(soon) * 5 < len(writes):
+        return None
+    ms = receiver.interval_ns / 1e6
+    text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
+    return Said(
+        0.85, (text,), "to-plc", soon[0], receiver.instance or None, _one_a_job(receiver.instance, base)
     )
-    return Said(sure, (text,), "to-plc", at, name or None, (mend,) if name else ())
+
+
+def _one_a_job(name: str, base: int) -> tuple[Mend, ...]:
+    text = f"receive static with LEN {base}: a job then takes one message"
+    return (Mend(text, f"set {name} ADHOC=0 LEN={base}", None),) if name else ()
 
 
 def is_session(line: LineFacts) -> bool:
@@ -432,7 +474,8 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | N
 
 
 def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
-    from trcvtui.udt.compare.fit import fit
+    from trcvtui.udt.compare.fit import MOST_LEAVES, fit
+    from trcvtui.udt.compare.likelihood import has_length_field
 
     rules, type_ = receiver.rules, receiver.type
     if type_ is None or rules is None:
@@ -474,6 +517,10 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
     texts = (said, *(reason.text for reason in best.reasons[:2]))
     sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
     if kind in ("header", "trailer"):
+        if not _has_numbers(best.layout, MOST_LEAVES) and not has_length_field(
+            best.cause, frames, receiver.need
+        ):
+            return None  # bytes alone read as well wherever they begin
         side = "before" if kind == "header" else "after"
         mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
         return "header", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
@@ -487,6 +534,11 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
         return "padding", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
     mends = _as_partner(f"the partner's numbers are {order}-endian", best.profile, rules, name)
     return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
+
+
+def _has_numbers(layout: Layout, most: int) -> bool:
+    """Return whether one of the first members is more than a byte."""
+    return any(leaf.size > 1 for leaf in layout.leaves(0, most))
 
 
 def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Mend, ...]:

@@ -1,11 +1,12 @@
 """One pass over the conversations of a capture: typed facts with numbers, nothing judged.
 
-CauseRule 1: what a source cannot know is None (windows and ACKs of our own recordings), never a guess.
-CauseRule 2: what is kept of one conversation, and of all, is bounded; what comes after the bound is counted.
+Rule 1: what a source cannot know is None (windows and ACKs of our own recordings), never a guess.
+Rule 2: what is kept of one conversation, and of all, is bounded; what comes after the bound is counted.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
 from math import log
@@ -38,6 +39,7 @@ DOUBLE_NS: Final = 300_000  # a mirror port that shows a packet twice does so at
 FULL: Final = 536  # bytes: a smaller segment is not full
 LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
 SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
+MOST_PIECES: Final = 64  # of one message
 JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
 
 
@@ -297,6 +299,7 @@ class _Collector:
             EventKind.WINDOW_OPENS: self._opens,
             EventKind.RETRANSMISSION: self._resent,
             EventKind.EARLY: self._early,
+            EventKind.LATE: self._late,
             EventKind.MISSING: self._missing,
             EventKind.SILENCE: self._silence,
         }
@@ -408,6 +411,11 @@ class _Collector:
         own.early_ns = own.early_ns or at.ns
         own.mark(at, "early")
 
+    def _late(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+        own.late += 1
+        own.early_ns = None
+        own.mark(at, "resent")
+
     def _missing(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
         last = own.writes[-1] if own.writes else None
         if last is not None and last.packet == at.packet and last.at + last.size == at.at:
@@ -446,6 +454,25 @@ def line_of_writes(protocol: str, writes: Sequence[SaidBytes], content: bytes) -
     return LineFacts(talk, PlcGuess(back, 1.0, "project"), 0, True)
 
 
+class KnownHosts(NamedTuple):
+    """Addresses that a project names: of the PLC, of its partners."""
+
+    own: frozenset[bytes] = frozenset()
+    partners: frozenset[bytes] = frozenset()
+
+    def guess(self, conversation: Conversation) -> PlcGuess | None:
+        """Return the PLC end where one of both ends alone has such an address."""
+        ends = (conversation.there, conversation.back)
+        own = [end for end in ends if end.address[0] in self.own]
+        if len(own) == 1:
+            return PlcGuess(own[0], 0.85, "the address of the project")
+        partner = [end for end in ends if end.address[0] in self.partners]
+        return PlcGuess(partner[0].other, 0.85, "the partner of the project") if len(partner) == 1 else None
+
+
+ANY_HOSTS: Final = KnownHosts()
+
+
 def facts_of(
     paths: Sequence[str],
     given: PlcEnd | None = None,
@@ -454,11 +481,14 @@ def facts_of(
     always_calls: bool = False,
     receives: bool = False,
     until_ns: int = 0,
+    hosts: KnownHosts = ANY_HOSTS,
 ) -> CaptureFacts:
-    """Return the facts of one capture; ports on which the PLC listens, and that it calls, name its end.
+    """Return the facts of one capture; what is known of the PLC names its end.
 
-    `receives`: somebody knows what the PLC receives; where one end alone says anything, it is the other one.
-    `until_ns`: so long somebody looked on: a conversation without an end is silent until then.
+    `listens`, `calls`: ports of the PLC, and those that it calls; `hosts`: addresses, which count before.
+    `always_calls`: each CONNECT calls. `receives`: somebody knows what the PLC receives; where one end alone
+    says anything, it is the other one. `until_ns`: so long somebody looked on: a conversation without an end
+    is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
@@ -473,6 +503,7 @@ def facts_of(
         conversation = talk.conversation
         guess = guess_plc(conversation, given, listens)
         listener = conversation.listener
+        guess = (hosts.guess(conversation) if guess.confidence <= 0.8 else None) or guess
         if guess.confidence < 0.8 and listener is not None and listener.address[1] in calls:
             guess = PlcGuess(listener.other, 0.8, f"port {listener.address[1]}: the project calls it")
         elif always_calls and guess.confidence < 0.8 and listener is not None:
@@ -516,7 +547,20 @@ def _messages(
         for n in range(1, len(writes))
         if not turns[n] and writes[n].at == writes[n - 1].at + writes[n - 1].size
     ]
-    limit = _parting(gaps)
+    limit = _parting(gaps, 7)
+    if limit:
+        return _joined(writes, turns, most, limit, reads)
+    found, pieces = _joined(writes, turns, most, 0, reads), _parting(gaps, MOST_PIECES)
+    joined = _joined(writes, turns, most, pieces, reads) if pieces else found
+    sizes = [one.size for one in joined[:-1]]
+    often = Counter(sizes).most_common(1)
+    return joined if often and often[0][1] * 10 >= 9 * len(sizes) >= 40 else found
+
+
+def _joined(
+    writes: Sequence[SaidBytes], turns: Sequence[bool], most: int, limit: int, reads: Reads | None
+) -> tuple[LineMessage, ...]:
+    """Return the writes as messages: what comes sooner than `limit` ns after a write belongs to it."""
     found: list[LineMessage] = []
     for number, write in enumerate(writes):
         before = writes[number - 1]
@@ -535,10 +579,13 @@ def _messages(
     return tuple(found)
 
 
-def _parting(gaps: Sequence[int]) -> int:
-    """Return how long a pause between messages is at least; 0: pauses are all of one kind."""
+def _parting(gaps: Sequence[int], share: int) -> int:
+    """Return how long a pause between messages is at least; 0: pauses are all of one kind.
+
+    One pause of `share` at least is of each kind.
+    """
     ordered = sorted(max(gap, 1000) for gap in gaps)
-    low = max(2, len(ordered) // 7)
+    low = max(2, len(ordered) // share)
     if len(ordered) < 2 * low:
         return 0
     jumps = [

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
-from trcvtui.net.connection.config import LONGEST_KEEP_ALIVE_S, ConnectConfig
+from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
+from trcvtui.net.results import ANY_ADDRESS, octets
 from trcvtui.project.project import SERIAL
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.commands import words
@@ -24,6 +25,8 @@ from trcvtui.udt.types import Struct
 if TYPE_CHECKING:
     from trcvtui.project.project import InstanceDecl, PeerDecl, Project
 
+HeldPins = frozenset[tuple[str, str]]  # instance and input
+NO_PINS: Final[HeldPins] = frozenset()
 SAMPLES: Final = 8  # messages of a peer that are judged
 LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
 
@@ -31,9 +34,12 @@ LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
 # -- what instances expect -----------------------------------------------------------------------------------
 
 
-def receivers_of(project: Project) -> tuple[Receiver, ...]:
-    """Return what receives from a network in a project, `start` and `program` included."""
-    project, bytes_of = _as_started(project)
+def receivers_of(project: Project, held: HeldPins = NO_PINS) -> tuple[Receiver, ...]:
+    """Return what receives from a network in a project, `start` and `program` included.
+
+    `held`: inputs that no command changes.
+    """
+    project, bytes_of = _as_started(project, held)
     found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
     if len(found) == 1:
         found = [found[0]._replace(is_only=True)]
@@ -41,7 +47,7 @@ def receivers_of(project: Project) -> tuple[Receiver, ...]:
     return (*found, *_on_lines(project, bytes_of))
 
 
-def _as_started(project: Project) -> tuple[Project, dict[str, bytes]]:
+def _as_started(project: Project, held: HeldPins = NO_PINS) -> tuple[Project, dict[str, bytes]]:
     """Return the project with the pins that its commands set for good, and the bytes that they write."""
     steps = [
         step
@@ -54,7 +60,8 @@ def _as_started(project: Project) -> tuple[Project, dict[str, bytes]]:
         if isinstance(step.command, words.Set):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
-                known.setdefault(pin, True if value == "blink" else value)
+                if (step.command.instance, pin) not in held:
+                    known.setdefault(pin, True if value == "blink" else value)
         elif isinstance(step.command, words.Write) and not step.command.offset:
             written[step.command.data] = step.command.payload
     instances = tuple(
@@ -78,6 +85,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     task = project.task(decl.task)
     is_datagram = udp is not None or (config is not None and config.is_datagram)
     remote = config.remote_port if config is not None else 0
+    local = config.local if config is not None else udp.local if udp is not None else ANY_END
     return Receiver(
         decl.name,
         decl.connect,
@@ -87,13 +95,22 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         config is not None and config.is_message_oriented and not config.is_datagram,
         task.interval_ns if task is not None else 0,
         config is not None and config.active,
-        config.local.port if config is not None else udp.local.port if udp is not None else 0,
+        local.port,
         remote if isinstance(remote, int) else 0,
         data=data.name if data is not None else "",
         type_name=data.type_name if data is not None else "",
         type=data.type if data is not None else None,
         rules=None if data is None else data.choice.rules(project.layout),
+        room=size,
+        own_address=_host(local.address),
+        partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
     )
+
+
+def _host(address: str) -> bytes:
+    """Return the four bytes of an address, b"" where it is any, or a name."""
+    found = None if address == ANY_ADDRESS else octets(address)
+    return b"" if found is None else bytes(found)
 
 
 def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) -> Receiver:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -14,26 +14,32 @@ from trcvtui.capture.journal import GAP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived
+from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.project.project import Project
+from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
-from trcvtui.rig.diagnosis.lint import receivers_of
+from trcvtui.rig.diagnosis.lint import NO_PINS, HeldPins, receivers_of
 from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain, restored_state
+from trcvtui.rig.replay.what_if import WhatIf
 
 LARGER: Final = "larger than LEN or DATA"
-UNREAD: Final = GAP + "unread"
+UNREAD, PATH = GAP + "unread", GAP + "path"
 SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
+SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
 
 
-class _Backlog:
-    """What waits in the stack for each CONNECT, as the gaps of a run ask: the least of each second."""
+class _Stack:
+    """What waits in the stack of each CONNECT, as the gaps of a run ask: the least of each second."""
 
     def __init__(self, run: RunAgain) -> None:
         self._run = run
         self._least: dict[str, dict[int, int]] = {}
         self._read: dict[str, set[int]] = {}
+        self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # of each second
         run.replay.entries = self._noted(run.replay.entries)
 
     def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
@@ -42,6 +48,9 @@ class _Backlog:
                 known = self._least.setdefault(entry.owner, {})
                 second = self._run.bench.now // SECOND
                 known[second] = min(known.get(second, entry.answer), entry.answer)
+            if isinstance(entry, Answered) and entry.call == PATH and isinstance(entry.answer, PathInfo):
+                second = self._run.bench.now // SECOND
+                self._paths.setdefault(entry.owner, []).append((second, entry.answer))
             yield entry
 
     def read(self, connect: str, t_ns: int) -> None:
@@ -60,36 +69,76 @@ class _Backlog:
                     yield connect, since, sum(least[s] > least[s - 1] for s in least if s - 1 in least)
                     break
 
+    def not_reading(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes wait and no job reads: since when, for how long."""
+        for connect, least in self._least.items():
+            read = self._read.get(connect, set())
+            waiting = [second for second in sorted(least) if least[second] and second not in read]
+            yield from ((connect, *run) for run in _long_runs(waiting))
 
-def recorded_facts(path: str) -> RecordedFacts | None:
-    """Return what a recording of ours knows; None: it is none, or it cannot run."""
+    def partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes wait to leave, and what has left is acknowledged."""
+        for connect, paths in self._paths.items():
+            waiting = [second for second, path in paths if path.unsent and not path.unacked]
+            yield from ((connect, *run) for run in _long_runs(waiting))
+
+    def dead_links(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes have left, and nothing comes back."""
+        for connect, paths in self._paths.items():
+            silent = [second for second, path in paths if path.unacked and path.last_ack_ms >= SILENT_MS]
+            yield from ((connect, *run) for run in _long_runs(silent))
+
+
+def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
+        """Yield each CONNECT on which bytes wait to leave; what has left is acknowledged."""
+    best, since, length = (0, 0), 0, 0
+    for second in seconds:
+        since, length = (since, length + 1) if second == since + length and length else (second, 1)
+        best = max(best, (length, since))
+    if best[0] >= GROWING:
+        yield best[1], best[0]
+
+
+def recorded_facts(path: str, sets: Sequence[str] = ()) -> RecordedFacts | None:
+    """Return what a recording of ours knows; None: it is none, or it cannot run.
+
+    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong.
+    """
     try:
-        run = Keyframes(Recording(Path(path)), path).begin()
+        keyframes = Keyframes(Recording(Path(path)), path)
+    except UserError:
+        return None
+    if sets:
+        what_if = WhatIf(keyframes, sets, None)
+        what_if.read_all()
+        return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
+    try:
+        run = keyframes.begin()
         with restored_state(run.is_restored, path):
-            return _facts_of(run)
+            return _facts_of(run, run.bench, run.scan, run.bench.project)
     except UserError:
         return None
 
 
-def _facts_of(run: RunAgain) -> RecordedFacts:
-    project = run.bench.project
+def _facts_of(
+    run: RunAgain, bench: Bench, scan: Callable[[], bool], project: Project, held: HeldPins = NO_PINS
+) -> RecordedFacts:
     connects = [each for each in project.connects if not each.is_datagram]
     calls = bool(connects) and all(each.active for each in connects)
-    troubles = _troubles(run)  # until it ends
-    until_ns = run.begins.wall_ns + run.bench.now
-    return RecordedFacts(receivers_of(project), calls, troubles, until_ns)
+    troubles = _troubles(run, bench, scan)  # until it ends
+    return RecordedFacts(receivers_of(project, held), calls, troubles, run.begins.wall_ns + bench.now)
 
 
-def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
+def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tuple[JobTrouble, ...]:
     """Run it again, and count edges of REQ in a running job, and jobs without a connection."""
     found: dict[tuple[str, str], JobTrouble] = {}
     sends, asked = set[str](), set[str]()
     dropped: dict[tuple[str, int], tuple[int, int]] = {}
-    streams = {each.name for each in run.bench.project.connects if not each.is_message_oriented}
-    receivers = {each.name for each in run.bench.project.instances if block_row(each.block).receives}
-    takers = {each.connect: each.name for each in run.bench.project.instances if each.name in receivers}
+    streams = {each.name for each in bench.project.connects if not each.is_message_oriented}
+    receivers = {each.name for each in bench.project.instances if block_row(each.block).receives}
+    takers = {each.connect: each.name for each in bench.project.instances if each.name in receivers}
     seq, wall_ns = 0, run.begins.wall_ns
-    ledger, backlog = run.bench.runtime.ledger, _Backlog(run)
+    ledger, stack = bench.runtime.ledger, _Stack(run)
 
     def tell(cause: str, instance: str, scan: int, t_ns: int) -> None:
         known = found.get((cause, instance))
@@ -97,7 +146,7 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
         found[cause, instance] = first._replace(times=first.times + 1)
 
     try:
-        while run.scan() and run.bench.runtime.scans < MOST_SCANS:
+        while pass_scan() and bench.runtime.scans < MOST_SCANS:
             if ledger.last_seq == seq:
                 continue
             news, seq = ledger.stamped_since(seq), ledger.last_seq
@@ -106,14 +155,14 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
                     case InputEdge(instance, "REQ", value) if value and instance in sends:
                         tell("request-too-fast", instance, scan, t_ns)
                     case BytesReceived():
-                        backlog.read(event.connection, t_ns)
+                        stack.read(event.connection, t_ns)
                     case SendStarted():
                         sends.add(event.instance)
                     case SendEnded():
                         sends.discard(event.instance)
                     case StatusEdge() if event.outputs.error and event.condition == Condition.NOT_CONNECTED:
                         tell("not-connected-request", event.instance, scan, t_ns)
-                    case InputEdge(instance, "EN_R", _) if scan > 1:
+                    case InputEdge(instance, "EN_R", value) if value and scan > 1:
                         asked.add(instance)
                     case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
                         tell("datagram-size", takers.get(connection, connection), scan, t_ns)
@@ -127,10 +176,18 @@ def _troubles(run: RunAgain) -> tuple[JobTrouble, ...]:
                         pass
     except UserError:
         pass  # the recording ends here
-    for connect, since, seconds in backlog.floods():
-        scan = since * SECOND // run.bench.runtime.interval_ns + 1
-        first = JobTrouble("flood", takers.get(connect, connect), scan, wall_ns + since * SECOND, seconds)
-        found["flood", connect] = first
+    senders = {each.connect: each.name for each in bench.project.instances if block_row(each.block).sends}
+    for cause, blocks, some in (
+        ("flood", takers, stack.floods()),
+        ("plc-not-reading", takers, stack.not_reading()),
+        ("partner-not-reading", senders, stack.partner_not_reading()),
+        ("dead-link", senders, stack.dead_links()),
+    ):
+        for connect, since, seconds in some:
+            if connect in blocks:
+                scan = since * SECOND // bench.runtime.interval_ns + 1
+                at = wall_ns + since * SECOND
+                found[cause, connect] = JobTrouble(cause, blocks[connect], scan, at, seconds)
     # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
     return tuple(
         [

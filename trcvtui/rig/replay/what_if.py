@@ -72,6 +72,17 @@ class _Held:
         return command
 
 
+def _paths(sets: Sequence[str]) -> list[list[str]]:
+    """Return what is to be changed, as its three words; what has not three needs the beginning."""
+    paths = [text.partition("=")[0].strip().split(".") for text in sets]
+    return [path for path in paths if len(path) == 3]
+
+
+def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
+    """Return the inputs that are held: instance and pin."""
+    return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
+
+
 class _RunChanged(RunAgain):
     """The run with other parameters: it is told what the recorded run was told."""
 
@@ -139,7 +150,7 @@ class WhatIf:
         self._told = RecordedRun((), self._peers, standing, recorded.replay.scan)
         self._entries = keyframes.entries()
         self._what_if: _RunChanged | None = None
-        self._held = _Held(frozenset((p[1], p[2]) for p in self._paths() if p[0] == "instance"))
+        self._held = _Held(self.pins)
         self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
         self._is_over = False
         self._before = self._counted(self.recorded)
@@ -147,11 +158,6 @@ class WhatIf:
         self.guess_from: int | None = None  # the first scan in which a partner would perhaps do another thing
         self.value: ValueDiffers | None = None
         self.trouble = ""  # why the recorded run ends early
-
-    def _paths(self) -> list[list[str]]:
-        """Return what is to be changed, as its three words; what has not three needs the beginning."""
-        paths = [text.partition("=")[0].strip().split(".") for text in self._sets]
-        return [path for path in paths if len(path) == 3]
 
     def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
         """Return what the run with other parameters is made of, and what another dialect does not have."""
@@ -201,6 +207,26 @@ class WhatIf:
         if not all(map(self._told.take, some)) or len(some) < READ_AT_ONCE:
             self._begin()
 
+    def read_all(self) -> None:
+        """Read the journal to its end."""
+        while self.is_reading:
+            self.read()
+
+    @property
+    def pins(self) -> frozenset[tuple[str, str]]:
+        """Return the inputs that are held: instance and pin."""
+        return pins_of(self._sets)
+
+    @property
+    def project(self) -> Project:
+        """Return the project with other parameters."""
+        return self._changed[2]
+
+    @property
+    def recorded_run(self) -> RunAgain:
+        """Return the run as it was."""
+        return self._recorded
+
     @property
     def recorded(self) -> Bench:
         """Return the bench as it was."""
@@ -214,8 +240,8 @@ class WhatIf:
 
     def scan(self) -> bool:
         """Let a scan of both pass, or one of the other run alone; return False where both have ended."""
-        while self._what_if is None:
-            self.read()
+        self.read_all()
+        assert self._what_if is not None
         if self._lines is None and not self._is_over:
             self._is_over = not self._go_first()
         between = self.recorded.runtime.scans - self.what_if.runtime.scans - (not self._is_over)
@@ -247,7 +273,7 @@ class WhatIf:
         if not self._is_late:
             return
         project = self._changed[2]
-        for kind, name, key in self._paths():
+        for kind, name, key in _paths(self._sets):
             decl = project.instance(name) if kind == "instance" else None
             if decl is not None:
                 run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))

@@ -521,6 +521,12 @@ def extra_points(cause: FitCause, extra: bytes, size: int) -> tuple[float, str] 
     return 0.0, f"one byte too few: {cause.about}" if cause.kind == SHORT else ""
 
 
+def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
+    """Return whether each message begins with the length of what follows it; one byte may be it by chance."""
+    found = [length_field(one[: cause.n], size) for one in messages]
+    return cause.kind == HEADER and all(one is not None and len(one[0]) * 2 >= cause.n for one in found)
+
+
 def length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
     """Return the bytes of a header that are a length, and what it counts; None where there are none."""
     for width in (4, 2, 1):

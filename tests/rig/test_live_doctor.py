@@ -72,6 +72,14 @@ CONT = true
 {pins}
 """
 EIGHT = 'every = "T#100ms"\nsays = ["hex 01 02 03 04 05 06 07 08"]'
+# A length field, and four REALs.
+REALS = """every = "T#200ms"
+says = [
+    "hex 00 10 00 00 A4 41 00 00 A0 3F 00 00 96 43 00 00 00 3F",
+    "hex 00 10 00 00 A8 41 00 00 A0 3F 00 80 96 43 00 00 00 3F",
+    "hex 00 10 00 00 AC 41 00 00 A0 3F 00 00 97 43 00 00 00 3F",
+]"""
+STREAM = (CONFIGS / "twincat-stream.toml").read_text(encoding="utf-8")  # cut at LF
 LISTENER = '[[peer]]\nname = "P1"\nlocal = "127.0.0.1:2000"\n'
 
 
@@ -207,6 +215,16 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
         [(50, "peer P1 stall"), (9, "pulse S REQ")],
     ),
     ("dead-link", sent(7, "", LISTENER), [(50, "pulse S REQ"), (50, "link C1 down"), (9, "pulse S REQ")]),
+    ("header", received(15, REALS).replace("ARRAY[0..15] OF BYTE", "ARRAY[0..3] OF REAL"), []),
+    (
+        "framing",
+        STREAM,
+        [
+            (20, "peer P1 connect"),
+            (20, "peer P1 send hex 3132333B"),
+            *each(9, (30, "peer P1 send hex 35363B")),
+        ],
+    ),
     ("wrong-tsap", ISO, []),
     ("datagram-size", UDP, []),
 ]

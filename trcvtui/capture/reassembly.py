@@ -52,6 +52,7 @@ _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
 # RTAC serial: twelve bytes before the data; its events with data by their number: begin and end of each way.
 _SERIAL_HEAD: Final = 12
 _SERIAL_ENDS: Final = {1: SENT_END, 2: RECEIVED_END, 3: SENT_END, 4: RECEIVED_END}
+_SERIAL_ERRORS: Final = {7: b"framing", 8: b"parity", 9: b"break", 10: b"overrun"}  # of what was received
 
 
 class EventKind(Enum):
@@ -75,6 +76,7 @@ class EventKind(Enum):
     ACK = "ACK"
     EARLY = "early"
     LATE = "late"
+    LINE_ERROR = "line error"
 
 
 class ConversationEvent(NamedTuple):
@@ -82,7 +84,8 @@ class ConversationEvent(NamedTuple):
 
     Of a datagram that the capture has cut off, `size` counts the bytes of the wire, `data` has fewer.
     An ACK is one without bytes: `size` is its window. EARLY bytes stand before earlier ones in the capture;
-    LATE ones fill the hole, and have left their host after the early ones: they were said again.
+    LATE ones fill the hole, and have left their host after the early ones: they were said again. A LINE_ERROR
+    of a serial line has framing, parity, break or overrun as `data`.
     """
 
     ns: int
@@ -171,7 +174,7 @@ class Conversation:
 class Conversations:
     """Takes the packets of a capture; knows all conversations, tells their events to `told`.
 
-    ACK, EARLY and LATE are told with `is_detailed` alone.
+    ACK, EARLY, LATE and LINE_ERROR are told with `is_detailed` alone.
     """
 
     def __init__(
@@ -315,7 +318,9 @@ class Conversations:
     def _take_serial(self, packet: Packet) -> None:
         """Take bytes of a serial line: who captured has sent them, or received them."""
         data = packet.data
-        sender = _SERIAL_ENDS.get(data[8]) if len(data) > _SERIAL_HEAD else None
+        error = _SERIAL_ERRORS.get(data[8]) if len(data) >= _SERIAL_HEAD else None
+        has_data = len(data) > _SERIAL_HEAD
+        sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
             self.not_read[NotRead.OTHER if len(data) >= _SERIAL_HEAD else NotRead.CUT] += 1
             return
@@ -328,7 +333,10 @@ class Conversations:
                 return
             for each in (direction, direction.other):
                 self._flows[b"S%d" % each.address[1] + name] = each
-        self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
+        if error and self._is_detailed:
+            self._tell(packet.ns, direction, EventKind.LINE_ERROR, direction.position, 1, error)
+        if has_data:
+            self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
 
     def _take_segment(self, packet: Packet, link_type: int, found: Carried) -> None:
         _, source, target, ports, at, end = found

@@ -25,7 +25,7 @@ from trcvtui.rig.diagnosis.line_facts import (
     SaidBytes,
 )
 from trcvtui.rig.diagnosis.sayings import Mend, Said
-from trcvtui.rig.diagnosis.session_causes import tls_refused, wrong_tsap
+from trcvtui.rig.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
 from trcvtui.rig.wording import count, times
 
 SECOND: Final = 1_000_000_000
@@ -451,7 +451,7 @@ def _too_fast(case: LineCase) -> tuple[str, ...]:
     size = writes[-1].at + writes[-1].size - writes[0].at
     jobs = size / receiver.need if receiver.need and not receiver.adhoc else len(line.messages)
     scans = taken / receiver.interval_ns
-    if taken < SECOND // 2 or jobs <= scans * 1.05:
+    if taken < SECOND // (100 if closed else 2) or jobs <= scans * 1.05:
         return ()
     ms = receiver.interval_ns / 1e6
     return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
@@ -579,6 +579,15 @@ RULES: Final = (
         "tls-refused",
         lambda case: tls_refused(case.line),
         (Mend("let both ends speak TLS, and trust the certificate that the other one shows"),),
+    ),
+    CauseRule(
+        "line-errors",
+        lambda case: line_errors(case.line),
+        (
+            Mend(
+                "give both ends the same baud rate, data bits, parity and stop bits; look at cable and shield"
+            ),
+        ),
     ),
     CauseRule(
         "closes-each-message",

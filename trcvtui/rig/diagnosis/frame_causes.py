@@ -587,5 +587,10 @@ FRAME_JUDGES: Final = (
         ("flood",),
     ),
     FrameRule("datagram-size", _datagram_size, ()),
-    FrameRule("framing", _framing, (Mend("set prefix and suffix as the partner sends them"),)),
+    FrameRule(
+        "framing",
+        _framing,
+        (Mend("set prefix and suffix as the partner sends them"),),
+        weakened_by=("line-errors",),
+    ),
 )

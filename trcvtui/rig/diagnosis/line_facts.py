@@ -116,6 +116,7 @@ class DirectionFacts:
         "last_window",
         "late",
         "late_ack",
+        "line_errors",
         "lowest_window",
         "missing",
         "moments",
@@ -135,6 +136,7 @@ class DirectionFacts:
     def __init__(self) -> None:
         self.bytes = self.segments = self.cut = self.missing = 0
         self.writes: list[SaidBytes] = []
+        self.line_errors: Counter[str] = Counter()  # of a serial line, as its driver tells them
         self.content = bytearray()  # from byte 0 to the first hole, bounded
         self.syns: list[SaidBytes] = []
         self.resent = self.resent_bytes = 0
@@ -316,6 +318,9 @@ class _Collector:
             self._bytes(own, other, ns, at, size, data)
         elif kind is EventKind.ACK:
             self._ack(own, other, ns, size, direction)
+        elif kind is EventKind.LINE_ERROR:
+            own.line_errors[data.decode()] += 1
+            own.mark(SaidBytes(ns, at, size, self.found.packets), "line error")
         else:
             take = self._on.get(kind)
             if take is not None:

@@ -1,4 +1,4 @@
-"""What the first bytes of a conversation tell: ISO-on-TCP refused, TLS refused."""
+"""What the layer below or above TCP tells: ISO-on-TCP refused, TLS refused, errors of a serial line."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Final
 
 from trcvtui.rig.diagnosis.line_facts import DirectionFacts, LineFacts, SaidBytes
 from trcvtui.rig.diagnosis.sayings import Said
+from trcvtui.rig.wording import count
 
 _ALERTS: Final = {
     0: "close_notify", 10: "unexpected_message", 20: "bad_record_mac", 40: "handshake_failure",
@@ -24,6 +25,7 @@ _REASONS: Final = {
     0x8A: "header length invalid",
 }  # fmt: skip
 _CR, _CC, _DR = 0xE0, 0xD0, 0x80
+_ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
@@ -129,4 +131,32 @@ def tls_refused(line: LineFacts) -> Said | None:
     sent = [len(body) for kind, body in asked if kind == _DATA]
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
         return Said(0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end)
+    if _is_answered_by_alert(asked, answer, line, hello):
+        who = "the PLC end" if hello == "to-plc" else "the partner"
+        text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
+        return Said(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
+    return None
+
+
+def _is_answered_by_alert(
+    asked: list[tuple[int, bytes]], answer: list[tuple[int, bytes]], line: LineFacts, hello: str
+) -> bool:
+    """Return whether a listener of TLS 1.3 says one record of an alert's size to the caller's last flight."""
+    caller, listener = (line.to_plc, line.from_plc) if hello == "to-plc" else (line.from_plc, line.to_plc)
+    if len(caller.writes) != 2 or not listener.writes or len(asked[-1][1]) <= _ENCRYPTED_ALERT:
+        return False
+    last = sum(write.size for write in listener.writes if write.ns >= caller.writes[1].ns)
+    kind, body = answer[-1]
+    return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
+
+
+def line_errors(line: LineFacts) -> Said | None:
+    """Judge whether the driver of a serial line has told errors."""
+    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        told = said.line_errors
+        if told:
+            amount = sum(told.values())
+            kinds = ", ".join(f"{kind} {often}" for kind, often in told.most_common())
+            text = f"{count(amount, 'error')} of the line in {count(said.bytes, 'byte')}: {kinds}"
+            return Said(0.95 if amount > 2 else 0.8, (text,), way=way, at=said.first_of("line error"))
     return None

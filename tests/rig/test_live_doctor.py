@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.capture.recording import Recording
 from trcvtui.cli import main
 from trcvtui.files import noting_reads
+from trcvtui.net.serial_line import SimSerialPort
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
@@ -264,6 +266,16 @@ def test_ten_seconds_of_traffic_name_the_cause(
 ) -> None:
     found = after_ten_seconds(text, lines, tmp_path)["findings"]
     assert [one["cause"] for one in found][:1] == [cause], found
+
+
+def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = count(1)
+    monkeypatch.setattr(SimSerialPort, "line_errors", lambda port: (0, 3 * next(asked), 0, 1))
+    line = (CONFIGS / "twincat-line.toml").read_text(encoding="utf-8")
+    text = line.replace('source = "sim"', 'source = "serial"\nport = "/dev/ttyS0"')
+    found = after_ten_seconds(text, [(100, "feed RX hex 02 41 42")], tmp_path)["findings"]
+    assert [one["cause"] for one in found] == ["line-errors"]
+    assert found[0]["evidence"] == ["27 errors of the line in 3 bytes: parity 27"]
 
 
 def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_path: Path) -> None:

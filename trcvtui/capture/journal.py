@@ -201,6 +201,7 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     "port write": (int, Fault),
     "port close": (NOTHING,),
     "port arrive": (bool,),
+    "port errors": (NOTHING, tuple),
 }
 # What stands inside the tuples.
 INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
@@ -208,7 +209,7 @@ INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
     "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
     "link": ((str,), (str,)),
 }
-LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str}
+LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str, "port errors": int}
 
 
 def can_answer(entry: Answered) -> bool:

@@ -464,12 +464,12 @@ class Conversations:
             self._tell(ns, direction, EventKind.WINDOW_OPENS if window else EventKind.ZERO_WINDOW)
 
     def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
-        """Tell a segment that fills a hole, and left its host after the one behind the hole."""
+        """Tell a segment that fills a hole, and left its host after the one that shows the hole."""
         if _distance(seq, direction.next) > 0:
             direction.early_number = number
             return
         fills = seq == direction.next and direction.waiting and number and direction.early_number
-        if fills and 0 < (number - direction.early_number) & 0xFFFF < 0x8000:
+        if fills and 0 < (number - direction.early_number) & 0xFFFF < 1 << 15:
             self._tell(ns, direction, EventKind.LATE, direction.position)
 
     def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:

@@ -17,7 +17,7 @@ from trcvtui.net.events import What
 from trcvtui.net.kernel import Accepted, DirectRead, Handle, Kernel, LocalAddress, SocketOptions
 from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.net.serial_line import Opening, SerialPort
+from trcvtui.net.serial_line import LineErrors, Opening, SerialPort
 
 T = TypeVar("T")
 
@@ -332,6 +332,12 @@ class SeamPort:
         """Let bytes come over a simulated line."""
         args = len(payload), zlib.crc32(payload)
         return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.arrive(payload))
+
+    def line_errors(self) -> LineErrors | None:
+        """Return what the driver has counted."""
+        counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
+        self._seam.wire(self._owner, "port errors", 0, (), counted, b"")
+        return counted
 
 
 class SeamWork(Work):

@@ -22,6 +22,8 @@ FIRST_PORT: Final = 49_152  # of a call whose own port nobody asked for
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
 WINDOW: Final = 65_535
 SERIAL_SENT, SERIAL_RECEIVED = 1, 2  # events of RTAC serial: DATA_TX_START, DATA_RX_START
+SERIAL_ERRORS: Final = 7, 8, 9, 10  # FRAMING_ERROR, PARITY_ERROR, SERIAL_BREAK, SERIAL_OVERFLOW
+MOST_ERRORS: Final = 16  # events of a kind and a second
 RESETS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED"})
 _IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -63,6 +65,7 @@ class WirePackets:
         self._address = "127.0.0.1"  # where only 0.0.0.0 was told
         self._port = FIRST_PORT
         self._number = 0  # of IP packets
+        self._counted: dict[str, tuple[int, ...]] = {}  # errors of each serial line
         self._at: dict[str, Callable[[WireCall], Iterator[WirePacket]]] = {
             "local_addresses": self._addresses,
             "bind": self._bind,
@@ -80,6 +83,7 @@ class WirePackets:
             "loss": self._lost,
             "port read": self._serial,
             "port write": self._serial,
+            "port errors": self._line_errors,
         }
 
     def of(self, call: WireCall) -> Iterator[WirePacket]:
@@ -267,6 +271,20 @@ class WirePackets:
         return WirePacket(owners, "", self._wall_ns + call.at, data, len(payload))
 
     # -- serial lines -----------------------------------------------------------------------------------
+
+    def _line_errors(self, call: WireCall) -> Iterator[WirePacket]:
+        """Yield an event for each error since the last look, MOST_ERRORS of a kind at most."""
+        counted = (
+            call.answer if isinstance(call.answer, tuple) and len(call.answer) == len(SERIAL_ERRORS) else None
+        )
+        before, ns = self._counted.get(call.owner, counted), self._wall_ns + call.at
+        if counted is None or before is None:
+            return
+        self._counted[call.owner] = counted
+        for event, had, has in zip(SERIAL_ERRORS, before, counted, strict=True):
+            head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
+            for _ in range(min(has - had, MOST_ERRORS)):
+                yield WirePacket((call.owner,), call.owner, ns, head, 0)
 
     def _serial(self, call: WireCall) -> Iterator[WirePacket]:
         if call.data:

@@ -23,7 +23,7 @@ from trcvtui.net.kernel import (
     SocketOptions,
 )
 from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.net.serial_line import SERIAL_CALLS, Opening, SerialPort
+from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
 from trcvtui.records import dataclass, replace
 
 # The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
@@ -374,6 +374,10 @@ class FaultyPort:
     def arrive(self, payload: bytes) -> bool:
         """Let bytes come over a simulated line."""
         return self._port.arrive(payload)
+
+    def line_errors(self) -> LineErrors | None:
+        """Return what the driver has counted."""
+        return self._port.line_errors()
 
     def _broken(self, call: str) -> Fault | None:
         fault = self._plan.take(call, self._owner)

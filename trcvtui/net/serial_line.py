@@ -32,6 +32,9 @@ class SerialSettings:
     handshake: str = "none"
 
 
+LineErrors = tuple[int, int, int, int]  # framing, parity, breaks, overruns
+
+
 class SerialPort(Protocol):
     """One port. A Fault of `read` or `write` means that it is gone, and closed."""
 
@@ -53,6 +56,10 @@ class SerialPort(Protocol):
 
     def arrive(self, payload: bytes) -> bool:
         """Let bytes come over a simulated line; return whether it is one."""
+        ...
+
+    def line_errors(self) -> LineErrors | None:
+        """Return what the driver has counted; None: it does not say."""
         ...
 
 
@@ -93,3 +100,7 @@ class SimSerialPort:
         if self.is_open:
             self._waiting += payload[: SIMULATED_LINE_BYTES - len(self._waiting)]
         return True
+
+    def line_errors(self) -> None:
+        """Return that a simulated line has no driver."""
+        return

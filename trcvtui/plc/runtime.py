@@ -297,6 +297,8 @@ class Runtime:
         for connection in self._connections.values() if of_all else ():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
+        if of_all:
+            self._lines.ask_errors()
 
     # -- one scan ------------------------------------------------------------------------------------------
 

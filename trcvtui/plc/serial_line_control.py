@@ -49,6 +49,11 @@ class PortFeed:
         if not self._port.arrive(payload):
             self._rx.put(payload)
 
+    def ask_errors(self) -> None:
+        """Ask what the driver has counted: for a recording."""
+        if self.is_open:
+            self._port.line_errors()
+
     def receive(self, now: int) -> None:
         """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
         if not self._is_there(now):

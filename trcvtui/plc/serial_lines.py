@@ -156,6 +156,11 @@ class SerialLines:
         """Pull the cable: what has come is there, the frame that is half here will have no end."""
         self._buffers[name].end("line broken")
 
+    def ask_errors(self) -> None:
+        """Ask what the drivers of the open ports have counted: for a recording."""
+        for feed in self._ports.values():
+            feed.ask_errors()
+
     def receive(self, now: int) -> None:
         """Take what has come at the real ports."""
         for port in self._ports.values():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -213,3 +214,15 @@ def test_an_attempt_that_was_given_up_leaves_no_port_behind() -> None:
         assert second.recv(1) == b""
         first.close()
         second.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
+def test_a_driver_that_counts_no_errors_says_nothing() -> None:
+    here, there = os.openpty()
+    port = OsSerialPort(SerialSettings(os.ttyname(there)))
+    assert port.line_errors() is None  # not open yet
+    assert opened(port) is None
+    assert port.line_errors() is None  # a pseudo-terminal has no UART
+    port.close()
+    for handle in (here, there):
+        os.close(handle)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import select
 import socket
+import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,7 +18,7 @@ from typing import Any, Final
 from trcvtui.errors import mistake
 from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
-from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
+from trcvtui.net.serial_line import OPENING, LineErrors, Opening, SerialSettings
 
 # Rule: these are the only threads below the rig: pyserial opens and closes with calls that wait, and a scan
 # must not. They hold nothing but their port.
@@ -113,6 +114,9 @@ HANDSHAKES: Final[dict[str, dict[str, bool]]] = {
     "dsr/dtr": {"dsrdtr": True},
     "xon/xoff": {"xonxoff": True},
 }
+TIOCGICOUNT: Final = 0x545D
+# struct serial_icounter_struct: frame, overrun, parity, brk, buf_overrun after six others, nine reserved.
+_ICOUNTS: Final = struct.Struct("24x5i36x")
 PIECE: Final = 256  # bytes of one write: a terminal that can be written takes them without a pause
 
 
@@ -189,6 +193,17 @@ class OsSerialPort:
     def arrive(self, payload: bytes) -> bool:
         """Return that the line is a real one."""
         return False
+
+    def line_errors(self) -> LineErrors | None:
+        """Return what Linux has counted for a UART (TIOCGICOUNT); other systems and ports do not say."""
+        try:
+            from fcntl import ioctl
+
+            counted = _ICOUNTS.unpack(ioctl(self._port.fileno(), TIOCGICOUNT, bytes(_ICOUNTS.size)))
+        except (ImportError, AttributeError, OSError, ValueError, TypeError):
+            return None
+        framing, overruns, parity, breaks, full = counted
+        return framing, parity, breaks, overruns + full
 
     def _has_room(self) -> bool:
         """Return whether a write would take bytes at once: pyserial itself tries until it does."""

@@ -370,10 +370,13 @@ def told_by(ask: Callable[[int], object], picture: Callable[[], BenchUpdate | No
     raise AssertionError(f"{wanted} was never told")
 
 
-def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(tmp_path: Path) -> None:
-    path = tmp_path / "live.toml"
+@pytest.mark.parametrize("is_recorded", [False, True], ids=["black box", "--record"])
+def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
+    is_recorded: bool, tmp_path: Path
+) -> None:
+    path, file = tmp_path / "live.toml", tmp_path / "run.pcapng"
     path.write_text(received(11, EIGHT).replace("LocalPort = 2000", "LocalPort = 0"))
-    driver = EngineDriver(path, "live")
+    driver = EngineDriver(path, "live", record=RecordTo(file) if is_recorded else None)
     try:
 
         def picture() -> BenchUpdate | None:

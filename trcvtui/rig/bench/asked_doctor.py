@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
 SHARE: Final = 5  # he rests so many times as long as he looked
 HEALTHY: Final = "healthy"
-NOBODY_KEEPS: Final = "nobody keeps this run: `trcvtui doctor` judges the file of `--record`"
+NOBODY_KEEPS: Final = "nobody keeps this run: [options] black_box on, or `--record`, lets him look at it"
 
 
 class Judge(Protocol):

@@ -121,6 +121,10 @@ class Engine:
         self._controller = Controller(bench)
         self._recorder = recorder
         self._controller.black_box = recorder.box if recorder is not None else None
+        if recorder is not None and recorder.box is None:
+            from trcvtui.rig.recording.asked import FilesJudge, newest_in
+
+            self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
         self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
@@ -209,7 +213,7 @@ class Engine:
                 if self._controller.bench is not self._bench:
                     if self._recorder is not None:
                         self._recorder.close()  # the run on record is over
-                        self._recorder = self._controller.black_box = None
+                        self._recorder = self._controller.black_box = self._controller.files_judge = None
                     self._begin(self._controller.bench)
             case UpdateRequest() as request:
                 self._request, self._asked_at = request, clock.now_ns()

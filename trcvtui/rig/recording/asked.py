@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from trcvtui.files import unnamed
-from trcvtui.rig.recording.files import RecordTo
+from trcvtui.rig.recording.files import SUFFIX, RecordTo
 from trcvtui.rig.recording.writer import JUDGE_FILES, WriterProcess
 
 
@@ -38,6 +38,12 @@ class AnswerOnItsWay:
         """Let everything go."""
         self.process.kill()
         self._opened.close()
+
+
+def newest_in(path: Path) -> list[str]:
+    """Return the file, of a folder of numbered ones the newest."""
+    files = [path] if not path.is_dir() else sorted(path.glob(f"*{SUFFIX}"), key=os.path.getmtime)
+    return [str(file) for file in files[-1:]]
 
 
 class FilesJudge:

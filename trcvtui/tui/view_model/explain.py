@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.records import replace
 from trcvtui.rig.diagnosis.advice import Advice, advice_on, because
 from trcvtui.rig.diagnosis.card import Card, DataBytes
 from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
@@ -34,7 +35,21 @@ class Explainer:
         if evidence is None:
             return Advice(why(instance), ())
         index = self._view_model.stream_index
-        return self._card.on(evidence, instance, index, self._bytes, "V reads DATA so")
+        told = self._card.on(evidence, instance, index, self._bytes, "V reads DATA so")
+        verdict = self._verdict(instance.name)
+        return replace(told, checks=(verdict, *told.checks)) if verdict else told
+
+    def _verdict(self, name: str) -> str:
+        """Return the doctor's first finding and its remedy, "" where he has not looked or found nothing."""
+        picture = self._view_model.picture
+        if picture is None or not picture.doctor.findings:
+            return ""
+        from trcvtui.rig.bench.asked_doctor import findings_of  # read when he has looked
+
+        for one in findings_of(name, picture.doctor.findings, self._view_model.project):
+            remedy = one.mends[0][0] if one.mends else ""
+            return f"{one.cause}, {one.confidence:.0%} sure up to scan {picture.doctor.scan} (J): {remedy}"
+        return ""
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""

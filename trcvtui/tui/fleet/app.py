@@ -39,6 +39,7 @@ READ_NS: Final = 25_000_000  # of such a look
 ORDER_NS: Final = NS // 2  # between two orders of the list
 OLD_NS: Final = 10 * NS  # until errors are looked at whether they are of the last hour
 NONE_FITS: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
+NOTHING_CAME: Final = ("  nothing has come from the broker yet",)
 KEYS: Final = (("/", "filter"), ("g", "group"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"))
 ACTIONS: Final = {
     "↑↓": "move", "enter": "open", "/": "filter", "g": "group", "ctrl+p": "app.command_palette",
@@ -122,7 +123,7 @@ class FleetScreen(Screen[None]):
         self._typed = self._by = ""
         self._opened: set[str] = set()
         self._ordered_at = self._aged_at = -OLD_NS
-        self._shown = -1  # the version of the fleet
+        self._shown = -1, False  # the version of the fleet, and whether its broker was there
         self.head = FleetHead(broker, pattern, reader)
         self.heads = FleetHeads()
         self.table = FleetTable(self.wall)
@@ -152,13 +153,13 @@ class FleetScreen(Screen[None]):
 
     # -- what is shown ------------------------------------------------------------------------------
 
-    def follow(self, now: int) -> None:
-        """Order the list anew where something has changed, not too often; ages go on by themselves."""
+    def follow(self, now: int) -> bool:
+        """Order the list anew where something has changed; ages go on. False: that was a moment ago."""
         if now < self._ordered_at + ORDER_NS:
-            return
+            return False
         self._ordered_at = now
         is_old = now >= self._aged_at + OLD_NS
-        version = self._reader.fleet.version
+        version = self._reader.fleet.version, self._reader.is_up
         if is_old or version != self._shown:
             self._shown = version
             self._aged_at = now if is_old else self._aged_at
@@ -166,6 +167,7 @@ class FleetScreen(Screen[None]):
         else:
             self.table.show()
         self.tell()
+        return True
 
     def order(self, is_old: bool = False) -> None:
         """Make the list."""
@@ -174,7 +176,8 @@ class FleetScreen(Screen[None]):
         self.head.shown = ordered
         lines = filtered(ordered, self._typed) if self._typed else ordered
         entries: list[Entry] = grouped(lines, self._by, self._opened, wall) if self._by else [*lines]
-        self.table.nothing = NONE_FITS if ordered and not lines else NOTHING_YET
+        nothing = NOTHING_YET if self._reader.is_up else NOTHING_CAME
+        self.table.nothing = NONE_FITS if ordered and not lines else nothing
         self.table.take(entries)
         told = [f"by {self._by}"] if self._by else []
         told += [f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all"] if self._typed else []
@@ -309,10 +312,8 @@ class FleetApp(TerminalApp):
         """Hear for at most so long what has come, and show it."""
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
-        if self.main.is_mounted:
-            self.main.follow(now)
-            if isinstance(self.screen, FleetCardScreen):
-                self.screen.card.draw()
+        if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
+            self.screen.card.draw()
 
     def tell_first(self) -> None:
         """Say what is wrong with the settings."""

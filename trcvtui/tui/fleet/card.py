@@ -14,8 +14,8 @@ from trcvtui.tui.formatting import count, lamp, plain, wrapped
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
 
-LABEL: Final = 9
-WHEN: Final = 15  # columns of a time, its blanks included
+LABEL, CODE = 9, 9  # columns
+STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
 DAY: Final = "%Y-%m-%d"
 
 
@@ -50,7 +50,7 @@ class FleetCard(TextView):
             missing = self._line.missing if title == "events" else 0
             if told or missing or title == "events":
                 rows.append(ruled(self._width, (f"── {title} ", "dim"), *_missing(missing)))
-                rows += [part for name, event in told for part in self._event(name, event)]
+                rows += self._of_events(told)
             if not told and title == "events":
                 rows.append(row(("none is known", "dim")))
         return rows
@@ -104,14 +104,17 @@ class FleetCard(TextView):
         kept = [(event, each.name) for each in instances for event in each.log.kept]
         return [(name, event) for event, name in sorted(kept, reverse=True)]
 
-    def _event(self, name: str, event: KeptEvent) -> list[Row]:
-        when, code = time_text(event.t, self._wall()), f"16#{event.status}" if event.status else event.kind
-        whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
-        what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
-        first, *rest = wrapped(f"{whose}{what}", self._width - WHEN - 9)
-        style = "error" if event.kind == "error" else "warn" if event.kind == "finding" else "dim"
-        rows = [row((when.ljust(WHEN), "dim"), (code.ljust(9), style), (first, ""))]
-        return [*rows, *(row((" " * (WHEN + 9), ""), (text, "")) for text in rest)]
+    def _of_events(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
+        times = [time_text(event.t, self._wall()) for _, event in told]
+        wide = max(map(len, times), default=0) + 2
+        for when, (name, event) in zip(times, told, strict=True):
+            whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
+            what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
+            first, *rest = wrapped(f"{whose}{what}", self._width - wide - CODE)
+            code = f"16#{event.status}" if event.status else event.kind
+            style = STYLES.get(event.kind, "dim")
+            yield row((when.ljust(wide), "dim"), (code.ljust(CODE), style), (first, ""))
+            yield from (row((" " * (wide + CODE), ""), (text, "")) for text in rest)
 
     def _told(self, label: str, text: str, style: str) -> list[Row]:
         lines = wrapped(text, self._width - LABEL)

@@ -32,6 +32,7 @@ CONFIGS: Final = Path("configs")
 STORIES: Final = CONFIGS / "stories"
 WIDE, SMALL, PANE, HIGH = (140, 45), (80, 24), (100, 24), (100, 34)
 MOST_LOOKS: Final = 2000
+MADE_UP: Final = Path()  # no project: what agents of a plant tell (fleet_plant.py)
 BLANK, CELL = "&#160;", 12.2  # a blank, and the width of a cell
 TEXT: Final = re.compile(r'<text([^>]*?) x="([\d.]+)"([^>]*?) textLength="([\d.]+)"([^>]*)>([^<]*)</text>')
 
@@ -177,6 +178,12 @@ SHOWN: Final = (
             (*LAB, keys("1", "down", "down", "down")), SMALL),
     Picture("lab-fit", "Which profile fits? The ranking, with the reasons of the chosen one", ("lab",),
             CONFIGS / "udt-mismatch.toml", (*LAB, keys("f")), SMALL),
+    Picture("fleet", "`trcvtui fleet`: the lines of all sites, the worst first", ("fleet",),
+            MADE_UP, (), WIDE),
+    Picture("fleet-card", "The card of a line: its figures, its instances, its last events", ("fleet",),
+            MADE_UP, (keys("down", "down", "down", "enter"),), WIDE),
+    Picture("fleet-80x24", "The same fleet at 80x24, by cause", ("fleet",),
+            MADE_UP, (keys("g", "g"),), SMALL),
     Picture("race", "`D`: the dialect race: the same pins and bytes through several dialects, scan by scan",
             ("race",), CONFIGS / "passive.toml", (*RACE, keys("4", "n", "n", "n", "n")), WIDE),
     Picture("race-80x24", "The dialect race at 80x24", ("race",), CONFIGS / "passive.toml",
@@ -201,6 +208,11 @@ SHOWN: Final = (
 
 async def draw(picture: Picture) -> str:
     """Return the screen after the play, as SVG."""
+    if picture.project == MADE_UP:
+        from fleet_plant import draw_fleet  # beside this file
+
+        pressed = [name for move in picture.play if isinstance(move, Keys) for name in move.names]
+        return placed(await draw_fleet(picture.size, pressed))
     project = load_bench(picture.project)
     driver = LocalDriver(fresh_bench(project, "sim"))
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), picture.theme)

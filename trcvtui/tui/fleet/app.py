@@ -66,6 +66,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Signs", (
         ("✗ ■ □ ◆", "offline; good or, in red, ERROR; not connected; good, with errors in the last hour"),
         ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
+        ("● ◆ ○", "a group: some are offline or show ERROR; errors in the last hour; none"),
         ("? in state", "the agent has told no figures of this line yet"),
     )),
 )  # fmt: skip
@@ -188,7 +189,8 @@ class FleetScreen(Screen[None]):
         reader = self._reader
         words, style = reader.told, "warn"
         if not reader.is_up:
-            words, style = f"{reader.why}; what is shown was so before; the next try follows", "error"
+            before = "; what is shown was so before" if self.head.shown else ""
+            words, style = f"{reader.why}{before}; the next try follows", "error"
         self.outcome.display = bool(words)
         self.outcome.say(words, style)
         self.head.show()

@@ -165,7 +165,7 @@ class FleetTable(LineView, inherit_bindings=False):
         room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)
         name = clip(plain(group.name), max(8, room - len(words) - 1))
         return [
-            ("● " if told else "○ ", "error" if told else "done"),
+            ("● ", "error") if told else ("◆ ", "glow") if group.errors_an_hour else ("○ ", "done"),
             (name, "strong"),
             (pad(clip(words, room - len(name)), room - len(name)), "error" if told else "dim"),
             *self._hour("", group.sparkline, group.errors_an_hour),

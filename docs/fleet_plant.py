@@ -39,7 +39,7 @@ class PlantBroker:
 
     def __init__(self) -> None:
         self._news: list[News] = [Connected(), *_messages()]
-        self._taken = 0
+        self._taken = self.dropped = 0
 
     def news(self) -> list[News]:
         """Return what has come."""

@@ -49,6 +49,7 @@ class FakeBroker:
     """A broker that takes subscriptions when it is told to."""
 
     def __init__(self, pattern: str = "*") -> None:
+        self.dropped = 0
         self.asked: list[tuple[str, ...]] = []
         self._news: list[News] = []
         self._taken = 0

@@ -12,7 +12,20 @@ import pytest
 
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
 from trcvtui.errors import UserError
-from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken, Will, broker_of
+from trcvtui.fleet import broker as fleet_broker
+from trcvtui.fleet.broker import (
+    Broker,
+    BrokerConnection,
+    Came,
+    Connected,
+    Lost,
+    News,
+    Subscribed,
+    Taken,
+    Will,
+    broker_of,
+)
+from trcvtui.fleet.topics import MOST_BYTES
 
 
 @pytest.fixture
@@ -76,6 +89,47 @@ def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -
     assert seen(reader, Came)[-1] == Came("a/b", b"1", False)
     writer.close()
     reader.close()
+
+
+@needs_mosquitto
+def test_messages_of_all_sizes_arrive_whole_and_in_order_where_much_is_read_at_once(
+    broker: Mosquitto,
+) -> None:
+    reader = BrokerConnection(Broker("127.0.0.1", broker.port, False), "reader", topics=("none",))
+    writer = BrokerConnection(Broker("127.0.0.1", broker.port, False), "writer")
+    reader.open()
+    writer.open()
+    seen(reader, Connected)
+    seen(writer, Connected)
+    assert reader.subscribe((("a/#", 0), ("b/#", 1))) is not None
+    assert isinstance(seen(reader, Subscribed)[-1], Subscribed)
+    sizes = [1, 65_535, 3, 200_000, *range(300), MOST_BYTES]
+    for number, size in enumerate(sizes):
+        assert writer.publish(f"{'ab'[number % 2]}/x", bytes(size)) is not None
+    found: list[Came] = []
+
+    def have_come() -> bool:
+        found.extend(each for each in reader.news() if isinstance(each, Came))
+        return len(found) == len(sizes)
+
+    until(have_come)
+    for at, topic in enumerate(("a/x", "b/x")):
+        assert [len(each.payload) for each in found if each.topic == topic] == sizes[at::2]
+    reader.close()
+    writer.close()
+
+
+def test_what_nobody_takes_is_bounded_in_messages_and_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet_broker, "MOST_WAITING", 5)
+    monkeypatch.setattr(fleet_broker, "MOST_WAITING_BYTES", 10)
+    connection = BrokerConnection(Broker("127.0.0.1", 1, False), "reader")
+    for _ in range(8):
+        connection._tell(Came("a", b"", False))
+    assert (len(connection.news()), connection.dropped) == (5, 3)
+    for _ in range(4):
+        connection._tell(Came("a", b"123456", False))
+    connection._tell(Lost("told in any case"))
+    assert (len(connection.news()), connection.dropped) == (3, 5)
 
 
 @needs_mosquitto

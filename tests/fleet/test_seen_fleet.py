@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
 from trcvtui.cli import main
 from trcvtui.errors import UserError
-from trcvtui.fleet import seen_fleet
+from trcvtui.fleet import reader, seen_fleet
 from trcvtui.fleet.broker import (
     Came,
     Connected,
@@ -20,7 +20,16 @@ from trcvtui.fleet.broker import (
     SubscriptionRefused,
 )
 from trcvtui.fleet.event_log import MOST_GAPS, EventLog
-from trcvtui.fleet.reader import AGAIN_NS, AT_ONCE, MISS_NS, MOST_AGAIN, SETTLED_NS, TELL_NS, topics_of
+from trcvtui.fleet.reader import (
+    AGAIN_NS,
+    AT_ONCE,
+    MISS_NS,
+    MOST_AGAIN,
+    SETTLED_NS,
+    TELL_NS,
+    TOO_MANY,
+    topics_of,
+)
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, SeenFleet
 from trcvtui.fleet.topics import (
     FleetMessage,
@@ -276,6 +285,16 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
     assert broker.reader.refused == 1001 and "no JSON" in broker.reader.told
     broker.tell(SubscriptionRefused("it lets us not read"), seconds=TELL_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
+
+
+def test_what_comes_faster_than_it_is_looked_at_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "MOST_WAITING", 10)
+    broker = FakeBroker()
+    broker.tell(*(broker.message(f"s/a/L{n}/figures", figures()) for n in range(30)))
+    assert broker.reader.refused == 20 and broker.reader.told == TOO_MANY
+    broker.dropped = 7  # before the reader had them
+    broker.tell()
+    assert broker.reader.refused == 27
 
 
 def test_of_a_retained_topic_the_newest_message_alone_is_looked_at_of_events_each() -> None:

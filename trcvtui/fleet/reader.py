@@ -27,6 +27,7 @@ MISS_NS: Final = 15 * NS  # after the broker came back: who has not come back, t
 AGAIN_NS: Final = 30 * NS  # between two looks for agents of whom something is lacking
 MOST_AGAIN: Final = 3  # times that an agent is asked for again: the broker may not have more
 MOST_TOPICS: Final = 300_000  # that are known by heart
+TOO_MANY: Final = "more messages come than can be looked at"
 TELL_NS: Final = NS  # between two lines on what was refused
 # What is asked for of each agent, with its QoS: a retained topic comes again by itself, an event does not.
 FIRST: Final = (("+/figures", 0), ("+/+/status", 0), ("+/+/event", 1))
@@ -53,7 +54,7 @@ class FleetReader:
         self.told = ""  # the newest line on one of them
         self._told_at = -TELL_NS
         self._waiting: dict[object, Came] = {}
-        self._waiting_bytes = self._numbers = 0
+        self._waiting_bytes = self._numbers = self._dropped = 0
         self._topics: dict[str, Topic] = {}
         self._connections = 0  # so far
         self._miss_at: int | None = None
@@ -88,6 +89,10 @@ class FleetReader:
                         self._settling.append((now + SETTLED_NS, agent))
                 case SubscriptionRefused(why):
                     self._tell(why, now)
+        if self._connection.dropped > self._dropped:
+            self.refused += self._connection.dropped - self._dropped
+            self._dropped = self._connection.dropped
+            self._tell(TOO_MANY, now)
         self._look(now, wall, now + most_ns)
         self._ask()
         while self._settling and now >= self._settling[0][0] and not self._waiting:
@@ -115,7 +120,7 @@ class FleetReader:
         before = self._waiting.get(key)
         is_full = len(self._waiting) >= MOST_WAITING or self._waiting_bytes > MOST_WAITING_BYTES
         if before is None and is_full:
-            self._refuse("more messages come than can be looked at", now)
+            self._refuse(TOO_MANY, now)
             return
         self._waiting_bytes += len(came.payload) - (len(before.payload) if before is not None else 0)
         self._waiting[key] = came

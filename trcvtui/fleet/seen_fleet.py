@@ -173,10 +173,12 @@ class FleetLine:
         if not self._words:
             state = self.figures.state if self.figures is not None else ""
             names = f"{self.agent.site}/{self.agent.name}/{self.name}"
-            codes = (
+            last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
+            shown = (
                 f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
             )
-            self._words = f"{names} {SHOWN[self.shows]} {state} {' '.join(codes)}".casefold()
+            spoken = (names, SHOWN[self.shows], state, last, *shown)
+            self._words = " ".join(spoken).casefold()
         return self._words
 
 

@@ -145,6 +145,13 @@ async def test_the_cursor_stays_on_the_worst_until_it_is_moved_then_on_its_line(
         assert "saw" in screen.chosen
 
 
+async def test_an_error_that_is_over_stands_beside_what_is_shown_now() -> None:
+    async with on_fleet() as screen:
+        await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/status", status("7002")))
+        row = next(line for line in screen.text.splitlines() if "press/C2" in line)
+        assert "7002 receiving" in row and "◂80A6 +1" in row
+
+
 async def test_a_filter_lists_what_has_its_words_while_it_is_typed() -> None:
     async with on_fleet() as screen:
         await screen.press("slash")
@@ -153,6 +160,9 @@ async def test_a_filter_lists_what_has_its_words_while_it_is_typed() -> None:
         await screen.press("enter", "q")
     async with on_fleet() as screen:
         await screen.press("slash")
+        await screen.type("econnreset")
+        assert screen.names == ["plant1/press/C2"]
+        await screen.press("escape", "slash")
         await screen.type("offline")
         await screen.press("enter")
         assert screen.names == ["plant2/oven/C1"]

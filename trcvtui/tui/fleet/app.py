@@ -66,6 +66,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Signs", (
         ("✗ ■ □ ◆", "offline; good or, in red, ERROR; not connected; good, with errors in the last hour"),
         ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
+        ("◂80AA, +1", "after the STATUS: that of the last ERROR, of the last hour; more instances"),
         ("● ◆ ○", "a group: some are offline or show ERROR; errors in the last hour; none"),
         ("? in state", "the agent has told no figures of this line yet"),
     )),

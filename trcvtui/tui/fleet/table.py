@@ -144,7 +144,9 @@ class FleetTable(LineView, inherit_bindings=False):
         state = "offline" if line.shows == OFFLINE else line.figures.state if line.figures else "?"
         status = worst.status if worst is not None else None
         code, text = (status.status, status.text) if status is not None else ("", "")
-        more = f" +{len(line.instances) - 1}" if len(line.instances) > 1 else ""
+        last = line.newest_error if line.errors_hour and line.shows != ERROR else None
+        more = f" ◂{last.status}" if last is not None and last.status else ""
+        more += f" +{len(line.instances) - 1}" if len(line.instances) > 1 else ""
         return [
             (f"{lamp} ", lamp_style),
             (pad(squeeze(name, columns.name), columns.name + 1), "strong"),

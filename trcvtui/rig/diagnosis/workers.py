@@ -118,7 +118,11 @@ def _of_workers(
                 else:  # a worker that cannot run us
                     here.append(path)
                 continue
-            worker, answer = task.result()
+            try:
+                worker, answer = task.result(timeout=LOOK_S)
+            except TimeoutError:  # its worker died with the answer: the scheduler lets another one judge
+                tasks[task] = path, been_at
+                continue
             if answer is None:
                 left.append((path, (*been_at, worker)))
             else:

@@ -252,6 +252,7 @@ def _record(args: SimpleNamespace) -> int:
 
 
 def _agent(args: SimpleNamespace) -> int:
+    import shlex
     from pathlib import Path
 
     from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
@@ -277,7 +278,13 @@ def _agent(args: SimpleNamespace) -> int:
         limits = limits_of(args.ring, None, None, None, None)
         record = RecordTo(Path(args.record) / path.stem, False, not args.no_secrets, limits, _follow())
     name = args.name or default_name(path)
-    settings = AgentSettings(path, args.kernel, args.site, name, broker, page, record)
+    try:
+        packets = tuple(shlex.split(args.packets or ""))
+    except ValueError as wrong:
+        raise mistake("--packets", str(wrong), "a program and its arguments") from None
+    settings = AgentSettings(
+        path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
+    )
     return run_agent(settings, _load_bench(path))
 
 
@@ -753,6 +760,12 @@ def _add_agent(parser: ArgumentRows) -> None:
     parser.add_argument("--record", metavar="DIR", help="keep each run: numbered files")
     parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+    parser.add_argument(
+        "--packets", metavar="COMMAND", help='of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
+    )
+    parser.add_argument(
+        "--with-payload", action="store_true", help="publish the evidence of findings, which may have bytes"
+    )
 
 
 def _add_fleet(parser: ArgumentRows) -> None:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from shutil import which
 from types import FrameType
 from typing import Any, Final
 
@@ -32,6 +33,8 @@ MOVING_NS: Final = 10 * NS  # of a line on which bytes move
 FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is started anew
 HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one again
 MOST_LINES: Final = 20_000
+DOCTOR_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
+FIRST_LOOK_NS: Final = 10 * NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,8 @@ class AgentSettings:
     broker: Broker | None
     page: tuple[str, int] | None
     record: RecordTo | None
+    with_payload: bool = False
+    packets: tuple[str, ...] = ()  # a program that writes them, and its arguments
 
 
 def default_name(project: Path) -> str:
@@ -76,6 +81,8 @@ class Agent:
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
         self._figures_at: dict[str, int] = {}
+        self._doctor_at = 0  # when he looks next
+        self._judged_at: tuple[object, ...] = ()  # what there was when he was asked
         self.restarts: int = 0
 
     # -- what the page tells -----------------------------------------------------------------------------
@@ -152,13 +159,21 @@ class Agent:
 
     def _start(self, now: int) -> None:
         settings = self._settings
-        self._engine = EngineDriver(
-            settings.project, settings.kernel, read_only=settings.record is None, record=settings.record
-        )
-        self._started_at = now
+        self._engine = self._new_engine()
+        self._started_at, self._doctor_at = now, now + FIRST_LOOK_NS
         self.seen.begin_run()
-        self._engine.project()  # first: with a request unread its last words would be lost
+        if not settings.packets:
+            self._engine.project()  # first: with a request unread its last words would be lost
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
+
+    def _new_engine(self) -> EngineDriver:
+        """Return a bench, or shadows of what is captured; the doctor looks at what is kept of either."""
+        settings = self._settings
+        if not settings.packets:
+            return EngineDriver(settings.project, settings.kernel, record=settings.record)
+        from trcvtui.rig.watch.live_screen import CaptureDriver
+
+        return CaptureDriver(settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
         """Tell it, and start anew later; pauses grow."""
@@ -183,6 +198,8 @@ class Agent:
         update = engine.picture()
         if update is None:
             return
+        if update.over:
+            raise EngineStopped(update.over)
         changed, events, moved = self.seen.take(update, _wall())
         for instance in changed:
             if instance.status is not None:
@@ -191,10 +208,25 @@ class Agent:
             self._publish_event(instance, event)
         for line in moved:
             self._figures_at.pop(line.name, None)
+        for instance, event in self.seen.findings(update, _wall(), self._settings.with_payload):
+            self._publish_event(instance, event)
         known = UpdateRequest(
-            since_seq=self.seen.seq, most_lines=MOST_LINES, bench=update.bench, project=update.project_number
+            since_seq=self.seen.seq,
+            most_lines=MOST_LINES,
+            bench=update.bench,
+            project=update.project_number,
+            doctor=self._is_doctor_due(now),
         )
         engine.request(known)
+
+    def _is_doctor_due(self, now: int) -> bool:
+        """Return whether the doctor shall look: at a run in which something has come since he did."""
+        if now < self._doctor_at:
+            return False
+        self._doctor_at = now + DOCTOR_NS
+        came = self.seen.came()
+        is_due, self._judged_at = came != self._judged_at, came
+        return is_due
 
     def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
         if self._publisher is not None:
@@ -223,11 +255,19 @@ class Agent:
 
 def run_agent(settings: AgentSettings, project: Project) -> int:
     """Run a project until SIGTERM or Ctrl+C; raise UserError for what cannot be run."""
-    for what, rows in (("[[watch]]", project.watches), ("[[tap]]", project.taps)):
-        if rows:
-            raise mistake(
-                f"{settings.project}: {what}", f"{len(rows)}", "a bench: an agent runs no other yet"
-            )
+    where, program = settings.project, settings.packets[:1]
+    if project.taps:
+        raise mistake(
+            f"{where}: [[tap]]", f"{len(project.taps)}", "a bench or [[watch]]: no agent runs a tap yet"
+        )
+    if project.watches and not program:
+        raise mistake(f"{where}: [[watch]]", "no packets", '--packets "dumpcap -q -i eth0 -w -"')
+    if program and not project.watches:
+        raise mistake("--packets", f"no [[watch]] in {where}", "a row that names the line")
+    if program and settings.record is not None:
+        raise mistake("--record", "--packets beside it", "a bench: the capture program keeps its own files")
+    if program and which(program[0]) is None:
+        raise mistake("--packets", f"no program '{program[0]}'", "one that writes packets, such as dumpcap")
     return Agent(settings, project).run()
 
 

@@ -11,6 +11,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.scenario.runner import cause_record
+from trcvtui.rig.snapshots import FindingSnapshot
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600
@@ -140,10 +141,13 @@ class SeenBench:
         self.lines: dict[str, SeenLine] = {}
         self.instances: dict[str, SeenInstance] = {}
         self.seq = 0  # of the ledger, up to which it was read
+        self._looks = 0  # of the doctor that were taken
+        self._known: set[tuple[str, str]] = set()  # instances and causes that were told in this run
 
     def begin_run(self) -> None:
         """Read the ledger of a new engine from its beginning."""
-        self.seq = 0
+        self.seq = self._looks = 0
+        self._known.clear()
         for instance in self.instances.values():
             instance.begin_run()
 
@@ -178,6 +182,30 @@ class SeenBench:
             moved,
         )
 
+    def came(self) -> tuple[object, ...]:
+        """Return what changes where there is something new to be judged."""
+        counted = tuple((line.received, line.sent, line.state) for line in self.lines.values())
+        return (*counted, *(each.errors for each in self.instances.values()))
+
+    def findings(
+        self, update: BenchUpdate, wall: float, with_payload: bool
+    ) -> Iterable[tuple[SeenInstance, EventMessage]]:
+        """Yield an event for each cause that the doctor has found anew, of each instance."""
+        doctor = update.doctor
+        if doctor.looks == self._looks:
+            return
+        self._looks, found = doctor.looks, set()
+        for one in doctor.findings:
+            for seen in self.instances.values():
+                is_its = one.instance == seen.name or (not one.instance and one.connect in ("", seen.line))
+                if not is_its or (seen.name, one.cause) in found:
+                    continue
+                found.add((seen.name, one.cause))
+                if (seen.name, one.cause) not in self._known:
+                    cause = _finding_record(one, with_payload)
+                    yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
+        self._known = found
+
     def _changed(
         self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float
     ) -> Iterable[SeenInstance]:
@@ -200,6 +228,20 @@ class SeenBench:
 
     def _line(self, name: str) -> SeenLine:
         return self.lines.setdefault(name, SeenLine(name))
+
+
+def _finding_record(one: FindingSnapshot, with_payload: bool) -> dict[str, object]:
+    """Return a finding as an event has it; its evidence may have bytes of the payload."""
+    text, command, _ = one.mends[0] if one.mends else ("", "", "")
+    told = f"{one.confidence:.0%} sure; {text}" if text else f"{one.confidence:.0%} sure"
+    made: dict[str, object] = {"cause": one.cause, "confidence": one.confidence, "text": told}
+    if command:
+        made["command"] = command
+    if one.scan is not None:
+        made["scan"] = one.scan
+    if with_payload and one.evidence:
+        made["evidence"] = one.evidence[0]
+    return made
 
 
 def _counted(link: ConnectionSnapshot) -> tuple[str, int, int, int]:

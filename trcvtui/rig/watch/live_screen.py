@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.net.os.packet_pipe import take_stdin
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
@@ -49,6 +49,40 @@ def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
     from trcvtui.rig.watch.live import LivePlan
 
     serve_live(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+
+
+class CaptureDriver(EngineDriver):
+    """Shadows of what a capture program writes; the process that plays them has started it."""
+
+    def __init__(self, command: Sequence[str], asked: Asked) -> None:
+        self._command, self._asked_of = tuple(command), asked
+        super().__init__(Path("-"), "capture")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return capture_main, (self._command, self._asked_of)
+
+
+def capture_main(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+    """Serve with what the program writes; it ends when we do."""
+    serve_live(channel, lambda: _capture(channel, command, asked))
+
+
+def _capture(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+    from subprocess import DEVNULL, PIPE, Popen
+
+    from trcvtui.rig.watch.live import LivePlan
+
+    plan = LivePlan(*asked)
+    try:
+        program = Popen(command, stdin=DEVNULL, stdout=PIPE)
+    except OSError as wrong:
+        raise mistake(command[0], wrong.strerror or "no program", "a program that writes packets") from None
+    try:
+        assert program.stdout is not None
+        _PipeServed(channel, plan, asked).run(program.stdout.fileno())
+    finally:
+        program.kill()  # it has nothing of its own to end
+        program.wait()
 
 
 def serve_live(channel: Channel, run: Callable[[], None]) -> None:

@@ -6,12 +6,12 @@ import os
 import platform
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from shutil import which
 from types import FrameType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui import __version__
 from trcvtui.errors import UserError, mistake, one_line
@@ -20,12 +20,15 @@ from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
-from trcvtui.project.project import Project
+from trcvtui.project.project import Project, TapDecl
 from trcvtui.records import dataclass
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
 from trcvtui.rig.recording.files import RecordTo
+
+if TYPE_CHECKING:
+    from trcvtui.rig.tap.command import TapInBackground
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -77,6 +80,7 @@ class Agent:
         self._settings = settings
         self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label)
         self._engine: EngineDriver | None = None
+        self._taps, self._tap = project.taps, None if not project.taps else _new_tap(settings, project.taps)
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
@@ -121,6 +125,7 @@ class Agent:
                 opened.callback(server.shutdown)
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
+            opened.callback(self._end_tap)
             opened.callback(self._end_engine)
             while not ended:
                 self._turn()
@@ -162,13 +167,18 @@ class Agent:
         self._engine = self._new_engine()
         self._started_at, self._doctor_at = now, now + FIRST_LOOK_NS
         self.seen.begin_run()
-        if not settings.packets:
+        if not (settings.packets or self._tap):
             self._engine.project()  # first: with a request unread its last words would be lost
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
 
     def _new_engine(self) -> EngineDriver:
         """Return a bench, or shadows of what is captured; the doctor looks at what is kept of either."""
         settings = self._settings
+        if self._tap is not None:
+            if not self._tap.is_running:
+                self._tap.close()
+                self._tap = _new_tap(settings, self._taps)
+            return self._tap.shadows()
         if not settings.packets:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
         from trcvtui.rig.watch.live_screen import CaptureDriver
@@ -194,6 +204,10 @@ class Agent:
         if engine is not None:
             engine.close()
 
+    def _end_tap(self) -> None:
+        if self._tap is not None:
+            self._tap.close()
+
     def _look(self, engine: EngineDriver, now: int) -> None:
         update = engine.picture()
         if update is None:
@@ -208,7 +222,7 @@ class Agent:
             self._publish_event(instance, event)
         for line in moved:
             self._figures_at.pop(line.name, None)
-        for instance, event in self.seen.findings(update, _wall(), self._settings.with_payload):
+        for instance, event in self.seen.findings(update.doctor, _wall(), self._settings.with_payload):
             self._publish_event(instance, event)
         known = UpdateRequest(
             since_seq=self.seen.seq,
@@ -253,13 +267,19 @@ class Agent:
         return StateMessage(state, _wall(), __version__).to_json()
 
 
+def _new_tap(settings: AgentSettings, taps: Sequence[TapDecl]) -> TapInBackground:
+    from trcvtui.rig.tap.command import TapInBackground
+
+    return TapInBackground(settings.project, taps)
+
+
 def run_agent(settings: AgentSettings, project: Project) -> int:
     """Run a project until SIGTERM or Ctrl+C; raise UserError for what cannot be run."""
     where, program = settings.project, settings.packets[:1]
-    if project.taps:
-        raise mistake(
-            f"{where}: [[tap]]", f"{len(project.taps)}", "a bench or [[watch]]: no agent runs a tap yet"
-        )
+    if project.taps and project.watches:
+        raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")
+    if project.taps and settings.record is not None:
+        raise mistake("--record", "[[tap]] beside it", "a bench: `trcvtui tap --record` keeps what passes")
     if project.watches and not program:
         raise mistake(f"{where}: [[watch]]", "no packets", '--packets "dumpcap -q -i eth0 -w -"')
     if program and not project.watches:

@@ -11,7 +11,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.scenario.runner import cause_record
-from trcvtui.rig.snapshots import FindingSnapshot
+from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600
@@ -188,10 +188,9 @@ class SeenBench:
         return (*counted, *(each.errors for each in self.instances.values()))
 
     def findings(
-        self, update: BenchUpdate, wall: float, with_payload: bool
+        self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[SeenInstance, EventMessage]]:
         """Yield an event for each cause that the doctor has found anew, of each instance."""
-        doctor = update.doctor
         if doctor.looks == self._looks:
             return
         self._looks, found = doctor.looks, set()

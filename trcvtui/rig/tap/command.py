@@ -7,21 +7,28 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from subprocess import Popen, TimeoutExpired
-from typing import IO, Any, Final
+from subprocess import DEVNULL, Popen, TimeoutExpired
+from typing import IO, TYPE_CHECKING, Any, Final
 
-from trcvtui.errors import mistake, one_line
+from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
 from trcvtui.net.os.tap_ways import AskedWays
 from trcvtui.net.tap import Route, end_text
 from trcvtui.records import NamedTuple
 
+if TYPE_CHECKING:
+    from trcvtui.project.project import TapDecl
+    from trcvtui.rig.engine.driver import EngineDriver
+
 RECORDS: Final = "from trcvtui.capture.tapped import record_tap; record_tap()"
 LOOKS_ON: Final = "import sys; from trcvtui.rig.tap.looking import look_on; look_on(sys.argv[1])"
 SHOWS: Final = "import sys; from trcvtui.cli import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
+SERVES: Final = (
+    "import sys; from trcvtui.rig.tap.command import forward_for; sys.exit(forward_for(*sys.argv[1:]))"
+)
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
 NO_SCREEN_NS: Final = 5_000_000_000
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
@@ -72,11 +79,7 @@ def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> 
             loop.stop_after(NO_SCREEN_NS)
         elif not _look_on(loop, routes, looks, started):
             return WRONG_INPUT
-        addresses = [made.address for made in loop.routes]
-        for route, address in zip(routes, addresses, strict=True):
-            voice.say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}")
-        for place in reachable(addresses):
-            voice.say(f"other machines reach {place}")
+        _say_where(voice.say, loop, routes)
         loop.run()
         if looks.holds and screen is None:
             _say("--hold: found no screen within 5 s, expected one that lets go what is held")
@@ -88,6 +91,74 @@ def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> 
         for process in started:
             _wait(process)
     return 0
+
+
+def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
+    addresses = [made.address for made in loop.routes]
+    for route, address in zip(routes, addresses, strict=True):
+        say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}")
+    for place in reachable(addresses):
+        say(f"other machines reach {place}")
+
+
+def forward_for(fd: str, project: str) -> int:
+    """Forward the taps of a project until the process ends that holds the other end of `fd`."""
+    from trcvtui.rig.scenario.scenario import load_bench
+    from trcvtui.rig.tap.looking import routes_of
+
+    raise_limit()
+    ways, loop = AskedWays(int(fd)), Forwarder(_say)
+    try:
+        routes = routes_of(load_bench(Path(project)).taps)
+        for route in routes:
+            loop.add_route(route)
+
+        def hear(_: int) -> None:
+            if ways.is_asked():
+                loop.add_looker(ways.hand_over(), "who looks on", gives_orders=True)
+            else:
+                loop.stop()
+
+        loop.hear(ways.fd, 1, hear)
+        loop.tell_time()
+        _say_where(_say, loop, routes)
+        loop.run()
+    except UserError as wrong:
+        for line in wrong.lines():
+            _say(line)
+        return WRONG_INPUT
+    finally:
+        loop.close()
+    return 0
+
+
+class TapInBackground:
+    """The taps of a project, forwarded by a process of their own; shadows come and go beside them."""
+
+    def __init__(self, project: Path, taps: Sequence[TapDecl]) -> None:
+        places = [[tap.name, tap.listen, tap.to] for tap in taps]
+        self._asked = places, str(project), None, None
+        self._ours, theirs = Forwarder.pair()
+        with theirs:
+            words = [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(project)]
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+            self._process = Popen(words, stdin=DEVNULL, env=environment, pass_fds=(theirs.fileno(),))
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether it forwards."""
+        return self._process.poll() is None
+
+    def shadows(self) -> EngineDriver:
+        """Return shadows that look on from now on."""
+        from trcvtui.rig.tap.screen import TapDriver
+
+        return TapDriver(self._ours.fileno(), self._asked)
+
+    def close(self) -> None:
+        """Let it end its connections, and itself."""
+        self._ours.close()
+        _wait(self._process)
 
 
 def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: list[Popen[bytes]]) -> bool:

@@ -1,0 +1,197 @@
+"""Lines of an agent that are no bench: shadows of a capture program and of taps; what the doctor finds."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.fleet.mosquitto import until
+from trcvtui.cli import main
+from trcvtui.fleet.lines import SeenBench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.driver import EngineDriver
+from trcvtui.rig.engine.engine import LocalDriver
+from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.rig.tap.command import SERVES
+from trcvtui.rig.tap.screen import TapDriver
+from trcvtui.rig.watch.live_screen import CaptureDriver
+
+ROOT = Path(__file__).parents[2]
+LINE = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..3] OF BYTE"
+[[connect]]
+name = "C1"
+LocalAddress = "127.0.0.1"
+LocalPort = 2000
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+"""
+PEER = 'CONT = true\nEN_R = true\n[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\n'
+TAP = '[[tap]]\nname = "T"\nlisten = "127.0.0.1:0"\nto = "127.0.0.1:{port}"\nconnect = "C1"\n'
+WATCH = '[[watch]]\nname = "press"\nplc = "127.0.0.1:2000"\nconnect = "C1"\n'
+HEX = "0E CE 98 07"
+
+
+def written(folder: Path, text: str, name: str = "line.toml") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def found(cause: str, instance: str = "", connect: str = "C1") -> FindingSnapshot:
+    mends = (("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
+    return FindingSnapshot(
+        cause, 0.9, connect, instance, "", "", None, 7, None, (f"before it stands {HEX}",), mends
+    )
+
+
+# -- findings --------------------------------------------------------------------------------------------
+
+
+def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) -> None:
+    project = load_bench(written(tmp_path, LINE + PEER))
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    driver.request(UpdateRequest())
+    update = driver.picture()
+    assert update is not None
+    seen = SeenBench("b00", project.dialect.label)
+    seen.take(update, 1000.0)
+
+    def told(looks: int, *findings: FindingSnapshot, with_payload: bool = False) -> list[dict[str, object]]:
+        some = seen.findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
+        return [{"kind": event.kind, **event.cause} for _, event in some]
+
+    first = {"kind": "finding", "cause": "frame-short", "confidence": 0.9, "text": "90% sure; LEN 8"}
+    assert told(1, found("frame-short", "R")) == [first | {"command": "set R LEN=8", "scan": 7}]
+    assert told(1, found("shifted", "R")) == []  # he has not looked again
+    assert told(2, found("frame-short", "R")) == []  # it is known
+    assert told(3) == []
+    again = told(4, found("frame-short", "R"), found("loss"), found("loss", "OTHER", "C2"))
+    assert [one["cause"] for one in again] == ["frame-short", "loss"]
+    assert "evidence" not in told(5, found("padding"))[0]
+    assert told(6, found("header"), with_payload=True)[0]["evidence"] == f"before it stands {HEX}"
+
+
+# -- a capture program -------------------------------------------------------------------------------------
+
+
+def recording(folder: Path) -> Path:
+    """Return a capture of 12 bytes to the PLC."""
+    begin = "run 5\npeer P1 connect\nwait R STATUS=7004\nset R EN_R=1\nrun 5\n"
+    steps = f"{begin}peer P1 send hex 01 02 03 04 05 06 07 08 09 0A 0B 0C\nrun 20\n"
+    project = written(folder, LINE + PEER.replace("EN_R = true", ""))
+    text = f'project = "{project}"\n[scenario]\nname = "s"\nsteps = """\n{steps}"""\n'
+    path = folder / "run.pcapng"
+    main(["scenario", str(written(folder, text, "s.toml")), "--record", str(path)])
+    return path
+
+
+def pictures(driver: EngineDriver, wanted: Callable[[BenchUpdate], bool]) -> BenchUpdate:
+    """Ask for pictures until one is wanted."""
+    last: list[BenchUpdate] = []
+
+    def comes() -> bool:
+        driver.request(UpdateRequest())
+        driver.wait(0.05)
+        picture = driver.picture()
+        last[:] = [picture] if picture is not None else last
+        return bool(last) and wanted(last[0])
+
+    until(comes)
+    return last[0]
+
+
+@pytest.mark.live
+def test_shadows_show_what_a_capture_program_writes_and_say_when_it_has_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capture = recording(tmp_path)
+    copy = f"import shutil, sys; shutil.copyfileobj(open({str(capture)!r}, 'rb'), sys.stdout.buffer)"
+    driver = CaptureDriver(
+        [sys.executable, "-c", copy], (written(tmp_path, LINE + WATCH, "w.toml"), None, None)
+    )
+    try:
+        last = pictures(driver, lambda picture: bool(picture.over))
+        assert last.snapshot.instances[0].jobs_done == 3
+        assert last.over == "the packets have ended"
+    finally:
+        driver.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "wrong"),
+    [
+        (LINE + WATCH, "", "[[watch]]: found no packets, expected --packets"),
+        (LINE + WATCH, "--packets nothere", "--packets: found no program 'nothere'"),
+        (LINE + WATCH, "--packets sh --record runs", "--record: found --packets beside it"),
+        (LINE, "--packets sh", "--packets: found no [[watch]]"),
+        (LINE + TAP.format(port=9), "--record runs", "--record: found [[tap]] beside it"),
+        (LINE + WATCH + TAP.format(port=9), "--packets sh", "found [[watch]] beside [[tap]]"),
+    ],
+)
+def test_what_an_agent_cannot_run_is_one_line(
+    text: str,
+    words: str,
+    wrong: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["agent", str(written(tmp_path, text)), "--metrics", "127.0.0.1:9", *words.split()]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert wrong in line
+
+
+# -- taps --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.live
+def test_a_tap_forwards_with_shadows_or_without_them_and_ends_with_who_holds_it(tmp_path: Path) -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    path = written(tmp_path, LINE + TAP.format(port=listener.getsockname()[1]))
+    ours, theirs = socket.socketpair()
+    with theirs:
+        tap = subprocess.Popen(
+            [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(path)],
+            stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, pass_fds=(theirs.fileno(),),
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+    assert tap.stderr is not None
+    where = tap.stderr.readline().split()[1]  # T: 127.0.0.1:40123 to ..
+    to = f"127.0.0.1:{listener.getsockname()[1]}"
+    driver = TapDriver(ours.fileno(), ([["T", where, to]], str(path), None, None))
+    try:
+        device = socket.create_connection(("127.0.0.1", int(where.rpartition(":")[2])))
+        plc, _ = listener.accept()
+        device.sendall(bytes(12))
+        pictures(driver, lambda picture: picture.snapshot.instances[0].jobs_done == 3)
+        driver.close()
+        device.sendall(b"on")
+        received = b""
+        while len(received) < 14:
+            received += plc.recv(14)
+        ours.close()  # who holds it has ended
+        assert device.recv(1) == b"" and tap.wait() == 0
+        device.close()
+        plc.close()
+    finally:
+        driver.close()
+        tap.kill()
+        tap.wait()
+        tap.stderr.close()
+        listener.close()

@@ -51,6 +51,7 @@ class FakeBroker:
     def __init__(self, pattern: str = "*") -> None:
         self.dropped = 0
         self.asked: list[tuple[str, ...]] = []
+        self.published: list[tuple[str, bytes]] = []
         self._news: list[News] = []
         self._taken = 0
         self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
@@ -63,6 +64,10 @@ class FakeBroker:
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
         return len(self.asked)
+
+    def publish(self, topic: str, payload: bytes) -> int:
+        self.published.append((topic, payload))
+        return len(self.published)
 
     def tell(self, *news: News, seconds: float = 0.0) -> None:
         self._news += news

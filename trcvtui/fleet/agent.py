@@ -17,6 +17,7 @@ from trcvtui import __version__
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
+from trcvtui.fleet.fetch import FetchDesk
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
@@ -52,6 +53,7 @@ class AgentSettings:
     page: tuple[str, int] | None
     record: RecordTo | None
     with_payload: bool = False
+    allows_fetch: bool = False
     packets: tuple[str, ...] = ()  # a program that writes them, and its arguments
 
 
@@ -141,10 +143,14 @@ class Agent:
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
-        connection = BrokerConnection(broker, client_id, Will(topic, self._state("offline")))
+        desk = None
+        if settings.allows_fetch and settings.record is not None:
+            desk = FetchDesk(settings.record.target, settings.site, settings.name, say)
+        topics = () if desk is None else (desk.topic,)
+        connection = BrokerConnection(broker, client_id, Will(topic, self._state("offline")), topics)
         queue = DiskQueue(queue_path(settings.site, settings.name))
         opened.callback(queue.close)
-        self._publisher = Publisher(connection, queue, say)
+        self._publisher = Publisher(connection, queue, say, desk)
         self._publisher.retain(topic, self._state("online"))
         connection.open()
         opened.callback(lambda: connection.close(Will(topic, self._state("offline"))))
@@ -280,6 +286,8 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
         raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")
     if project.taps and settings.record is not None:
         raise mistake("--record", "[[tap]] beside it", "a bench: `trcvtui tap --record` keeps what passes")
+    if settings.allows_fetch and (settings.record is None or settings.broker is None):
+        raise mistake("--allow-fetch", "no --record, or no --mqtt", "both: recordings, and who may ask")
     if project.watches and not program:
         raise mistake(f"{where}: [[watch]]", "no packets", '--packets "dumpcap -q -i eth0 -w -"')
     if program and not project.watches:

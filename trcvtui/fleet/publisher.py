@@ -13,6 +13,7 @@ from typing import Final
 
 from trcvtui.errors import mistake, one_line
 from trcvtui.fleet.broker import BrokerConnection, Came, Connected, Lost, PublishRefused, Taken
+from trcvtui.fleet.fetch import FetchDesk
 
 HOLD_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
@@ -79,8 +80,14 @@ class _Retained:
 class Publisher:
     """Gives the broker what it shall have, as far as it is there. `say` tells the user, a line each."""
 
-    def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
-        self._connection, self._queue, self._say = connection, queue, say
+    def __init__(
+        self,
+        connection: BrokerConnection,
+        queue: DiskQueue,
+        say: Callable[[str], None],
+        desk: FetchDesk | None = None,
+    ) -> None:
+        self._connection, self._queue, self._say, self._desk = connection, queue, say, desk
         self._retained: dict[str, _Retained] = {}
         self._underway: dict[int, int] = {}  # number of the connection: number in the queue, 0: retained
         self._sent_up_to = 0
@@ -124,6 +131,8 @@ class Publisher:
                     self._begin(now)
                 case Lost(why):
                     self._up_at = None
+                    if self._desk is not None:
+                        self._desk.forget()
                     self._tell(f"{why}; what comes is kept, the next try follows")
                 case PublishRefused(why):
                     self._tell(why)
@@ -131,13 +140,18 @@ class Publisher:
                     done = self._underway.pop(number, 0)
                     if done:
                         self._queue.take(done)
-                case Came():
-                    continue  # nobody gives an agent orders
+                    elif self._desk is not None:
+                        self._desk.acknowledged(number)
+                case Came():  # nobody gives an agent other orders
+                    if self._desk is not None:
+                        self._desk.hear(*news)
         if self._up_at is None:
             return
         self._send_retained(now)
         if now >= self._up_at + HOLD_NS:
             self._send_queued()
+        if self._desk is not None:
+            self._desk.turn(self._connection.publish)
 
     def _begin(self, now: int) -> None:
         self._up_at, self._sent_up_to = now, 0

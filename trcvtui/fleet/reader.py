@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections import deque
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError
 from trcvtui.fleet.broker import BrokerConnection, Came, Connected, Lost, Subscribed, SubscriptionRefused
+from trcvtui.fleet.fetch import Fetch, request_topic
 from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, Topic, encoded, read, topic_of
 from trcvtui.rig import clock
@@ -63,6 +65,7 @@ class FleetReader:
         self._last: deque[FleetAgent] = deque()
         self._underway: dict[int, FleetAgent | None] = {}  # subscriptions; None: the first of two of an agent
         self._settling: deque[tuple[int, FleetAgent]] = deque()
+        self.fetch: Fetch | None = None  # the newest recording that was asked for
 
     @property
     def is_complete(self) -> bool:
@@ -74,6 +77,8 @@ class FleetReader:
         """Hear what has come, and look at it for at most so long."""
         for news in self._connection.news():
             match news:
+                case Came(topic, payload) if self.fetch is not None and topic == self.fetch.topic:
+                    self.fetch.take(payload, now)
                 case Came():
                     self._wait(news, now)
                 case Connected():
@@ -93,6 +98,8 @@ class FleetReader:
             self.refused += self._connection.dropped - self._dropped
             self._dropped = self._connection.dropped
             self._tell(TOO_MANY, now)
+        if self.fetch is not None:
+            self.fetch.look(now)
         self._look(now, wall, now + most_ns)
         self._ask()
         while self._settling and now >= self._settling[0][0] and not self._waiting:
@@ -104,6 +111,14 @@ class FleetReader:
         if now >= self._again_at and self.is_complete:
             self._again_at = now + AGAIN_NS
             self._ask_again()
+
+    def ask_recording(self, agent: FleetAgent, minutes: float, folder: Path, now: int) -> None:
+        """Ask an agent for its newest recording, unless one is on its way."""
+        if self.fetch is not None and not self.fetch.is_over:
+            return
+        self.fetch = fetch = Fetch(agent.site, agent.name, folder, now)
+        self._connection.subscribe(((fetch.topic, 1),))
+        self._connection.publish(request_topic(agent.site, agent.name), fetch.request(minutes))
 
     def _lost(self, why: str) -> None:
         self.is_up, self.why, self._miss_at = False, why, None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -198,6 +200,23 @@ async def test_a_card_shows_what_comes_meanwhile_and_what_is_missing() -> None:
         assert screen.text.count("recv gave ECONNRESET") == 8
         await screen.press("escape")
         assert screen.names == WORST_FIRST
+
+
+async def test_f_in_a_card_asks_its_agent_for_the_last_minutes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with on_fleet() as screen:
+        await screen.press("down", "enter", "f")
+        assert "was asked for its recording" in screen.text
+        ((topic, request),) = screen.broker.published
+        fetch = screen.broker.reader.fetch
+        assert fetch is not None and topic.endswith("/request") and json.loads(request)["minutes"] == 10
+        whole = b"recorded"
+        head = {"n": 0, "of": 1, "files": [["line-0001.pcapng", 8]], "sha256": sha256(whole).hexdigest()}
+        await screen.tell(Came(fetch.topic, json.dumps(head).encode() + b"\n" + whole, False))
+        assert f"fetched-{fetch.nonce[:8]}-line-0001.pcapng: r opens it" in screen.text
+        assert fetch.path is not None and fetch.path.read_bytes() == whole
 
 
 async def test_a_broker_that_is_away_stands_in_the_head_and_the_lines_stay() -> None:

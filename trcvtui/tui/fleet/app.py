@@ -51,6 +51,7 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
         ("home, end or G", "the worst, whichever that is; the last one"),
         ("enter or →", "the card of a line; a group opens and closes; the mouse: click it twice"),
         ("←", "to the head of the group"),
+        ("f, r", "in a card: ask its agent for the last minutes of its recording; open it in a replay"),
         ("/", "list only those with these words: names, `offline`, `ERROR`, a state, a code; esc: all"),
         ("g", "in groups by site, by cause, all in one list"),
         ("P", "a picture of the screen as SVG, its path is told"),
@@ -245,7 +246,7 @@ class FleetScreen(Screen[None]):
             self._opened ^= {message.entry.name}
             self.order()
         else:
-            self.app.push_screen(FleetCardScreen(message.entry, self.wall))
+            self.app.push_screen(FleetCardScreen(message.entry, self.wall, self._reader))
 
 
 class FleetHelp(TextView):
@@ -316,7 +317,7 @@ class FleetApp(TerminalApp):
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
-            self.screen.card.draw()
+            self.screen.draw()
 
     def tell_first(self) -> None:
         """Say what is wrong with the settings."""

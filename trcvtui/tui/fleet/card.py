@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from datetime import datetime
-from typing import Final
+from pathlib import Path
+from typing import ClassVar, Final
+
+from textual.binding import Binding
 
 from trcvtui.fleet.event_log import KeptEvent
+from trcvtui.fleet.fetch import Fetch
+from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import OFFLINE, FleetInstance, FleetLine
+from trcvtui.rig import clock
 from trcvtui.rig.wording import size_text
 from trcvtui.tui.fleet.table import since_text, spark_parts
 from trcvtui.tui.formatting import count, lamp, plain, wrapped
@@ -17,6 +24,7 @@ from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
 LABEL, CODE = 9, 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
 DAY: Final = "%Y-%m-%d"
+MINUTES: Final = 10  # of the recording that is asked for
 
 
 def time_text(t: float, wall: float) -> str:
@@ -30,6 +38,8 @@ def time_text(t: float, wall: float) -> str:
 
 class FleetCard(TextView):
     """Everything that is known of one line."""
+
+    fetch: Fetch | None = None  # what was asked for
 
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
@@ -64,6 +74,9 @@ class FleetCard(TextView):
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._told("line", plain(state), "" if line.shows != OFFLINE else "faint")
         yield from self._told("agent", told + version, "error" if line.shows == OFFLINE else "")
+        if self.fetch is not None and self.fetch.agent == line.agent.name:
+            told = f"{plain(self.fetch.told)}" + (": r opens it" if self.fetch.path is not None else "")
+            yield from self._told("fetched", told, "")
         if figures is not None:
             trip, again = figures.round_trip_ms, figures.retransmissions
             parts = [
@@ -135,12 +148,35 @@ class FleetCardScreen(ListDialog[None]):
 
     DEFAULT_CSS = "FleetCardScreen FleetCard { width: 104; height: auto; max-height: 100%; }"
 
-    def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
+    BINDINGS: ClassVar = [Binding("f", "fetch", show=False), Binding("r", "replay", show=False)]
+
+    def __init__(self, line: FleetLine, wall: Callable[[], float], reader: FleetReader) -> None:
         self.card = FleetCard(line, wall)
+        self._line, self._reader = line, reader
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
-        self.card.set_title(None, name, "esc closes")
+        self.card.set_title(None, name, "f asks for the last minutes · esc closes")
         super().__init__(self.card, None)
 
     def on_mount(self) -> None:
         """Show it."""
+        self.draw()
+
+    def draw(self) -> None:
+        """Show what is known now."""
+        self.card.fetch = self._reader.fetch
         self.card.draw()
+
+    def action_fetch(self) -> None:
+        """Ask for the recording of the last minutes."""
+        self._reader.ask_recording(self._line.agent, MINUTES, Path.cwd(), clock.now_ns())
+        self.draw()
+
+    def action_replay(self) -> None:
+        """Open the recording that has come; the list is here again when it is closed."""
+        fetch = self._reader.fetch
+        if fetch is not None and fetch.path is not None:
+            from subprocess import run  # when it is asked for
+
+            with self.app.suspend():
+                run([sys.executable, "-m", "trcvtui", "replay", str(fetch.path)], check=False)
+            self.app.refresh()

@@ -39,6 +39,7 @@ HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one aga
 MOST_LINES: Final = 20_000
 DOCTOR_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
 FIRST_LOOK_NS: Final = 10 * NS
+RESTS: Final = 50  # times as long as he looked: a long recording takes him long
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,8 @@ class Agent:
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
         self._figures_at: dict[str, int] = {}
-        self._doctor_at = 0  # when he looks next
+        self._doctor_at = self._asked_at = 0  # when he looks next, and was asked
+        self._looks = 0
         self._judged_at: tuple[object, ...] = ()  # what there was when he was asked
         self.restarts: int = 0
 
@@ -171,7 +173,7 @@ class Agent:
     def _start(self, now: int) -> None:
         settings = self._settings
         self._engine = self._new_engine()
-        self._started_at, self._doctor_at = now, now + FIRST_LOOK_NS
+        self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
         self.seen.begin_run()
         if not (settings.packets or self._tap):
             self._engine.project()  # first: with a request unread its last words would be lost
@@ -230,6 +232,9 @@ class Agent:
             self._figures_at.pop(line.name, None)
         for instance, event in self.seen.findings(update.doctor, _wall(), self._settings.with_payload):
             self._publish_event(instance, event)
+        if update.doctor.looks != self._looks:
+            self._looks = update.doctor.looks
+            self._doctor_at = max(self._doctor_at, now + RESTS * (now - self._asked_at))
         known = UpdateRequest(
             since_seq=self.seen.seq,
             most_lines=MOST_LINES,
@@ -243,7 +248,7 @@ class Agent:
         """Return whether the doctor shall look: at a run in which something has come since he did."""
         if now < self._doctor_at:
             return False
-        self._doctor_at = now + DOCTOR_NS
+        self._doctor_at, self._asked_at = now + DOCTOR_NS, now
         came = self.seen.came()
         is_due, self._judged_at = came != self._judged_at, came
         return is_due

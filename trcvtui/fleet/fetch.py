@@ -74,10 +74,16 @@ class FetchDesk:
 
     def _begin(self, topic: str, minutes: float) -> None:
         self._topic, self._sent, self._of = topic, 0, 1
-        files = self._newest(minutes)
         self._parts, self._head = [], {"error": "nothing is recorded yet"}
+        files = self._newest(minutes)
         if not files:
             return
+        try:
+            self._read(files)
+        except OSError as gone:  # the ring has let it go
+            self._parts, self._head = [], {"error": gone.strerror or "no recording"}
+
+    def _read(self, files: list[Path]) -> None:
         whole = sha256()
         sizes = []
         for file in files:
@@ -87,7 +93,11 @@ class FetchDesk:
                     whole.update(data)
                     self._parts.append((file, size, len(data)))
                     size += len(data)
+                    if len(data) < PIECE:
+                        break  # its end, as it is now
             sizes.append([file.name, size])
+        if not self._parts:
+            return
         self._of = len(self._parts)
         self._head = {"of": self._of, "files": sizes, "sha256": whole.hexdigest()}
         self._say(f"a recording is asked for over the broker: {', '.join(file.name for file in files)}")

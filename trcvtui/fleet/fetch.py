@@ -54,6 +54,7 @@ class FetchDesk:
         self._head: dict[str, Any] = {}
         self._topic, self._sent, self._of = "", 0, 0
         self._underway: set[int] = set()
+        self._is_told = False  # that another one was asked for meanwhile
 
     def hear(self, topic: str, payload: bytes, is_retained: bool) -> None:
         """Take a message; begin to answer where it is a request, and nothing is under way."""
@@ -68,12 +69,14 @@ class FetchDesk:
         if not is_right or not 0 < minutes <= MOST_MINUTES:
             return
         if self._of:
-            self._say("a recording was asked for while another one is on its way: not answered")
+            if not self._is_told:  # once: there may be thousands
+                self._say("a recording was asked for while another one is on its way: not answered")
+            self._is_told = True
             return
         self._begin(answer_topic(self._site, self._agent, nonce), minutes)
 
     def _begin(self, topic: str, minutes: float) -> None:
-        self._topic, self._sent, self._of = topic, 0, 1
+        self._topic, self._sent, self._of, self._is_told = topic, 0, 1, False
         self._parts, self._head = [], {"error": "nothing is recorded yet"}
         files = self._newest(minutes)
         if not files:

@@ -236,4 +236,4 @@ class Fetch:
             path = self._folder / f"fetched-{self.nonce[:8]}-{name}"
             write_file(path, data, "the recording", is_own=True)
             self.path = path
-        self._end(f"{self.path}")
+        self._end(f"{self._files[-1][0]} is here as {self.path.name}" if self.path else "")

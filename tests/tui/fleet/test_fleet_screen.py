@@ -215,7 +215,8 @@ async def test_f_in_a_card_asks_its_agent_for_the_last_minutes(
         whole = b"recorded"
         head = {"n": 0, "of": 1, "files": [["line-0001.pcapng", 8]], "sha256": sha256(whole).hexdigest()}
         await screen.tell(Came(fetch.topic, json.dumps(head).encode() + b"\n" + whole, False))
-        assert f"fetched-{fetch.nonce[:8]}-line-0001.pcapng: r opens it" in screen.text
+        name = f"fetched-{fetch.nonce[:8]}-line-0001.pcapng"
+        assert f"line-0001.pcapng is here as {name}: r opens it" in screen.text
         assert fetch.path is not None and fetch.path.read_bytes() == whole
 
 

@@ -183,3 +183,24 @@ def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(
 
 def test_a_serial_line_without_errors_is_healthy(tmp_path: Path) -> None:
     assert main(["doctor", serial_capture(tmp_path / "a.pcapng", *[(READ, b"\x02OK\x03")] * 9)]) == 0
+
+
+def record(kind: int, body: bytes) -> bytes:
+    """Return a record of TLS."""
+    return bytes((kind, 3, 3)) + len(body).to_bytes(2, "big") + body
+
+
+@pytest.mark.parametrize("plc_calls", [False, True])
+def test_a_caller_of_tls_1_3_whose_certificate_is_refused_gets_one_encrypted_alert(
+    plc_calls: bool, tmp_path: Path
+) -> None:
+    made = Built("tls-refused")
+    wire = Wire(Random(7), made, S, plc_calls=plc_calls).open()
+    caller, listener = wire.caller, wire.listener
+    wire.say(caller, record(22, b"\x01" + bytes(200)))
+    wire.say(listener, record(22, b"\x02" + bytes(80)) + record(20, b"\x01") + record(23, bytes(400)))
+    wire.say(caller, record(20, b"\x01") + record(23, bytes(300)))
+    wire.say(listener, record(23, bytes(19)))
+    wire.fin(caller)
+    first = found_in(made, tmp_path)[0]
+    assert first["cause"] == "tls-refused" and "one encrypted alert" in first["evidence"][0]

@@ -97,7 +97,7 @@ def tls_refused(line: LineFacts) -> Said | None:
     told = {"to-plc": _records(line.to_plc.content), "from-plc": _records(line.from_plc.content)}
     if not any(told.values()):
         return None
-    hello = next((way for way, records in told.items() if records and records[0][0] == _HANDSHAKE), None)
+    hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
     for way, records in told.items():
         is_open = True  # not encrypted yet
         for kind, body in records:
@@ -136,6 +136,10 @@ def tls_refused(line: LineFacts) -> Said | None:
         text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
         return Said(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
     return None
+
+
+def _is_client_hello(kind: int, body: bytes) -> bool:
+    return kind == _HANDSHAKE and body[:1] == b"\x01"  # 2: of the server
 
 
 def _is_answered_by_alert(

@@ -23,12 +23,10 @@ from trcvtui.net.results import Datagram, Endpoint, WouldBlock
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
 
-# (some bytes are there, the job is complete) -> what the block is doing
-_RECEIVING: Final = {
-    (False, False): "nothing received yet",
-    (True, False): "bytes are missing",
-    (True, True): "the frame is complete and shows in the next scan",
-}
+# What the block is doing, in words. A complete frame may have no bytes: an empty datagram, an empty TSDU.
+NO_BYTE: Final = "nothing received yet"
+SOME_BYTES: Final = "bytes are missing"
+COMPLETE: Final = "the frame is complete and shows in the next scan"
 
 
 class ReceiveJob:
@@ -289,7 +287,8 @@ class ReceiveJob:
 
 @lru_cache(OUTCOMES_KEPT)
 def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
-    cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
+    name = COMPLETE if complete else SOME_BYTES if have else NO_BYTE
+    cause = Cause(Why.BYTES, name, have=have, need=need)
     return Outcome(condition, cause, stable=not complete)
 
 

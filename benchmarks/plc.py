@@ -12,6 +12,7 @@ from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.plc.commands import SetInput
+from trcvtui.plc.containment import Containment
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.file import read_project
 from trcvtui.rig import clock
@@ -45,7 +46,9 @@ class ManyReceivers:
         unlimited = Resources(
             JobQueue(count, plan.take), BufferPool(count, plan.take), ConnectionBudget(count)
         )
-        self.runtime = Runtime(project, FaultyKernel(self.kernel, plan), unlimited, lambda name: None)
+        kernel = FaultyKernel(self.kernel, plan)
+        containment = Containment(lambda part, report: report(), repr, lambda note: None, None)
+        self.runtime = Runtime(project, kernel, unlimited, lambda name: None, None, containment)
         self._names = [f"C{i}" for i in range(count)]
         self._start = clock.now_ns()
         self.scan(SET_UP_SCANS)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import gc
+import os
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from tests.certificates import certificates, secure_bench
+from trcvtui.plc.containment import RAISES
 
 __all__ = ["certificates", "secure_bench"]
 
 TESTS = Path(__file__).parent
+os.environ.setdefault(RAISES, "raise")  # an exception that is contained elsewhere fails the test, in any process
 
 settings.register_profile("same", deadline=None, max_examples=60, derandomize=True)
 settings.register_profile("searching", deadline=None, max_examples=600)

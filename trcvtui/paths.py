@@ -22,6 +22,14 @@ def configs_path() -> Path:
     return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS
 
 
+def state_folder() -> Path:
+    """Return where the program keeps what the user gave no name; a service where systemd says."""
+    from platformdirs import user_state_path  # read when first asked for
+
+    given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
+    return Path(given) if given else user_state_path("trcvtui", appauthor=False)
+
+
 def given_path(text: str) -> Path:
     """Return the file that a word of the command line names; raise UserError for a name of two examples.
 

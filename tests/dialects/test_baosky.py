@@ -47,6 +47,7 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
         "check_remote_ip": "true",
         "check_remote_port": "false",
         "backlog": "128",
+        "internal_fault": "8FFF",
         "small_buffers": "false",
     }
 

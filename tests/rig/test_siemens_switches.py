@@ -119,8 +119,9 @@ CASES = {
 }
 
 
-# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the wire.
-ON_THE_WIRE = {"iso_tpdu_default", "backlog"}
+# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the wire; and what no pin brings
+# about: tests/rig/test_internal_errors.py.
+ON_THE_WIRE = {"iso_tpdu_default", "backlog", "internal_fault"}
 
 
 def test_every_switch_has_a_case() -> None:

@@ -84,6 +84,22 @@ class NoJob:
         return b""
 
 
+class StoppedBlock:
+    """What stands in the place of a block that an internal error has stopped; it is called no more."""
+
+    job = NoJob()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Raise: nothing calls it."""
+        raise NotImplementedError
+
+    def stop(self, reason: str) -> None:
+        """Do nothing: no job runs."""
+
+    def detach(self, reason: str) -> None:
+        """Do nothing: no job runs."""
+
+
 class Block(Protocol):
     """One block instance's inside."""
 

@@ -115,6 +115,7 @@ class Condition(StrEnum):
     NULL_RECEIVE_POINTER = "pReceiveData points to nothing"
     RECEIVE_LENGTH_WRONG = "SizeReceiveData wrong"
     DATA_OVERRUN = "size reached without the suffix"
+    INTERNAL_FAULT = "internal error"
 
 
 BUSY: Final = frozenset(

@@ -27,6 +27,7 @@ class Why(StrEnum):
     OWNER = "owner"
     RESOURCE = "resource"
     OTHER_BLOCK = "other block"
+    INTERNAL = "internal error"
 
 
 # What fails like a call and is none, though a plan can make it fail, or the kernel was asked before:

@@ -155,6 +155,7 @@ class Rules:
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64
+    internal_fault: int = 0x8FFF  # STATUS of an instance that an error of this program has stopped
 
     def typed(self, pin: Pin) -> Pin:
         """Return a pin with the IEC type that this vendor gives it."""
@@ -162,5 +163,7 @@ class Rules:
 
     def word(self, block: str, condition: Condition) -> int:
         """Return the STATUS that a condition has on a block."""
+        if condition is Condition.INTERNAL_FAULT:
+            return self.internal_fault
         own = self.status_of.get(block)
         return self.status[condition] if own is None or condition not in own else own[condition]

@@ -22,6 +22,7 @@ from trcvtui.net.events import What
 from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress, PathInfo
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import OPENING, Opening
+from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 from trcvtui.records import NamedTuple
 
@@ -165,6 +166,7 @@ NOTHING: Final = type(None)
 ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     STEP: (int,),
     **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NOTHING,)),
+    EXCEPTION: (str,),
     "link": (tuple,),
     "is_free": (bool,),
     "grant": (int,),

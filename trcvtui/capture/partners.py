@@ -139,6 +139,8 @@ class PartnersAgain(Replay):
         times = self._told.times
         if self.scan > self._told.first + 1:
             self._look_back()
+        if self.scan in self._told.failures:
+            self.note_guess()
         if self.scan <= self._told.scan:
             self._now = times[self.scan - self._told.first - 1]
         return self._now

@@ -16,12 +16,16 @@ from trcvtui.capture.journal import GAP, STEP, Answered, EntriesLost, Entry, Run
 from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import Accepted, KernelLoss
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
+from trcvtui.plc.containment import EXCEPTION
 from trcvtui.records import NamedTuple
 
 MOST_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
 NOBODY: Final = Endpoint("127.0.0.1", 0)
-TRANSPARENT: Final = ("grant", "wait")  # the bound of work is each bench's own
+TRANSPARENT: Final = (
+    "grant",
+    "wait",
+)  # the bound of work is each bench's own, and so are its exceptions
 STAYS: Final = (  # calls whose newest answer holds until another one comes
     "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
     "is_free",
@@ -122,6 +126,7 @@ class RecordedRun:
         self.datagrams: dict[str, list[DatedMessage]] = {}
         self.serial: dict[str, list[tuple[CallPlace, bytes]]] = {}
         self.begins: RunBegins | None = None
+        self.failures: dict[int, str] = {}  # scan -> what an internal error has stopped in it
         self.cut = 0  # the scan from which on nothing is known, 0: none
         self.read: list[tuple[int, int]] = []  # scan, how many bytes blocks have read in all
         self._size = 0
@@ -196,6 +201,8 @@ class RecordedRun:
                 partner.note_bytes(CallPlace(self.scan + 1), len(partner.data) + unread)
             return
         self._calls += call not in TRANSPARENT
+        if call == EXCEPTION:
+            self.failures.setdefault(self.scan, owner)
         note = _NOTES.get(call)
         if note is not None:
             note(self, owner, cast(int, args[0]) if args else 0, args, answer)

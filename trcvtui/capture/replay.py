@@ -23,6 +23,8 @@ from trcvtui.capture.journal import (
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
 from trcvtui.net.kernel import Handle
+from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, Part, RecordedException
+from trcvtui.plc.ledger import BenchNote
 
 T = TypeVar("T")
 
@@ -94,13 +96,18 @@ class Replay:
         return asked
 
     def _found(self, owner: str, call: str, args: tuple[object, ...]) -> Answered:
-        """Return the entry of a question, after notes and gaps; raise UserError for another question."""
+        """Return the entry of a question, after notes and gaps; raise UserError for another question.
+
+        Where the recorded run has had an exception instead, raise RecordedException.
+        """
         entry = self._front
         while not isinstance(entry, Answered) or entry.call.startswith(GAP):
             if entry is None or isinstance(entry, RunBegins | EntriesLost):
                 self._differs(entry, _words(owner, call, args))
             self._pass(entry)
             entry = self._front
+        if entry.call == EXCEPTION != call:
+            raise RecordedException
         if entry[:3] != (owner, call, args):
             self._differs(entry, _words(owner, call, args))
         return entry
@@ -116,6 +123,8 @@ class Replay:
         owner, call, args, answer = entry
         if call == READ:
             self.files.take(cast(str, args[0]), cast(bytes | str, answer))
+        elif call == GAP + EXCEPTION:
+            self.tell(BenchNote(owner, INTERNAL_ERROR, str(answer)))
         elif call == GAP + "path" and [*map(type, args)] == [int]:
             self._known[owner, "path", args] = answer
 
@@ -127,6 +136,10 @@ class Replay:
             if found:
                 break
         return self._known.get((owner, call, args))
+
+    def has_failed(self, part: Part) -> bool:
+        """Return whether an exception in this part of the run was recorded next."""
+        return type(self._front) is Answered and self._front[:3] == (part[1], EXCEPTION, part[:1])
 
     def told(self, note: Note) -> None:
         """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""

@@ -41,6 +41,15 @@ BACKLOG: Final = Switch(
     most=4096,
 )
 
+# No row of any manual uses these codes.
+INTERNAL_FAULT: Final = Switch(
+    "internal_fault",
+    "choice",
+    "8FFF",
+    "STATUS of an instance that an internal error of this program has stopped",
+    ("8FFF", "8FFE", "8FFD"),
+)
+
 
 def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
     """Return what each block shows for each condition, as the rows say."""

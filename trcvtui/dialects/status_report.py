@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.blocks.table import block_row
-from trcvtui.dialects.dialect import Dialect
+from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
 from trcvtui.records import dataclass, replace
 
@@ -105,6 +105,8 @@ def explain(
         table = f"the table of {names}" if wanted is None else f"the table of {wanted} ({names})"
         reads_decimals = all(any(map(is_number, dialect.status)) for dialect in dialects)
         shown = f"16#{code:04X}" + (f", or the number {number}" if number and reads_decimals else "")
+        if f"{code:04X}" in INTERNAL_FAULT.values:
+            shown += f", {INTERNAL_FAULT.text}"
         raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status`")
     return found
 

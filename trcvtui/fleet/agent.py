@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import signal
 import sys
@@ -13,7 +12,7 @@ from shutil import which
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui import __version__
+from trcvtui import __version__, paths
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
@@ -67,9 +66,7 @@ def queue_path(site: str, name: str) -> Path:
     """Return the file of the queue: where systemd says, or where a user's programs keep such things."""
     from hashlib import sha256
 
-    from platformdirs import user_state_path
-
-    folder = Path(os.environ.get("STATE_DIRECTORY", "").partition(":")[0] or user_state_path("trcvtui"))
+    folder = paths.state_folder()
     for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
         if not each.is_dir():
             make_folder(each, "the folder of the queue")

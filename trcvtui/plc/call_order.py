@@ -11,8 +11,10 @@ the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence, Set
+from contextlib import suppress
 
+from trcvtui.plc.containment import Part
 from trcvtui.plc.fast_lane import COLLECTS, Lane, lane_of
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import Ledger, StatusEdge
@@ -22,7 +24,8 @@ class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
     A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
-    `ledger`: where fast lanes write; None: there are none.
+    `ledger`: where fast lanes write; None: there are none. `failed` puts an instance out of service that has
+    raised, and answers whether its outputs differ; `check` raises where a replay has it so.
     """
 
     def __init__(
@@ -31,7 +34,10 @@ class CallOrder:
         scan_interval: int,
         connects: Iterable[str],
         ledger: Ledger | None,
+        failed: Callable[[Instance, Exception], bool],
+        check: Callable[[Part], None] | None,
     ) -> None:
+        self._failed, self._check = failed, check
         self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)
         self._scan_interval = scan_interval
         self._intervals = frozenset(interval for _, interval in entries)
@@ -97,22 +103,39 @@ class CallOrder:
                 awake.add(connect)
                 continue
             lane = lanes[place]
-            if lane is not None:
-                edge = lane.scan(ready, scan, now)
-                if edge is not None:
-                    if edge:
-                        changed.append(edge)  # type: ignore[arg-type]
-                    if lane.step == COLLECTS:
-                        asleep.add(connect)
-                    continue
-                self.end_lanes(connect)
-            if instance.scan():
+            try:
+                if lane is not None:
+                    edge = lane.scan(ready, scan, now)
+                    if edge is not None:
+                        if edge:
+                            changed.append(edge)  # type: ignore[arg-type]
+                        if lane.step == COLLECTS:
+                            asleep.add(connect)
+                        continue
+                    self.end_lanes(connect)
+                has_changed = instance.scan()
+                if self._check is not None:
+                    self._check(("instance", instance.name))
+            except Exception as error:
+                has_changed = self._fail(place, error)
+            if has_changed:
                 changed.append(instance.edge)
                 if instance.edge.outputs.done:
                     self._begin_lane(place, instance, connect)
             (asleep if instance.asleep else awake).add(connect)
         self._awake = self._awake - (asleep - awake) - self._without
         return changed
+
+    def _fail(self, place: int, error: Exception) -> bool:
+        """Put an instance out of service; its lane knows nothing that counts any more."""
+        instance = self._entries[place][0]
+        lane, self._lanes[place] = self._lanes[place], None
+        if lane is not None:
+            self._laned.discard(place)
+            self.lane_handles.discard(lane.handle)
+            with suppress(Exception):  # the one that was raised first is reported
+                lane.settle()
+        return self._failed(instance, error)
 
     def _begin_lane(self, place: int, instance: Instance, connect: str) -> None:
         if self._ledger is None or len(self._places[connect]) > 1:

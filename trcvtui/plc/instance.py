@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks.block import Binding, new_block
-from trcvtui.blocks.outcome import NOT_CALLED, Outcome
+from trcvtui.blocks.block import Binding, Block, StoppedBlock, new_block
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import NOT_CALLED, Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs, PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import Reception
@@ -14,6 +15,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.blocks.tcp.compact_blocks import TrcvC
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
+from trcvtui.plc.containment import INTERNAL_ERROR
 from trcvtui.plc.ledger import InputEdge, Outputs, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import Bare, FramerSnapshot, InstanceSnapshot, framer_snapshot
@@ -62,7 +64,7 @@ class Instance:
 
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
-        self._block = new_block(self._row, self._bound)
+        self._block: Block = new_block(self._row, self._bound)
         self._block_would_read: Callable[[Inputs, bool], bool] | None
         self._block_would_read = getattr(self._block, "would_read", None)  # of a block that receives
         if isinstance(self._bound, Binding) and self._block_would_read is not None:
@@ -70,7 +72,7 @@ class Instance:
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
         self.edge = self._show(NOT_CALLED)
-        self.called = False
+        self.called = self.has_failed = False
         self.asleep = False  # the next call would change nothing that anybody can see
         self.since_scan = self._env.scan
         self.jobs_done = self.errors = 0
@@ -109,6 +111,8 @@ class Instance:
 
     def scan(self) -> bool:
         """Call the block once; return whether any output differs from the scan before."""
+        if self.has_failed:
+            return False
         if self._fading or self._blinking:
             self._go_on_by_itself()
         if self._stream is not None and self._stream.before(self._block.job):
@@ -131,6 +135,12 @@ class Instance:
         if outcome is self.outcome and not first:
             return False
         return self.take(outcome) or first
+
+    def fail(self, why: str) -> bool:
+        """Show ERROR, and be called no more until `fresh`; return whether any output differs."""
+        self._block, self._block_would_read = StoppedBlock(), None
+        self.has_failed = self.called = self.asleep = True
+        return self.take(Outcome(Condition.INTERNAL_FAULT, Cause(Why.INTERNAL, INTERNAL_ERROR, detail=why)))
 
     @property
     def usual_job(self) -> ReceiveJob | None:

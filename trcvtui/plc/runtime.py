@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, Final, TypeVar
 
 from trcvtui import lane_note
@@ -47,6 +48,7 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
+from trcvtui.plc.containment import INTERNAL_ERROR, Containment
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
@@ -108,10 +110,11 @@ class Runtime:
         kernel: ReadyKernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
-        ports: SerialPorts | None = None,
+        ports: SerialPorts | None,
+        containment: Containment,
         has_lanes: bool | None = None,
     ) -> None:
-        self.ledger = Ledger()
+        self.ledger, self._containment = Ledger(), containment
         self.has_lanes = not lane_note() if has_lanes is None else has_lanes
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
@@ -132,7 +135,7 @@ class Runtime:
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
-        self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports)
+        self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports, containment)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._call_order = self._new_call_order()
         self._written: set[str] = set()  # the variables that a command has written since the last snapshot
@@ -172,7 +175,9 @@ class Runtime:
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
         links = (*self._connections, *self._ports, *self._lines.names)
-        return CallOrder(entries, self.interval_ns, links, self.ledger if self.has_lanes else None)
+        ledger = self.ledger if self.has_lanes else None
+        check = self._containment.check if self._containment.is_due is not None else None
+        return CallOrder(entries, self.interval_ns, links, ledger, self._fail, check)
 
     def _resolve(self, reference: str) -> int | None:
         name = reference.removeprefix("@")
@@ -356,11 +361,9 @@ class Runtime:
         if ready is None or ready:
             for name in self._connections if ready is None else self._ready_listeners(ready):
                 self._call_order.end_lanes(name)
-                if self._connections[name].service():
-                    self._call_order.wake((name,))
+                self._serve(name, self._connections[name].service)
         for name in tuple(resources.unsettled) if resources.unsettled else ():
-            if self._connections[name].watch():
-                self._call_order.wake((name,))
+            self._serve(name, self._connections[name].watch)
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections, lanes = self._connections, self._call_order.lane_handles
@@ -373,6 +376,46 @@ class Runtime:
             and name in connections
             and (connections[name].handle != handle or connections[name].pending_loss)
         ]
+
+    # -- what an internal error has stopped ----------------------------------------------------------------
+
+    def _serve(self, name: str, do: Callable[[], bool]) -> None:
+        """Let a CONNECT do its work between scans, and wake its instances where that has changed anything."""
+        if (part := ("CONNECT", name)) in self._containment.out:
+            return
+        is_changed = self._containment.attempt(part, do)
+        if is_changed is None:
+            for instance in self._instances.values():
+                if instance.decl.connect == name and self._stop_instance(
+                    instance, f"CONNECT {name} has failed"
+                ):
+                    self.ledger.write(instance.edge)
+                    self._stopped.append(instance)
+        if is_changed:
+            self._call_order.wake((name,))
+
+    def _fail(self, instance: Instance, error: Exception) -> bool:
+        """Put an instance that has raised out of service; return whether any output differs."""
+        return self._stop_instance(instance, self._containment.note(("instance", instance.name), error))
+
+    def _stop_instance(self, instance: Instance, why: str) -> bool:
+        """Let an instance show ERROR and hold nothing; close its connection where no other works on it."""
+        name, connect = instance.name, instance.decl.connect
+        self._containment.attempt(("instance", name), partial(instance.detach, INTERNAL_ERROR))
+        is_changed = instance.fail(why)
+        link = self._connections.get(connect) or self._ports.get(connect)
+        if link is not None:
+            for direction in link.directions:
+                direction.release(name)
+            if not any(map(self._works, self._call_order.on((connect,)))):
+                self._containment.attempt(("CONNECT", connect), link.stop)
+        return is_changed
+
+    def _works(self, instance: Instance) -> bool:
+        """Return whether an instance works on its connection, or may; a block without CONT always may."""
+        pins = instance.inputs
+        asks = pins.get("CONT", True) or pins.get("EN_R", False) or pins.get("REQ", False)
+        return bool(asks) and not instance.has_failed
 
     # -- commands --------------------------------------------------------------------------------------------
 
@@ -514,8 +557,10 @@ class Runtime:
 
     def _download(self, name: str) -> None:
         self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
-        self._instances[name].detach("instance downloaded")
-        self._instances[name].fresh()
+        instance = self._instances[name]
+        self._containment.forget(("instance", name), ("CONNECT", instance.decl.connect))
+        instance.detach("instance downloaded")
+        instance.fresh()
 
     def _stop(self) -> None:
         if not self.running:
@@ -525,7 +570,7 @@ class Runtime:
         self.close()
         self._lines.stop()
         for instance in self._instances.values():
-            if instance.stop():
+            if self._containment.attempt(("instance", instance.name), instance.stop):
                 self.ledger.write(instance.edge)
                 self._stopped.append(instance)
 
@@ -533,6 +578,7 @@ class Runtime:
         if self.running:
             return
         self.running = True
+        self._containment.out.clear()
         self.ledger.write(BenchNote("PLC", "RUN"))
         for instance in self._instances.values():
             instance.fresh()
@@ -540,10 +586,8 @@ class Runtime:
     def close(self) -> None:
         """Free every socket; the run is over."""
         self._call_order.end_lanes()
-        for connection in self._connections.values():
-            connection.stop()
-        for port in self._ports.values():
-            port.stop()
+        for name, link in (*self._connections.items(), *self._ports.items()):
+            self._containment.attempt(("CONNECT", name), link.stop)
         self._lines.close()
 
     # -- the frozen picture ------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, LineRecording, Ser
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
+from trcvtui.plc.containment import Containment
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
@@ -39,7 +40,9 @@ class SerialLines:
         env: Environment,
         write: Callable[[SerialNote | BenchNote], None],
         ports: SerialPorts | None,
+        containment: Containment,
     ) -> None:
+        self._containment = containment
         self._env, self._write, self._new_port = env, write, ports
         self._decls: dict[str, ComBufferDecl] = {}
         self._buffers: dict[str, ComBuffer] = {}
@@ -163,10 +166,18 @@ class SerialLines:
 
     def receive(self, now: int) -> None:
         """Take what has come at the real ports."""
-        for port in self._ports.values():
-            port.receive(now)
+        for name, port in self._ports.items():
+            self._serve(name, partial(port.receive, now))
         for name in self._orphans:
-            self._streams[name].watch()
+            self._serve(name, self._streams[name].watch)
+
+    def _serve(self, name: str, do: Callable[[], object]) -> None:
+        """Work for one line; where that raises, its port is closed, and it is served no more."""
+        part = "line", name
+        if part not in self._containment.out:
+            self._containment.attempt(part, do)
+            if part in self._containment.out and name in self._ports:
+                self._containment.attempt(part, self._ports[name].close)
 
     def move(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
@@ -175,13 +186,15 @@ class SerialLines:
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
         for name, decl in self._decls.items():
             if decl.line in self._ports:
-                self._ports[decl.line].send(decl.per_cycle, now)
-                continue
-            if not decl.is_written or decl.line:  # a TSEND_C takes the bytes of its own
-                continue
-            gone = self._buffers[name].take(decl.per_cycle or self._buffers[name].count)
-            if gone and name in receivers:
-                self._buffers[receivers[name]].put(gone)
+                self._serve(decl.line, partial(self._ports[decl.line].send, decl.per_cycle, now))
+            elif decl.is_written and not decl.line:  # a TSEND_C takes the bytes of its own
+                self._serve(name, partial(self._cross, name, decl.per_cycle, receivers.get(name)))
+
+    def _cross(self, name: str, most: int, receiver: str | None) -> None:
+        """Let bytes of a written ComBuffer go out, `most` of them (0: all), into the one at the other end."""
+        gone = self._buffers[name].take(most or self._buffers[name].count)
+        if gone and receiver is not None:
+            self._buffers[receiver].put(gone)
 
     def stop(self) -> None:
         """Empty all of them and close the ports: PLC STOP."""

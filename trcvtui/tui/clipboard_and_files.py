@@ -17,6 +17,7 @@ from typing import Final
 
 from textual.app import App
 
+from trcvtui import paths
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of, write_file
 from trcvtui.tui.copy_formats import Format
@@ -27,16 +28,9 @@ PATIENCE_S: Final = 2.0
 FOLDER: Final = "yanks"
 
 
-def state_folder() -> Path:
-    """Return where this program keeps what the user did not give a name."""
-    from platformdirs import user_state_path  # read when first asked for
-
-    return user_state_path("trcvtui", appauthor=False) / FOLDER
-
-
 def keep(text: str, kind: str, suffix: str) -> Path:
     """Write a text into a new file of the state folder; raise UserError."""
-    folder = state_folder()
+    folder = paths.state_folder() / FOLDER
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as failed:

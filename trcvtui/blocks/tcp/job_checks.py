@@ -92,8 +92,7 @@ def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | 
     """Return who works on this connection with another priority, where a vendor does not take that."""
     if not env.rules.one_class:
         return None
-    directions = connection.keeping, connection.receiving, connection.sending
-    found = (direction.of_another_priority(claim) for direction in directions)
+    found = (direction.of_another_priority(claim) for direction in connection.directions)
     return next((rival for rival in found if rival is not None), None)
 
 

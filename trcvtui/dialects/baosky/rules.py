@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp_status import UDP_STATUS
-from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue
+from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import Policy
 
 SECOND: Final = 1_000_000_000  # ns
@@ -78,6 +78,7 @@ SWITCHES: Final = (
     Switch("check_remote_ip", "bool", True, "a passive CONNECT takes RemoteAddress only (0.0.0.0: anyone)"),
     Switch("check_remote_port", "bool", False, "a passive CONNECT takes clients from RemotePort only"),
     BACKLOG,
+    INTERNAL_FAULT,
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 and 80A8 come in seconds"),
 )
 
@@ -98,6 +99,7 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
         policy=_policy(chosen),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
+        internal_fault=int(str(chosen["internal_fault"]), 16),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
 from trcvtui.blocks.status import Reach, StatusRow
-from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.states import ALL, BOTH_C, RCV_C, SEND_C
 from trcvtui.dialects.siemens.status import STATUS
@@ -139,6 +139,7 @@ SWITCHES: Final = (
         most=65531,
     ),
     BACKLOG,
+    INTERNAL_FAULT,
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
@@ -242,6 +243,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
+        internal_fault=int(str(chosen["internal_fault"]), 16),
     )
 
 

@@ -246,6 +246,11 @@ class Connection:
         """Return the local end of the connection, or of the listener."""
         return self._local or self.set_up.local
 
+    @property
+    def directions(self) -> tuple[DirectionClaims, ...]:
+        """Return all that an instance can have a claim on."""
+        return self.receiving, self.sending, self.keeping
+
     # -- set-up: TCON ------------------------------------------------------------------------
 
     def open(self, has_addr: bool = True) -> Fault | None:

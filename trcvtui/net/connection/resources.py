@@ -233,6 +233,10 @@ class DirectionClaims:
         if claim in self._claims:
             self._claims.remove(claim)
 
+    def release(self, instance: str) -> None:
+        """End every claim of an instance, whether it is still there or not."""
+        self._claims = [held for held in self._claims if held.instance != instance]
+
     def is_anybodys_but(self, claim: Claim | None) -> bool:
         """Return whether an instance that is still there works here, other than this one.
 

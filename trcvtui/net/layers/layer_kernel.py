@@ -30,12 +30,14 @@ from trcvtui.net.layers.layered_stream import (
     CLIENTS_QUEUED,
     ENDED,
     IGNORED,
+    Caught,
     LayeredStream,
     LayerNote,
     PortMember,
     SharedListener,
     Told,
     choosing,
+    raise_it,
 )
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
@@ -60,6 +62,7 @@ def nothing_known() -> Mapping[Handle, str] | None:
 class LayerKernel:
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
+    `caught` takes an exception in a session of a CONNECT, which ends then.
     `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
     `work`: the bound that others share; None: one of its own.
     """
@@ -69,6 +72,7 @@ class LayerKernel:
         inner: Kernel,
         clock: Callable[[], int],
         told: Told,
+        caught: Caught = raise_it,
         polls: bool = True,
         work: Work | None = None,
     ) -> None:
@@ -76,7 +80,7 @@ class LayerKernel:
         self._work = work or Work()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
-        self._told = told
+        self._told, self._caught = told, caught
         self._polls = polls
         self._owners: dict[Handle, str] = {}
         self._wanted: dict[Handle, LayerSettings] = {}
@@ -110,12 +114,17 @@ class LayerKernel:
         for listener in self._in_turn():
             listener.poll(self._clock())
         for handle, stream in self._streams.items():
-            if stream.has_backlog or self.inner.readable(handle):
-                stream.pump()
-            else:
-                stream.flush()
-            stream.watch(self._clock())
-            self._tell(handle, stream)
+            try:
+                if stream.has_backlog or self.inner.readable(handle):
+                    stream.pump()
+                else:
+                    stream.flush()
+                if not stream.has_failed:
+                    stream.watch(self._clock())
+                    self._tell(handle, stream)
+            except Exception as error:
+                self._caught(self._owners.get(handle, ""), error)
+                stream.fail()
 
     def _in_turn(self) -> list[SharedListener]:
         """Return the listeners, another one first in each scan: one scan may have one handshake for all."""
@@ -221,7 +230,7 @@ class LayerKernel:
             if fault is not None:
                 return fault
             party = Party(self._work, self._owners.get(handle, ""), What.CLIENTS_WAIT)
-            joined = SharedListener(self.inner, handle, self._told, self._polls, party)
+            joined = SharedListener(self.inner, handle, self._told, self._polls, party, self._caught)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined

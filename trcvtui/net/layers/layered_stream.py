@@ -42,6 +42,7 @@ class LayeredStream:
         self.is_over = False
         self.has_spoken = False
         self.is_told = False  # the reason of its end
+        self.has_failed = False
         self._kernel = kernel
         self._unfinished = 0  # the number of the message that is watched
         self._begun = since  # ns: since when
@@ -133,6 +134,10 @@ class LayeredStream:
         ended = self.session.ended
         return None if ended is None else Fault("session", ended.error)
 
+    def fail(self) -> None:
+        """End it after an exception: nothing more is asked of the session."""
+        self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
+
     def too_slow(self, why: str) -> None:
         """End a handshake, or a message, that takes too long."""
         self.session.give_up(why)
@@ -158,13 +163,15 @@ class LayeredStream:
 
     def goodbye(self) -> bool:
         """Say the session's last word, not in the middle of data; return whether the stack has taken it."""
-        if self._carried or not self.session.say_goodbye():
+        if self._carried or self.has_failed or not self.session.say_goodbye():
             return False
         self.flush()
         return not self._output
 
     def flush(self) -> None:
         """Send what the session has to say."""
+        if self.has_failed:
+            return
         self._output += self.session.take_output()
         while self._output and self.fault is None:
             sent = self._kernel.send(self.handle, memoryview(bytes(self._output)))
@@ -242,6 +249,14 @@ class LayerNote(NamedTuple):
 
 
 Told = Callable[[LayerNote], None]
+Caught = Callable[[str, Exception], None]  # the CONNECT, what its session has raised
+
+
+def raise_it(owner: str, error: Exception) -> None:
+    """Pass it on: nothing is contained."""
+    raise error
+
+
 DROPPED: Final = "client dropped"
 IGNORED: Final = "TPDU ignored"
 ENDED: Final = "session ended"
@@ -289,8 +304,11 @@ class PortMember:
 class SharedListener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
-    def __init__(self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: Party) -> None:
+    def __init__(
+        self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: Party, caught: Caught
+    ) -> None:
         self.handle = handle
+        self._caught = caught
         self._party = party
         self.members: dict[Handle, PortMember] = {}
         self.clients: list[LayeredStream] = []
@@ -341,6 +359,14 @@ class SharedListener:
         self._go_on(newest, now)  # who has something to say is never the one that gives way
 
     def _go_on(self, client: LayeredStream, now: int) -> None:
+        try:
+            self._advance(client, now)
+        except Exception as error:
+            self._caught(self._any_member().owner, error)
+            client.fail()
+            self._drop(client, "an internal error of this program")
+
+    def _advance(self, client: LayeredStream, now: int) -> None:
         session = client.session
         if session.is_dear and not client.has_spoken and self._kernel.loss(client.handle) is not None:
             client.take_last_words()

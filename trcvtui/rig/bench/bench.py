@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from trcvtui.errors import mistake
@@ -17,6 +19,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
+from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, Containment, Part
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
@@ -126,6 +129,7 @@ class Checking:
 
 
 T = TypeVar("T")
+COMMAND: Final = "command", "command"
 KERNELS: Final = ("sim", "live")
 
 
@@ -154,9 +158,17 @@ class Bench:
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
         self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
+        self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
+        is_due = getattr(seam, "has_failed", None)  # of a replay
+        self.containment = Containment(self._record_exception, self._report, self._tell, is_due)
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
-            project, self._plc_kernel(), self._resources(project), self._peer_port, self._serial_port
+            project,
+            self._plc_kernel(),
+            self._resources(project),
+            self._peer_port,
+            self._serial_port,
+            self.containment,
         )
         if seam is not None:
             seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
@@ -218,7 +230,7 @@ class Bench:
         for config in self.project.connects:
             if config.session is not None:
                 config.session.new(config.active)
-        return LayerKernel(self._tapped(), self._time, self._of_a_session, work=self._work)
+        return LayerKernel(self._tapped(), self._time, self._of_a_session, self._caught, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if self._seam is None:
@@ -228,7 +240,8 @@ class Bench:
     def _kernel_of(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return LayerKernel(self._kernel, self._time, self._of_a_session, polls=False, work=self._peers_work)
+        of, work = self._of_a_session, self._peers_work
+        return LayerKernel(self._kernel, self._time, of, self._caught, polls=False, work=work)
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._seam is None:
@@ -244,6 +257,9 @@ class Bench:
         from trcvtui.net.os.serial import OsSerialPort
 
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
+
+    def _caught(self, owner: str, error: Exception) -> None:
+        self.containment.note(("session", owner), error)
 
     def _of_a_session(self, note: LayerNote) -> None:
         self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
@@ -264,6 +280,16 @@ class Bench:
             self.runtime.ledger.write(note)
         else:
             self._said(note.connect, What(note.what), note.partner, note.why)
+
+    def _record_exception(self, part: Part, report: Callable[[], str]) -> str | None:
+        return self._ask(part[1], EXCEPTION, part[:1], report)
+
+    def _report(self, error: BaseException) -> str:
+        from trcvtui.rig.error_report import MOST_LINES, trace_of, words_of, write_report
+
+        ledger = self.runtime.ledger
+        lines = ledger.since(ledger.last_seq - MOST_LINES)
+        return f"{words_of(error)}; {write_report(trace_of(error), self.project, lines, self.reports)}"
 
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
@@ -347,10 +373,10 @@ class Bench:
         if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
-        self._program.go_on()
+        self.containment.serve(("program", "program"), self._program.go_on)
         self.runtime.scan(self.now)
         if self._checks:
-            self._check_data()
+            self.containment.serve(("check", "check"), self._check_data)
         self.step_peers()
 
     def _check_data(self) -> None:
@@ -364,12 +390,13 @@ class Bench:
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""
         self._peers_work.begin(self.now)
-        for acting in self._self_acting.values():
-            acting.step(self.now)
-        for check in self._checks.values():
-            check.step(self.now)
-        for peer in self.peers.values():
-            peer.step(self.now)
+        for acting in (self._self_acting, self._checks, self.peers):
+            for name, each in acting.items():
+                part = "peer", name
+                if part not in self.containment.out:
+                    self.containment.attempt(part, partial(each.step, self.now))
+                    if part in self.containment.out:
+                        self.containment.attempt(part, self.peers[name].end)
 
     def rest(self) -> None:
         """Let the peers go on while no scan passes."""
@@ -412,7 +439,10 @@ class Bench:
         if act is None:
             return f"{type(command).__name__} lets scans pass"
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
-        return self._outside("do", line, lambda: act(self, command))
+        wrong = self._outside(
+            "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
+        )
+        return INTERNAL_ERROR if wrong is None else wrong
 
     def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
         """Let the PLC's program do what is left of its commands."""

@@ -67,6 +67,11 @@ def rows(
 # What a refusal proves; what is more than the flaw itself.
 REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(
+        Condition.INTERNAL_FAULT,
+        says("the error is of this program, not of the line: please send the report"),
+        says("`download {instance}`, or `plc stop` and `plc run`: {instance} begins anew"),
+    ),
+    *rows(
         Condition.FOUND_CLOSED,
         link.injected,
         link.ended_by_partner,

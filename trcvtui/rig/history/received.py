@@ -15,6 +15,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from operator import attrgetter
 from typing import Any, Final
 
@@ -183,6 +184,7 @@ OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
 TOO_LATE: Final = "values not kept: read too late"
 LOST: Final = "jobs before this one were overwritten in the ledger before they were read"
 NOTHING: Final = b"", TOO_LATE
+READER: Final = "reader", "history"
 LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
@@ -216,8 +218,12 @@ class JobHistory:
     def catch_up(self, until: int | None = None) -> bool:
         """Read what was written since the last time, up to `until` on the clock; return whether that is all.
 
-        The bytes of DATA come first: the next scan may overwrite them.
+        The bytes of DATA come first: the next scan may overwrite them. After an exception in one who listens
+        nothing more is read: the bench goes on.
         """
+        return self._bench.containment.serve(READER, partial(self._read_on, until)) is not False
+
+    def _read_on(self, until: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners
         if self._taken != ledger.last_seq:
             self._take_data()

@@ -84,6 +84,8 @@ class RunRecorder:
     def begin(self, bench: Bench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
         """Tell what the run begins with; time 0 of a live run is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
+        if self.file.name:
+            bench.reports = self.file.absolute().parent  # of internal errors: beside the recording
         begins = RunBegins(
             __version__,
             bench.kernel_name,

@@ -378,6 +378,8 @@ class WhatIf:
             yield f"from scan {self.guess_from} on it is a guess: the partner would perhaps do something else"
         if self._held.skipped:
             yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
+        for scan, part in self._told.failures.items():
+            yield f"scan {scan}: {part} had an internal error in the recorded run alone"
         yield from (*self._notes, *(self._what_if.notes if self._what_if is not None else ()))
 
 

@@ -191,7 +191,7 @@ class Runner:
         for step in steps:
             for _ in self._stage.take(step):
                 self._scan()
-            failure = self._stage.failure
+            failure = self._stage.failure or self._internal(step)
             errors = self._errors.newest() if failure is not None else ()
             self._taken.append(StepTaken(step, self._elapsed(), failure, errors, self._stage.told))
             if self._stage.is_over:
@@ -204,6 +204,12 @@ class Runner:
             tuple(self._taken),
             self._errors.all(),
         )
+
+    def _internal(self, step: words.Step) -> Failure | None:
+        """Return the failure that an internal error is, whatever the file expects."""
+        containment = self._bench.containment
+        found, containment.newest = containment.newest, ""
+        return Failure(step.number, step.line, found) if found else None
 
     def _elapsed(self) -> int:
         """Return the end of the last scan's interval: virtual time, or the clock's on a live bench."""

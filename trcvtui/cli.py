@@ -495,18 +495,18 @@ def _tap(args: SimpleNamespace) -> int:
         routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
     has_screen = args.format is None and sys.stdin.isatty() and sys.stdout.isatty()
     is_shown = args.format is not None or sys.stdout.isatty()
-    looks = Looks(project, args.plc, args.dialect, args.format, is_shown, has_screen, args.hold)
+    looks = Looks(project, args.plc, args.dialect, args.format, is_shown, has_screen, args.hold, args.armed)
     return forward(routes, looks, _tap_record(args.record))
 
 
-def tap_screen(tap: str, asked: str) -> int:
+def tap_screen(tap: str, asked: str, kernel: str) -> int:
     """Show a tap that hands us ways for its events over a socket; a child of the process that forwards."""
     import json
 
     from trcvtui.rig.tap.screen import TapDriver
 
     try:
-        return _show(lambda: TapDriver(int(tap), json.loads(asked)), None)
+        return _show(lambda: TapDriver(int(tap), json.loads(asked), kernel), None)
     except UserError as wrong:
         sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
         return WRONG_INPUT
@@ -890,6 +890,7 @@ def _add_tap(parser: ArgumentRows) -> None:
     )
     _add_shadows(parser, "CONNECT")
     parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
+    parser.add_argument("--armed", action="store_true", help="keys RST and FIN act without a question")
 
 
 def _add_shadows(parser: ArgumentRows, plc: str = "guessed") -> None:

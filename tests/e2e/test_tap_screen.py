@@ -79,12 +79,51 @@ def still(sock: socket.socket) -> bool:
         sock.settimeout(PATIENCE)
 
 
+def is_held(screen: str) -> bool:
+    """Return whether the header says so, and since when."""
+    return re.search(r"IN THE LINE .* HELD \d+ s", screen) is not None
+
+
+def is_reset(sock: socket.socket) -> bool:
+    """Return whether the connection ends with RST."""
+    try:
+        sock.recv(1)
+    except ConnectionResetError:
+        return True
+    return False
+
+
+def test_r_asks_with_its_command_esc_sends_nothing_and_enter_resets_both_ends(line: Line) -> None:
+    line.call()
+    line.terminal.keys("r")
+    line.terminal.wait("tap T to-plc rst conversation 1")
+    line.terminal.keys("Escape")
+    line.terminal.wait("type a bench command")
+    line.near.sendall(b"alive")
+    assert exactly(line.far, 5) == b"alive"
+    line.terminal.keys("r")
+    line.terminal.wait("tap T to-plc rst conversation 1")
+    line.terminal.keys("Enter")
+    assert is_reset(line.near) and is_reset(line.far)
+    line.terminal.wait("0 open of 1")
+
+
+def test_on_an_armed_tap_r_resets_both_ends_at_once() -> None:
+    line = Line("--armed")
+    try:
+        line.call()
+        line.terminal.keys("r")
+        assert is_reset(line.near) and is_reset(line.far)
+    finally:
+        line.close()
+
+
 def test_a_key_holds_a_direction_another_lets_it_go_and_q_ends_both_ends(line: Line) -> None:
     line.call()
     line.near.sendall(b"first")
     assert exactly(line.far, 5) == b"first"
     line.terminal.keys("h")
-    line.terminal.wait("HELD BY THE TAP")
+    line.terminal.wait(is_held)
     line.near.sendall(b"second")
     line.terminal.wait("6 B held")
     assert still(line.far)
@@ -108,7 +147,7 @@ def test_the_doctor_judges_what_has_passed_the_tap(line: Line) -> None:
 def test_without_its_screen_a_tap_lets_go_and_goes_on(line: Line) -> None:
     line.call()
     line.terminal.keys("h")
-    line.terminal.wait("HELD BY THE TAP")
+    line.terminal.wait(is_held)
     line.near.sendall(b"held")
     line.terminal.wait("4 B held")
     os.kill(line.process(WORDS), signal.SIGKILL)
@@ -123,7 +162,7 @@ def test_without_its_screen_a_tap_lets_go_and_goes_on(line: Line) -> None:
 def test_without_its_engine_a_tap_lets_go_and_goes_on(line: Line) -> None:
     line.call()
     line.terminal.keys("h")
-    line.terminal.wait("HELD BY THE TAP")
+    line.terminal.wait(is_held)
     line.near.sendall(b"held")
     os.kill(line.process("multiprocessing.spawn"), signal.SIGKILL)
     assert exactly(line.far, 4) == b"held"
@@ -142,7 +181,7 @@ def test_an_engine_that_is_started_anew_shows_the_conversation_that_goes_on(line
     line.terminal.wait(lambda text: "ENGINE ENDED" not in text and "1 open of 1" in text)
     line.terminal.keys("7")
     line.terminal.keys("h")
-    line.terminal.wait("HELD BY THE TAP")
+    line.terminal.wait(is_held)
     line.near.sendall(b"seen")
     line.terminal.wait("4 B held")
     line.terminal.keys("h")

@@ -15,10 +15,11 @@ import pytest
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, receiving, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import clipboard_and_files as keepsake
 from trcvtui.tui.clipboard_and_files import MOUSE_OFF, MOUSE_ON, keep, to_clipboard
-from trcvtui.tui.copy_formats import FORMATS, Subject
+from trcvtui.tui.copy_formats import FORMATS, Subject, subject_of
 from trcvtui.udt.sources import read_file
 
 
@@ -164,9 +165,71 @@ async def test_a_job_without_bytes_is_passed_over(state: Path) -> None:
         assert "Yank" in looker.text, "there is nothing to take"
 
 
+JOBS = bytes(range(1, 25)), bytes(range(101, 125))
+
+
+async def two_jobs(looker: BenchLooker) -> None:
+    """Let TRCV_C_1 have two jobs, and drop half of a third; the stream is open."""
+    looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
+    looker.bench.scan(5)
+    looker.bench.do("peer P1 connect")
+    looker.bench.scan(6)
+    for content in (*JOBS, JOBS[0][:9]):
+        looker.bench.do(f"peer P1 send hex {content.hex()}")
+        looker.bench.scan(5)
+    looker.bench.do("set TRCV_C_1 EN_R=0")
+    looker.bench.scan(2)
+    await looker.press("5", "H")
+    await looker.pictures()
+
+
+@pytest.mark.parametrize("pane", ["5", "6"])
+@pytest.mark.parametrize("letter", [form.letter for form in FORMATS])
+async def test_a_job_of_the_past_is_yanked_and_named(state: Path, pane: str, letter: str) -> None:
+    async with on_a_bench(SMALL) as looker:
+        await two_jobs(looker)
+        await looker.press("g")
+        await looker.pictures()
+        await looker.press(pane, "y")
+        assert "Yank · job 1, 24 bytes" in looker.text
+        view_model = looker.app.view_model
+        past = subject_of(view_model, False, None, ("TRCV_C_1", 1, JOBS[0]))
+        assert view_model.data == JOBS[1], "what DATA holds now is another message"
+        assert await _yanked(looker, letter) == written(letter, past)
+
+
+async def test_bytes_of_the_past_that_are_not_kept_are_not_yanked(state: Path) -> None:
+    async with on_a_bench(WIDE) as looker:
+        await two_jobs(looker)
+        await looker.press("G", "y")
+        assert "nothing to yank: 9 B dropped, EN_R fell" in looker.text
+        looker.app.main.yank("h")
+        assert await _yanked(looker, "H", "5", "y") == ""
+        assert "Yank · 24 bytes of rx" in looker.text, "DATA now, by name"
+
+
+async def test_another_job_of_a_connect_is_named_with_its_instance() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await two_jobs(looker)
+        other = subject_of(looker.app.view_model, False, None, ("TRCV_C_2", 7, JOBS[0]))
+        assert (other.title, other.declared) == ("TRCV_C_2 job 7, 24 bytes", None)
+
+
+@pytest.mark.parametrize("key", ["j", "k"])
+async def test_in_the_menu_no_letter_moves_the_cursor(state: Path, key: str) -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("5", "y", "down")
+        await _yanked(looker, key)
+        assert looker.app.clipboard == (written("j", subject()) if key == "j" else "")
+        if key == "k":
+            assert "▸ i  bytes as 16#.. list" in looker.text
+
+
 async def test_the_jobs_bytes_are_yanked_from_the_job(state: Path) -> None:
     async with looking(WIDE) as looker:
-        await looker.press("6", "v", "y", "6")
+        await looker.press("6", "v", "y")
+        assert "Yank · running job, 17 bytes" in looker.text
+        await looker.press("6")
         await looker.app.workers.wait_for_complete()
         assert base64.b64decode(looker.app.clipboard) == TELEGRAM[:17]
 

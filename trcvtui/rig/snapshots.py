@@ -6,6 +6,7 @@ from typing import Final
 
 from trcvtui.records import dataclass
 
+TAP, ARMED_TAP = "tap", "armed tap"  # the `kernel` of a tap's screen; armed: its keys act without a question
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 
 
@@ -22,7 +23,8 @@ class ReplySnapshot:
 class WaySnapshot:
     """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
 
-    `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these.
+    `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these; `held_ns`: for
+    how long it has held back.
     `round_trip_ns` and `window` of who receives, as the stack of a tap knows them; None: unknown.
     """
 
@@ -36,6 +38,7 @@ class WaySnapshot:
     first: bytes = b""
     round_trip_ns: int | None = None
     window: int | None = None
+    held_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +60,9 @@ class TalkSnapshot:
     handshake_ns: int | None = None
 
     @property
-    def is_held(self) -> bool:
-        """Return whether a tap holds back one of its directions."""
-        return self.to_plc.held is not None or self.from_plc.held is not None
+    def held_ns(self) -> int | None:
+        """Return for how long a tap has held back one of its directions, the longer time; None: neither."""
+        return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True)

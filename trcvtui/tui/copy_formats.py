@@ -14,7 +14,7 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.records import dataclass
-from trcvtui.tui.formatting import clip, moment, plain, status_word
+from trcvtui.tui.formatting import clip, count, moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Row, row
@@ -40,20 +40,36 @@ class Subject:
     edges: tuple[Line, ...]
     peer: str
     line: str  # the bench command that the peer's composer makes
+    title: str = ""  # which bytes these are
 
 
-def subject_of(view_model: ViewModel, of_job: bool, line: str | None) -> Subject:
-    """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received."""
+def subject_of(
+    view_model: ViewModel, of_job: bool, line: str | None, past: tuple[str, int, bytes] | None = None
+) -> Subject:
+    """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received.
+
+    `past`: of a job of the past its instance, its number (0: the bytes were thrown away) and its bytes.
+    """
     name, content, declared = view_model.selected, view_model.partial, view_model.declaration
-    if not of_job and declared is not None:
-        name, content = declared.name, view_model.data
+    job = "running job"
+    if past is not None:
+        instance, number, content = past
+        name, job = f"{instance}_job_{number}", f"job {number}" if number else "thrown away"
+        if instance != view_model.selected:
+            job = f"{instance} {job}"
+        declared = declared if number and instance == view_model.selected else None
+    elif not of_job and declared is not None:
+        name, job, content = declared.name, "", view_model.data
     peer = view_model.peer_snapshot
     if line is not None and peer is not None and peer.last_received:
-        name, content, declared = peer.name, peer.last_received, None
+        name, job, content, declared = peer.name, "", peer.last_received, None
     edges = tuple(view_model.history.of(view_model.selected))
+    size = count(len(content), "byte")
+    title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
     return Subject(
-        view_model.project, view_model.instance, name, content, declared, edges, view_model.peer, line or ""
-    )
+        view_model.project, view_model.instance, name, content, declared, edges, view_model.peer, line or "",
+        plain(title),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +186,8 @@ FORMATS: Final = (
 )
 # What the pane with the focus is about; the menu begins there.
 FIRST_OF_PANE: Final = {
-    "data": "h", "job": "h", "udt": "m", "history": "s", "status": "s", "peers": "b", "payload": "b",
+    "data": "h", "job": "h", "stream": "h", "udt": "m", "history": "s", "status": "s", "peers": "b",
+    "payload": "b",
 }  # fmt: skip
 
 
@@ -178,8 +195,8 @@ NAME: int = 34
 LETTERS = tuple(form.letter for form in FORMATS)
 
 
-class YankList(LineView):
-    """One line a format; what has nothing to write is pale."""
+class YankList(LineView, inherit_bindings=False):
+    """One line a format; what has nothing to write is pale. Letters are formats, they do not move."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False)]
 
@@ -239,8 +256,7 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
 
     def __init__(self, subject: Subject, first: str) -> None:
         self._list = YankList(subject, first)
-        bytes_of = f"{len(subject.content)} bytes of {plain(subject.name)}" if subject.content else ""
-        self._list.set_title(None, "Yank", bytes_of)
+        self._list.set_title(None, "Yank", subject.title)
         super().__init__(self._list, None)
 
     def action_move(self, rows: int) -> None:

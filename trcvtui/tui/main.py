@@ -424,6 +424,8 @@ class MainScreen(FullScreen[None]):
         for digit, pane in self._panes().items():
             if pane in event.widget.ancestors_with_self:
                 self._open(digit)
+        if not {self.received, self.prompt} & {*event.widget.ancestors}:
+            self.received.end_search()
         self._show_keys()
 
     # -- actions ------------------------------------------------------------------------------------
@@ -513,15 +515,18 @@ class MainScreen(FullScreen[None]):
         )
 
         pane = self._focused_pane()
-        self.app.push_screen(YankScreen(self._subject(pane), FIRST_OF_PANE.get(pane, "c")), self._yanked)
+        if (subject := self._subject(pane)) is not None:
+            self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, "c")), self._yanked)
 
     def yank(self, letter: str) -> None:
         """Yank in the format of a letter, without the menu."""
         from trcvtui.tui.copy_formats import FORMATS
 
         form = next(form for form in FORMATS if form.letter == letter)
-        text = form.write(self._subject(self._focused_pane()))
-        if text:
+        subject = self._subject(self._focused_pane())
+        if subject is None:
+            return
+        if text := form.write(subject):
             self._yanked((form, text))
         else:
             self.prompt.complain(f"nothing is there to yank as {form.name}")
@@ -529,12 +534,21 @@ class MainScreen(FullScreen[None]):
     def _focused_pane(self) -> str:
         return self.focused.id or "" if self.focused is not None else ""
 
-    def _subject(self, pane: str) -> Subject:
+    def _subject(self, pane: str) -> Subject | None:
+        """Return what a pane shows; None where its bytes are not here, which the prompt says."""
         from trcvtui.tui.copy_formats import subject_of
 
+        if pane in ("peers", "payload"):
+            return subject_of(self._view_model, False, self.peer.composer.line)
+        lack = self.received.lack() if pane in ("stream", "data", "job", "udt") else ""
+        if lack:
+            self.prompt.complain(f"nothing to yank: {lack}")
+            return None
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
-        of_peer = pane in ("peers", "payload")
-        return subject_of(self._view_model, of_job, self.peer.composer.line if of_peer else None)
+        past = self.received.job_of_cursor()
+        if past is not None and pane != "stream" and past[0] != self._view_model.selected:
+            past = None  # pane 6 shows DATA beside a job of another instance
+        return subject_of(self._view_model, of_job, None, past)
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.clipboard_and_files import take

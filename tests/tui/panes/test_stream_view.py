@@ -9,6 +9,7 @@ import pytest
 
 from tests.tui.looking import same_as_snapshot
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
+from trcvtui.tui.widgets.typed_lines import FindInput
 
 WIDE, SMALL, LARGE, MIDDLE = (140, 45), (80, 24), (200, 60), (120, 40)
 SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, LARGE], ids=["80x24", "120x40", "200x60"])
@@ -166,13 +167,33 @@ async def test_what_cannot_be_looked_for_says_why_while_it_is_typed() -> None:
         assert looker.app.focused is looker.app.main.received.stream
 
 
-async def test_n_toggles_en_r_again_once_nothing_is_looked_for() -> None:
+@pytest.mark.parametrize("left", [["enter", "escape"], ["escape"], ["enter", "escape", "escape"]])
+async def test_n_is_the_next_hit_after_a_search_was_left_until_another_pane_is_chosen(
+    left: list[str],
+) -> None:
+    async with on_a_bench(SMALL) as looker:
+        await shifted(looker)
+        stream = looker.app.main.received.stream
+        await press(looker, "g", "slash", "5", "0", *left)
+        assert (stream.patterns, "n N next hit, hit before" in looker.text) == ((), True)
+        await press(looker, "n")
+        hit = stream.cursor
+        await press(looker, "n", "N")
+        assert (stream.cursor, hit is not None and hit > 0, looker.lines) == (hit, True, [])
+        await press(looker, "H", "n", "colon", "escape", "n")
+        assert looker.lines == [], "without H, and after the prompt"
+        await press(looker, "6", "5", "n")
+        assert (stream.patterns, looker.lines) == ((), ["set TRCV_C_1 EN_R=0"])
+
+
+@pytest.mark.parametrize("typed", [[], ["4", "x"]], ids=["nothing", "no value"])
+async def test_n_asks_again_after_a_search_for_nothing_and_is_en_r_before_any(typed: list[str]) -> None:
     async with on_a_bench(WIDE) as looker:
         await shifted(looker)
-        await press(looker, "slash", "4", "0", "enter", "n")
-        assert looker.lines == []
-        await press(looker, "escape", "n")
+        await press(looker, "n")
         assert looker.lines == ["set TRCV_C_1 EN_R=0"]
+        await press(looker, "slash", *typed, "escape", "n")
+        assert isinstance(looker.app.focused, FindInput) and looker.lines[1:] == []
 
 
 async def test_bytes_are_found_and_compared_in_data_now_as_well() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.capture.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind, WireDirection
 from trcvtui.records import replace
-from trcvtui.rig.snapshots import TalkSnapshot
+from trcvtui.rig.bench_update import BenchUpdate
+from trcvtui.rig.snapshots import ARMED_TAP, TAP, TalkSnapshot
 from trcvtui.rig.watch.talks import SECONDS, Talks
+from trcvtui.tui.prompt import PromptInput
 
 SECOND = 1_000_000_000
 
@@ -96,24 +100,68 @@ def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
     assert listed[0].number == 1 and len(listed) == 64
 
 
-async def test_keys_of_the_pane_are_bench_commands_of_the_tap() -> None:
+def of_a_tap(told: Told, kernel: str = TAP) -> BenchUpdate:
+    return replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"}), kernel=kernel)
+
+
+async def test_a_key_asks_with_its_command_and_enter_sends_it_but_hold_and_go_act() -> None:
     told = connected()
-    async with looking(WIDE) as looker:
-        await looker.show(replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"})))
+    async with looking(WIDE, of_a_tap(told)) as looker:
         assert "open 10.0.0.9:51000 → 10.0.0.5:2000 round trip 2.0 ms" in looker.pane("talks")
         await looker.press("7", "h")
-        told.talks.hold(1, True, 3, b"\\x01\\x02\\x03")
-        await looker.show(replace(picture(), talks=told.talks.snapshot()))
-        assert "HELD BY THE TAP" in looker.text and "3 B held" in looker.pane("talks")
-        await looker.press("h", "down", "r", "e")
-        assert looker.lines[-3:] == [
-            "tap T to-plc hold conversation 1",
-            "tap T to-plc go conversation 1",
-            "tap T from-plc rst conversation 1",
-        ]
+        told.talks.hold(1, True, 3, b"\x01\x02\x03")
+        await looker.show(of_a_tap(told))
+        assert "3 B held" in looker.pane("talks")
+        await looker.press("h")
+        acted = ["tap T to-plc hold conversation 1", "tap T to-plc go conversation 1"]
+        assert looker.lines == acted
+        for key, command in (
+            ("e", "tap T to-plc conversation 1 edit 0 hex 01 02 03"),
+            ("i", "tap T to-plc conversation 1 insert hex "),
+            ("d", "tap T to-plc conversation 1 drop 3"),
+            ("y", "tap T to-plc conversation 1 delay T#"),
+            ("s", "tap T to-plc conversation 1 split "),
+            ("r", "tap T to-plc rst conversation 1"),
+            ("f", "tap T to-plc fin conversation 1"),
+        ):
+            await looker.press(key)
+            field = looker.app.focused
+            assert isinstance(field, PromptInput) and field.value == command
+            await looker.press("escape")
+            assert looker.lines == acted, key
+        await looker.press("down", "e")
         assert "nothing is held in this direction" in looker.text
-        await looker.press("up", "d")
-        assert "tap T to-plc conversation 1 drop 3" in looker.text
+        await looker.press("r", "enter")
+        assert looker.lines[2:] == ["tap T from-plc rst conversation 1"]
+
+
+async def test_on_an_armed_tap_rst_and_fin_act_at_once() -> None:
+    async with looking(WIDE, of_a_tap(connected(), ARMED_TAP)) as looker:
+        await looker.press("7", "r", "f")
+        assert looker.lines == ["tap T to-plc rst conversation 1", "tap T to-plc fin conversation 1"]
+
+
+@pytest.mark.parametrize("size", [(80, 24), WIDE])
+async def test_the_header_says_that_it_is_in_the_line_and_since_when_it_holds(size: tuple[int, int]) -> None:
+    told = connected()
+    told.talks.now_ns = 5 * SECOND
+    async with looking(size, of_a_tap(told)) as looker:
+        assert "IN THE LINE" in looker.text and "HELD" not in looker.text
+        told.talks.hold(1, False, 0, b"")
+        told.talks.now_ns = 7 * SECOND
+        told.talks.hold(1, True, 3, b"\x01\x02\x03")
+        told.talks.now_ns = 17 * SECOND
+        told.talks.hold(1, False, 9, b"\x01")
+        await looker.press("F")
+        await looker.show(of_a_tap(told))
+        header = looker.pane("header")
+        assert "IN THE LINE" in header and "HELD 12 s" in header and "FROZEN" in header
+        told.talks.end(1)
+        await looker.show(of_a_tap(told))
+        assert "HELD" not in looker.pane("header")
+        looker.app.main.header.ended = True
+        await looker.show(of_a_tap(told))
+        assert "IN THE LINE" in looker.pane("header"), "bytes still go through it"
 
 
 async def test_who_only_watches_cannot_intervene() -> None:

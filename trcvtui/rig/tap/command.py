@@ -18,6 +18,7 @@ from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
 from trcvtui.net.os.tap_ways import AskedWays
 from trcvtui.net.tap import Route, end_text
 from trcvtui.records import NamedTuple
+from trcvtui.rig.snapshots import ARMED_TAP, TAP
 
 if TYPE_CHECKING:
     from trcvtui.project.project import TapDecl
@@ -42,6 +43,7 @@ class Looks(NamedTuple):
     """What shadows look on, and whether anybody is shown it; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
+    `is_armed`: keys of the screen intervene without a question.
     """
 
     project: Path | None
@@ -51,6 +53,7 @@ class Looks(NamedTuple):
     is_shown: bool
     has_screen: bool = False
     holds: bool = False
+    is_armed: bool = False
 
 
 def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> int:
@@ -235,7 +238,8 @@ class _Screen:
         ]
         asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
         with self._asked.theirs as theirs:
-            words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked]
+            kernel = ARMED_TAP if looks.is_armed else TAP
+            words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked, kernel]
             environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
             self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(),))
         if not self._asked.is_asked():

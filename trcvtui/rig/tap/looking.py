@@ -217,6 +217,8 @@ class LookingOn:
                     self._open(event)
                 return
         self._now = max(event.ns - (self._first_ns or event.ns), self._now)
+        if self._player.talks is not None:
+            self._player.talks.now_ns = self._now
         if event.kind == TapEventKind.NOW:
             self._player.shadows.go_to(self._now)
         elif event.kind == TapEventKind.LOST:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.net.os.tap_ways import ask_for_way
 from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
+from trcvtui.rig.snapshots import TAP
 from trcvtui.rig.watch.live_screen import ServedShadows, serve_live
 
 if TYPE_CHECKING:
@@ -32,15 +33,18 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(EngineDriver):
-    """Shadows of a tap in a process of its own; each time it starts, the tap hands over a way for events."""
+    """Shadows of a tap in a process of its own; each time it starts, the tap hands over a way for events.
 
-    def __init__(self, tap: int, asked: Asked) -> None:
-        self._tap, self._asked_of = tap, asked
+    `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
+    """
+
+    def __init__(self, tap: int, asked: Asked, kernel: str = TAP) -> None:
+        self._tap, self._asked_of, self._kernel = tap, asked, kernel
         super().__init__(Path("tap"), "tap")
 
     def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
         self._events = Channel(ask_for_way(self._tap))
-        return tap_main, (self._events, self._asked_of)
+        return tap_main, (self._events, self._asked_of, self._kernel)
 
     def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived; raise TapEnded."""
@@ -54,15 +58,15 @@ class TapDriver(EngineDriver):
         self._events.close()  # its end is the end of who looks on
 
 
-def tap_main(channel: Channel, events: Channel, asked: Asked) -> None:
+def tap_main(channel: Channel, events: Channel, asked: Asked, kernel: str) -> None:
     """Serve the screen with what the tap tells."""
-    serve_live(channel, lambda: _TapServed(channel).run(events.fileno(), asked))
+    serve_live(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
 
 
 class _TapServed(ServedShadows):
     """Shadows on the conversations of a tap."""
 
-    def run(self, fd: int, asked: Asked) -> None:
+    def run(self, fd: int, asked: Asked, kernel: str) -> None:
         """Play what the tap tells; when it is gone, go on showing what there was."""
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.capture.tapped import TapPackets
@@ -89,7 +93,7 @@ class _TapServed(ServedShadows):
         end = None if routes[0].to.kind == "serial" else end
         self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
         looking = LookingOn(plan, lines_of, order, lambda text: self.tell("tap", text))
-        self.show(looking.player, "tap")
+        self.show(looking.player, kernel)
         with suppress(OSError):
             os.write(fd, b"\n")
             for events in events_of(lambda most: os.read(fd, most)):

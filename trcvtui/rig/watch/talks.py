@@ -25,6 +25,7 @@ class _Way:
         self.is_closed = False
         self.held: int | None = None
         self.first = b""
+        self.held_since = 0
         self.round_trip_ns: int | None = None
         self.window: int | None = None
 
@@ -35,12 +36,12 @@ class _Way:
             self.second, self.in_second = second, 0
         self.in_second += size
 
-    def snapshot(self, second: int) -> WaySnapshot:
+    def snapshot(self, second: int, now_ns: int) -> WaySnapshot:
         """Return it as it is in a second."""
         rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
         return WaySnapshot(
             self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
-            self.round_trip_ns, self.window,
+            self.round_trip_ns, self.window, 0 if self.held is None else now_ns - self.held_since,
         )  # fmt: skip
 
 
@@ -76,6 +77,7 @@ class Talks:
     def __init__(self) -> None:
         self._figures: dict[int, _Figures] = {}
         self._newest = 0  # ns
+        self.now_ns = 0  # of a tap, whether anything comes or not
 
     def take(self, event: ConversationEvent, is_from_plc: bool, tap: str = "") -> None:
         """Take one event; `is_from_plc`: the PLC end has sent it."""
@@ -121,6 +123,7 @@ class Talks:
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]
+            way.held_since = self.now_ns if way.held is None else way.held_since
             way.held, way.first = held, first
 
     def measure(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
@@ -152,7 +155,7 @@ class Talks:
         second = self._newest // SECOND
         sizes = dict(each.seconds)
         seconds = tuple([sizes.get(second - ago, 0) for ago in range(SECONDS - 1, -1, -1)])
-        to_plc, from_plc = (way.snapshot(second) for way in each.ways)
+        to_plc, from_plc = (way.snapshot(second, self.now_ns) for way in each.ways)
         return TalkSnapshot(
             each.talk.number, each.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
             each.handshake_ns,

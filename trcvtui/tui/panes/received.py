@@ -25,7 +25,6 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine
-from trcvtui.udt.byte_text import Wanted
 
 BAR: Final = 12
 GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
@@ -184,6 +183,7 @@ def field_at(project: Project, instance: str, byte: int) -> str:
 
 MOST_JOB_ROWS: Final = 4
 PAST: Final = "-past"
+NEXT_HIT: Final = (("n N", "next hit, hit before"),)
 MOST: Final = 1 << 62  # after every position
 NO_DROP: Final = "no bytes were thrown away before this place"
 NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
@@ -223,8 +223,8 @@ class Received(Vertical):
         self._job_here: JobSpan | None = None
         self._line = JobLine(view_model)
         self._origin_line = OriginLine()
-        self._find = FindLine(self._look_for, self._back_to_bytes)
-        self._wanted: Wanted | None = None
+        self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
+        self._is_searched = False  # n and N are those of the search
         self._nowhere = ""
         self._seeks_drop = False
         self._known = ("", 0)  # CONNECT and bench of the stream
@@ -298,7 +298,7 @@ class Received(Vertical):
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
-        self._say_below(text if self._wanted is None or not self._nowhere else self._nowhere)
+        self._say_below(self._nowhere or text)
 
     def _say_below(self, text: str) -> None:
         if text != self._subtitle:
@@ -367,8 +367,9 @@ class Received(Vertical):
             if self._seeks_drop and sought is not None:
                 self._seeks_drop = False
                 self._nowhere = NO_DROP if sought.position is None else ""
-            if sought is not None and sought.position is None and self._wanted is not None:
-                self._nowhere = f"{self._wanted.about}: not found there"
+            wanted = self._find.wanted if self.stream.patterns else None
+            if sought is not None and sought.position is None and wanted is not None:
+                self._nowhere = f"{wanted.about}: not found there"
             return ""
         self._nowhere = ""
         return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
@@ -396,6 +397,16 @@ class Received(Vertical):
             return None
         return job.instance, job.number, self.past_job[1]
 
+    def lack(self) -> str:
+        """Return why the bytes of what is shown cannot be had, "" where they can."""
+        if not self.is_past or self.stream.cursor is None:
+            has_bytes = not self._view_model.is_frozen or self._view_model.has_bytes
+            return "" if has_bytes else NOT_KEPT
+        job = self.job_here()
+        if job is not None and not job.is_kept:
+            return f"{f'job {job.number}' if job.done else f'{job.whole} B dropped'}, {plain(job.reason)}"
+        return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
+
     def byte_in_job(self) -> int:
         """Return the place of the stream's cursor in its job, -1 where there is none."""
         job = self.job_here()
@@ -413,9 +424,11 @@ class Received(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave n and escape to the screen while nothing is looked for."""
-        if action in ("find_next", "end_find"):
-            return self._wanted is not None
+        """Leave n to the screen before a search and in another pane, escape while nothing is marked."""
+        if action == "find_next":
+            return self._is_searched
+        if action == "end_find":
+            return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
 
     def action_past(self) -> None:
@@ -469,49 +482,53 @@ class Received(Vertical):
     # -- looking for bytes -------------------------------------------------------------------------------
 
     async def action_find(self) -> None:
-        """Open the line for what is to be looked for."""
+        """Open the line for what is to be looked for; n and N go to the hits until another pane is chosen."""
+        self._let_search(True)
         await self._find.open()
+
+    def end_search(self) -> None:
+        """Leave n and N to the pins again."""
+        if self._is_searched:
+            self._let_search(False)
+            self.action_end_find()
+
+    def _let_search(self, is_searched: bool) -> None:
+        self._is_searched = is_searched
+        for view in (self.data, self.job, self.stream):
+            view.more_keys = NEXT_HIT if is_searched else ()
 
     def _back_to_bytes(self) -> None:
         self.screen.set_focus(self.stream if self.is_past else self.data)
-
-    def _look_for(self, wanted: Wanted) -> None:
-        self._wanted = wanted
-        for view in (self.data, self.job, self.stream):
-            view.mark(wanted.patterns)
-        self._go_on(True, again=False)
 
     def action_find_next(self, is_forward: bool) -> None:
         """Go to the next match, or to the one before."""
         self._go_on(is_forward, again=True)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
-        if self._wanted is None:  # by name, from the palette
+        wanted, stream = self._find.wanted, self.stream
+        if wanted is None:  # nothing was typed, or what cannot be looked for
             self.run_worker(self.action_find())
             return
-        self._nowhere = ""
-        patterns, stream = self._wanted.patterns, self.stream
+        self._let_search(True)  # by name, from the palette
+        self._nowhere, patterns = "", wanted.patterns
+        self._mark(patterns)
         if self.is_past:
             here = stream.cursor if stream.cursor is not None else stream.window.begin
             after = is_forward and again and stream.cursor is not None
             stream.look_for(here + after, is_forward, patterns)
         elif not self.data.find(patterns, is_forward, again):
-            self._nowhere = f"{self._wanted.about}: not found {'further on' if again else 'in DATA'}"
+            self._nowhere = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
         self.show()
 
     def action_end_find(self) -> None:
-        """Forget what was looked for; the marks go."""
-        self._wanted, self._nowhere, self.stream.seek = None, "", None
-        for view in (self.data, self.job, self.stream):
-            view.mark(())
+        """Take the marks away; n goes on from here."""
+        self._nowhere, self.stream.seek = "", None
+        self._mark(())
         self.show()
 
-    def dump(self) -> tuple[str, bytes]:
-        """Return a name and the bytes for an export: of the job under the cursor, or DATA as it is now."""
-        past = self.job_of_cursor()
-        if past is not None:
-            return f"{past[0]}-job-{past[1]}", past[2]
-        return self._view_model.selected, self._view_model.data
+    def _mark(self, patterns: tuple[bytes, ...]) -> None:
+        for view in (self.data, self.job, self.stream):
+            view.mark(patterns)
 
     # -- layout ------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 from textual import events
 
 from trcvtui.records import NamedTuple
-from trcvtui.rig.snapshots import TalkSnapshot, WaySnapshot
+from trcvtui.rig.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
 from trcvtui.tui.formatting import clip, pad, plain, short_time
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -128,8 +128,8 @@ class TalkList(LineView):
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:
-        """Intervene in the chosen direction, or ask for the rest of the line."""
-        talk = self._talk()
+        """Open the prompt with the command of a key; hold and go, and on an armed tap RST and FIN, act."""
+        talk, picture = self._talk(), self._view_model.live
         if talk is None or not talk.tap:
             self._actions.complain("only a tap can intervene: trcvtui tap LISTEN CONNECT")
             return
@@ -145,7 +145,8 @@ class TalkList(LineView):
             line, held = f"{line} {number} {verb}", way.first[:MOST_EDITED].hex(" ")
             self._actions.open_prompt(f"{line} 0 hex {held}" if verb == "edit" else _asking(line, way))
         else:
-            self._actions.submit(f"{line} {verb} {number}")
+            acts = what.verb == "hold" or (picture is not None and picture.kernel == ARMED_TAP)
+            (self._actions.submit if acts else self._actions.open_prompt)(f"{line} {verb} {number}")
 
 
 def _asking(line: str, way: WaySnapshot) -> str:

@@ -33,7 +33,7 @@ EVERYWHERE: Final = (
     ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
-    ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),
+    ("y", "yank what the pane shows: twelve formats in a menu; y y takes its first"),
     ("K", "mark: what a saved session will expect begins here"),
     ("A", "add an instance (with the CONNECT and DATA that it lacks), connection, DATA, peer, message"),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
@@ -71,7 +71,8 @@ BYTES: Final = (
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("[ ]", "the DONE before, the next one"),
     ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
-    ("/, n N", 'find hex, "text" or =number in either byte order; next, previous; esc ends it'),
+    ("/", 'find hex, "text" or =number in either byte order; esc takes the marks away'),
+    ("n N", "after a search: the next hit, the hit before, until another pane is chosen"),
     ("d, u", "the job before where it differs; fewer rulers"),
 )
 TIMING: Final = (
@@ -98,6 +99,12 @@ PEER: Final = (
     ("w", "the message under a name into the project's library; p picks from it"),
     ("a d", "a reply rule more; no replies"),
     ("← → enter", "walk the buttons, press one"),
+)
+LINE: Final = (
+    ("↑ ↓", "choose a conversation and one of its directions"),
+    ("h", "tap: hold this direction, let it go; the header says for how long it has been held"),
+    ("e i d y s r f", "tap: the prompt opens with the bench command; enter sends it (--armed: r, f act)"),
+    ("w", "mirror port: shadows for a conversation that has none"),
 )
 SCENARIOS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
@@ -150,7 +157,8 @@ KeyTable = tuple[tuple[str, str], ...]
 # Which table is about a pane, by the id of it or of what it stands in.
 SECTION_OF: Final = {
     "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
-    "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "peer": "Peer",
+    "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "talks": "Line",
+    "peer": "Peer",
     "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
     "race-table": "Race", "race-scan": "Race",
     "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
@@ -161,6 +169,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Bytes and past", BYTES),
     ("Timing", TIMING),
     ("Peer", PEER),
+    ("Line", LINE),
     ("Scenarios", SCENARIOS),
     ("Race", RACE),
     ("Lab", LAB),

@@ -85,6 +85,7 @@ class LineView(ScrollView, can_focus=True):
         self._fresh: dict[int, Row] = {}  # rows that `show` has found to be painted anew
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
+        self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
         self._is_over = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
@@ -100,7 +101,7 @@ class LineView(ScrollView, can_focus=True):
 
     def keys(self) -> tuple[tuple[str, str], ...]:
         """Return the keys to name in the last line while this pane has the focus."""
-        return self.KEYS
+        return (*self.more_keys, *self.KEYS)
 
     def cursor_style(self, is_chosen: bool) -> str:
         """Return the style of the row under the cursor, "" for any other."""

@@ -11,7 +11,8 @@ from textual.widgets import Input
 
 from trcvtui import lane_note
 from trcvtui.records import NamedTuple
-from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
+from trcvtui.rig.snapshots import ARMED_TAP, TAP
+from trcvtui.tui.formatting import SECOND, clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
@@ -338,6 +339,7 @@ class HeaderLine(WordLine):
         super().__init__(id="header")
         self._view_model = view_model
         self.ended = False
+        self._kernel = ""
 
     def pieces(self) -> list[HeaderWord]:
         """Return file, dialect, model; scans and how punctual they are."""
@@ -347,6 +349,9 @@ class HeaderLine(WordLine):
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
             pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))
+        self._kernel = picture.kernel if picture is not None else self._kernel
+        if self._kernel in (TAP, ARMED_TAP):  # also while no picture comes: bytes go through the tap
+            pieces.append(HeaderWord(" IN THE LINE ", "hold", 0))
         if self.ended:
             return [*pieces, HeaderWord(" ENGINE ENDED ", "stop", 0)]
         if picture is None:
@@ -375,8 +380,9 @@ class HeaderLine(WordLine):
             pieces.append(HeaderWord(used, "dim", 70))
         if now.over:
             pieces.append(HeaderWord(f" {now.over.upper()} ", "stop", 0))
-        if any(talk.is_held for talk in now.talks):
-            pieces.append(HeaderWord(" HELD BY THE TAP ", "stop", 0))
+        held = [talk.held_ns for talk in now.talks if talk.held_ns is not None]
+        if held:
+            pieces.append(HeaderWord(f" HELD {max(held) // SECOND} s ", "stop", 0))
         if snapshot.faults:
             pieces.append(HeaderWord(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
         return pieces

@@ -242,7 +242,7 @@ class FindInput(TypedField):
 
 
 class FindLine(Horizontal):
-    """Closed it takes no room; `found` gets what is to be looked for, `left` is called when it closes."""
+    """Closed it takes no room; `find` is called when enter takes it, `left` when it closes."""
 
     DEFAULT_CSS = """
     FindLine { height: 1; display: none; background: $panel; }
@@ -251,9 +251,9 @@ class FindLine(Horizontal):
     FindLine #find-about { width: auto; max-width: 60%; color: $text-muted; padding: 0 1; }
     """
 
-    def __init__(self, found: Callable[[Wanted], None], left: Callable[[], None]) -> None:
+    def __init__(self, find: Callable[[], None], left: Callable[[], None]) -> None:
         super().__init__(id="find-line")
-        self._found = found
+        self._find = find
         self._left = left
         self._field = FindInput(self)
         self._about = Static("", id="find-about", markup=False)
@@ -277,6 +277,12 @@ class FindLine(Horizontal):
         asked = self._read(text) if text else HINT
         self._about.update(Content(plain(asked.about if isinstance(asked, Wanted) else asked)))
 
+    @property
+    def wanted(self) -> Wanted | None:
+        """Return what stands there to be looked for, also after the line was left with escape."""
+        asked = self._read(self._field.value.strip())
+        return asked if isinstance(asked, Wanted) else None
+
     def _read(self, text: str) -> Wanted | str:
         try:
             return wanted(text)
@@ -285,12 +291,10 @@ class FindLine(Horizontal):
 
     def submit(self) -> None:
         """Look for it; what cannot be looked for stays open with its mistake."""
-        text = self._field.value.strip()
-        asked = self._read(text)
-        if not text:
+        if self.wanted is not None:
             self.close()
-        elif isinstance(asked, Wanted):
-            self.close()
-            self._found(asked)
-        else:
+            self._find()
+        elif self._field.value.strip():
             self.judge()
+        else:
+            self.close()

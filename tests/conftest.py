@@ -15,7 +15,7 @@ from trcvtui.plc.containment import RAISES
 __all__ = ["certificates", "secure_bench"]
 
 TESTS = Path(__file__).parent
-os.environ.setdefault(RAISES, "raise")  # an exception that is contained elsewhere fails the test, in any process
+os.environ.setdefault(RAISES, "raise")  # what is contained elsewhere fails the test, in any process
 
 settings.register_profile("same", deadline=None, max_examples=60, derandomize=True)
 settings.register_profile("searching", deadline=None, max_examples=600)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -14,9 +15,15 @@ import pytest
 
 from tests.capture.wire import answer, capture, handshake, tcp
 from tests.e2e.terminal import LOOK_S, PATIENCE_S, TRCVTUI, Terminal, need
+from tests.e2e.test_tap_screen import _below
 from tests.rig.scenarios import CONFIGS
 
 PASSIVE = CONFIGS / "passive.toml"
+
+
+def below(terminal: Terminal) -> Iterator[int]:
+    """Yield the processes of a terminal."""
+    return _below(int(terminal._call("display-message", "-p", "#{pane_pid}")))
 
 
 @pytest.fixture
@@ -143,3 +150,32 @@ def test_a_capture_opens_on_the_screen_and_goes_to_its_edges(
     terminal.wait(lambda text: "80A1" in text)
     terminal.type("q")
     terminal.wait(lambda text: "ended with 0" in text)
+
+
+def test_after_kill_9_of_the_engine_r_brings_back_the_ports_that_keys_and_lines_had_opened(
+    terminals: list[Terminal], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+    project = tmp_path / "p.toml"
+    project.write_text(PASSIVE.read_text())
+    terminal = open_terminal(terminals, 100, 30, "run", str(project))
+    terminal.wait("7000")
+    for line in (f"add instance R2 block=TRCV_C LocalPort={port}", "set R2 CONT=1 EN_R=1"):
+        terminal.keys(":")
+        terminal.type(line)
+        terminal.keys("Enter")
+    terminal.wait(lambda text: f"127.0.0.1:{port}" in text and "7002" in text)
+    [engine] = [pid for pid in below(terminal) if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
+    os.kill(engine, signal.SIGKILL)
+    terminal.wait(lambda text: "ENGINE ENDED" in text and "was ended by SIGKILL; report" in text)
+    [report] = (tmp_path / "state").glob("trcvtui-error-*.txt")
+    told = report.read_text()
+    assert "instance: name='R2' block='TRCV_C'" in told and "ConnectionChanged(connection='C2'" in told
+    terminal.keys("R")
+    terminal.wait(lambda text: "ENGINE ENDED" not in text and "7002" in text)
+    with socket.create_connection(("127.0.0.1", port)) as device:
+        terminal.wait("7006")
+        device.sendall(b"x")
+        terminal.wait(lambda text: "+3 unsaved" in text and "D◆" in text)

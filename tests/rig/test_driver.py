@@ -184,8 +184,9 @@ def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
         first = driver.pid
         assert first is not None
         os.kill(first, signal.SIGKILL)
-        with pytest.raises(EngineStopped):
+        with pytest.raises(EngineStopped, match="ended by SIGKILL") as stopped:
             wait_for(driver, lambda p: False)
+        assert stopped.value.is_internal
         driver.restart()
         picture = wait_for(driver, lambda p: p.snapshot.scan > 2)
         assert driver.pid != first

@@ -220,11 +220,13 @@ async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_an
         assert "R starts the engine anew" in looker.text
         await looker.press("R")
         assert looker.driver.restarts == 1
+        again = [f"set TRCV_C_{n} EN_R=1 CONT=1 LEN=0 ADHOC=0" for n in (1, 2)]
+        assert looker.lines == again, "the inputs are as they were, no edge comes again"
         await looker.show(picture(scan=3))
         assert "ENGINE ENDED" not in looker.text and "scan 3 " in looker.text
         assert lamp_colour(looker) == lamp
         await looker.press("n")
-        assert looker.lines == ["set TRCV_C_1 EN_R=0"], "and it commands again"
+        assert looker.lines == [*again, "set TRCV_C_1 EN_R=0"], "and it commands again"
 
 
 def lamp_colour(looker: Looker) -> Color | None:

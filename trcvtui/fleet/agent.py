@@ -196,6 +196,10 @@ class Agent:
         if now > self._started_at + HEALTHY_NS:
             self._pause = FIRST_PAUSE_NS
         why = one_line(str(stopped).strip().rpartition("\n")[2])
+        if isinstance(stopped, EngineStopped) and stopped.is_internal:
+            from trcvtui.rig.error_report import write_report
+
+            why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
         say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
         for instance in self.seen.instances.values():
             cause: dict[str, object] = {"text": f"the engine has ended: {why}"}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import starmap
 from typing import TYPE_CHECKING
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
+from trcvtui.blocks.table import block_row
+from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
 from trcvtui.records import NamedTuple, dataclass, replace
@@ -93,6 +96,22 @@ class BenchUpdate:
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED
+
+
+def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:
+    """Yield the lines that bring a fresh bench to where this one stood: its inputs, what TCON had built.
+
+    A pin whose edge does something is left out: nothing is sent or reset once more.
+    """
+    for instance in snapshot.instances:
+        levels = {pin.name for pin in project.pins(instance.block) if not pin.edge}
+        pins = [f"{name}={int(value)}" for name, value in instance.inputs if name in levels]
+        if pins:
+            yield f"set {instance.name} {' '.join(pins)}"
+        link = snapshot.connection(instance.connect)
+        builds = block_row(instance.block).runs_as is Condition.ESTABLISHING
+        if builds and link is not None and link.state != State.CLOSED:
+            yield f"pulse {instance.name} REQ"
 
 
 class BareUpdate(NamedTuple):

@@ -15,6 +15,7 @@ from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
 from trcvtui.project.project import Project
+from trcvtui.rig.bench_update import lines_again
 from trcvtui.rig.engine.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 FRAME_S: Final = 1 / 20
 ENGINE_ENDED: Final = 1
+KINDS: Final = "connect", "udp_config", "addr", "data", "combuffer", "instance", "peer", "message", "sequence"
+EDITS: Final = "add ", "create ", "delete ", "remove ", "resize ", "undo", *[f"set {kind} " for kind in KINDS]
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
 
@@ -92,6 +95,8 @@ class BenchApp(TerminalApp):
         self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
+        self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
+        self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
         self._warned = 0, 0  # the key of the warning, and what was unsaved
 
     def on_mount(self) -> None:
@@ -139,7 +144,7 @@ class BenchApp(TerminalApp):
             if stopped.ends_screen:
                 self.exit(return_code=1, message=str(stopped))
             else:
-                self._end(str(stopped))
+                self._end(stopped)
 
     def _show(self, before: int) -> None:
         if self.card is not None:
@@ -209,21 +214,32 @@ class BenchApp(TerminalApp):
             self._refuse()
             return None
         if not self.last_words:
+            if line.startswith(EDITS):
+                if not self.view_model.unsaved:
+                    self._edits.clear()  # the file has them
+                self._edits.append(line)
             try:
                 return self._engine.submit(line)
             except EngineStopped as stopped:
-                self._end(str(stopped))
+                self._end(stopped)
         return None
 
-    def _end(self, words: str) -> None:
-        self.last_words = words
+    def _end(self, stopped: EngineStopped) -> None:
+        self.last_words = words = str(stopped).strip() or "the engine has ended"
+        why = words.splitlines()[-1]
+        if stopped.is_internal:
+            from trcvtui.rig.error_report import write_report  # read when first needed
+
+            view = self.view_model
+            report = write_report(words, view.project, [*view.lines], stopped.folder)
+            why, self.last_words = f"{why}; {report}", f"{words}\n{report}"
         if self.race is not None and self.screen is self.race:
             self.race.dismiss()
         if self.scenarios is not None:
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
+        self.main.end(why)
 
     def action_restart(self) -> None:
         """Record the run, or end its recording; after the engine has ended: start it anew."""
@@ -236,8 +252,13 @@ class BenchApp(TerminalApp):
             picture = self.view_model.live
             self.submit("record stop" if picture is not None and picture.is_recording else "record")
             return
-        self.last_words = ""
+        picture, self.last_words = self.view_model.live, ""
         self._engine.restart()
+        if picture is not None and picture.kernel in ("sim", "live") and picture.player is None:
+            edits = self._edits if picture.unsaved else ()
+            self._again = *edits, *lines_again(picture.snapshot, self.view_model.project)
+        for line in self._again:
+            self._engine.submit(line)
         self.view_model.restart()
         self.main.restart()
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
+import signal
 import struct
 import sys
 from collections.abc import Callable, Sequence
@@ -28,12 +29,14 @@ READ_BYTES: Final = 1 << 18
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; its last words say why.
+    """The engine process has ended; its last words say why, the last line of them in short.
 
-    `ends_screen`: nothing can be shown any more, not even that.
+    `ends_screen`: nothing can be shown any more, not even that. `is_internal`: an error of this program, or
+    a signal, has ended it; `folder`: where its recording is, None: there is none.
     """
 
-    ends_screen = False
+    ends_screen = is_internal = False
+    folder: Path | None = None
 
 
 class Driver(Protocol):
@@ -153,7 +156,7 @@ class EngineDriver:
                 self._channel.poll(None)
             if isinstance(message, UserError):
                 raise message
-            self._project = _not_last_words(message)
+            self._project = self._checked(message)
         return self._project
 
     def submit(self, line: str) -> int:
@@ -176,7 +179,7 @@ class EngineDriver:
         """Return the newest picture that has arrived."""
         newest = None
         while (message := self._message()) is not None:
-            newest = self._take(_not_last_words(message)) or newest
+            newest = self._take(self._checked(message)) or newest
         return newest
 
     def _take(self, message: Any) -> BenchUpdate | None:
@@ -193,8 +196,31 @@ class EngineDriver:
         try:
             message = self._arriving.next()
         except (EOFError, OSError):
-            raise EngineStopped("the engine has ended without a word") from None
+            raise self._ended() from None
         return None if message is None else pickle.loads(message)
+
+    def _ended(self, trace: str = "") -> EngineStopped:
+        """Return how the process has ended: by what it has raised, else by a signal or its exit code."""
+        if not trace:
+            self._process.join(LAST_WORDS_S)
+            code = self._process.exitcode
+            name = {number.value: number.name for number in signal.Signals}.get(-(code or 0))
+            trace = f"the engine process was ended by {name or f'exit code {code}'}"
+        stopped = EngineStopped(trace)
+        stopped.is_internal = True
+        if self._record is not None:
+            target = self._record.target
+            stopped.folder = (target if target.is_dir() else target.parent).absolute()
+        return stopped
+
+    def _checked(self, message: Any) -> Any:
+        """Return a message; raise EngineStopped for last words."""
+        match message:
+            case UserError():
+                raise EngineStopped(message.lines()[0])
+            case str():
+                raise self._ended(message)
+        return message
 
     def _send(self, message: object) -> None:
         try:
@@ -205,7 +231,7 @@ class EngineDriver:
     def _raise_last_words(self) -> None:
         while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
             self.picture()
-        raise EngineStopped("the engine has ended without a word")
+        raise self._ended()
 
     def close(self) -> None:
         """Close the channel, which ends the engine, and wait for it."""
@@ -214,15 +240,6 @@ class EngineDriver:
         if self._process.is_alive():
             self._process.terminate()
             self._process.join()
-
-
-def _not_last_words(message: Any) -> Any:
-    match message:
-        case UserError():
-            raise EngineStopped(message.lines()[0])
-        case str():
-            raise EngineStopped(message)
-    return message
 
 
 def start_engine(

@@ -47,8 +47,10 @@ def engine_main(
         _run(channel, path, kernel, overrides, netns, read_only, record)
     except UserError as wrong:
         _tell(channel, wrong)
-    except Exception:
-        _tell(channel, _traceback())
+    except Exception as error:
+        from trcvtui.rig.error_report import trace_of
+
+        _tell(channel, trace_of(error))
 
 
 def _run(
@@ -87,12 +89,6 @@ def _run(
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
             Engine(channel, bench, recorder).run()
-
-
-def _traceback() -> str:
-    import traceback
-
-    return traceback.format_exc()
 
 
 def _tell(channel: Channel, last_words: str | UserError) -> None:

@@ -58,10 +58,10 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
             channel.send(wrong)
         except (EOFError, OSError):
             raise
-        except Exception:
-            import traceback
+        except Exception as error:
+            from trcvtui.rig.error_report import trace_of
 
-            channel.send(traceback.format_exc())
+            channel.send(trace_of(error))
     except (EOFError, OSError):
         return  # the screen is gone
 

@@ -890,7 +890,7 @@ def _add_tap(parser: ArgumentRows) -> None:
     )
     _add_shadows(parser, "CONNECT")
     parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
-    parser.add_argument("--armed", action="store_true", help="keys RST and FIN act without a question")
+    parser.add_argument("--armed", action="store_true", help="keys r (RST), f (FIN) act at once")
 
 
 def _add_shadows(parser: ArgumentRows, plc: str = "guessed") -> None:

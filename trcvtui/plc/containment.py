@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: a UserError is passed on: it says where a replay and its journal differ.
+Rule 2: the UserError of a replay is passed on, for it says where run and journal differ; so is a command's.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained: the tests run so.
 """
 
@@ -19,6 +19,7 @@ T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"
 EXCEPTION: Final = "exception"  # the call of its entry in the journal
 RAISES: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
+COMMAND: Final = "command", "command"
 Part = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
@@ -42,7 +43,7 @@ class Containment:
     ) -> None:
         self.out: set[Part] = set()
         self.is_due = is_due
-        self.newest = ""  # what was noted last, of whichever part
+        self._newest = ""
         self._record, self._report, self._tell = record, report, tell
         self._raises = os.environ.get(RAISES) == "raise"
 
@@ -53,12 +54,18 @@ class Containment:
 
     def note(self, part: Part, error: Exception) -> str:
         """Keep an exception and tell the ledger; return it in words."""
-        if isinstance(error, UserError) or (self._raises and not isinstance(error, RecordedException)):
+        is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
+        if is_users or (self._raises and not isinstance(error, RecordedException)):
             raise error
         why = self._record(part, lambda: self._report(error)) or self._report(error)
         self._tell(BenchNote(part[1], INTERNAL_ERROR, why))
-        self.newest = f"an internal error of {' '.join(part)}: {why}"
+        self._newest = f"an internal error of {' '.join(part)}: {why}"
         return why
+
+    def take_newest(self) -> str:
+        """Return what was noted last since this was asked, of whichever part; "" for nothing."""
+        newest, self._newest = self._newest, ""
+        return newest
 
     def attempt(self, part: Part, do: Callable[[], T]) -> T | None:
         """Do it and return what it answers; None where it has raised, or is recorded to have."""

@@ -206,8 +206,8 @@ class SerialLines:
 
     def close(self) -> None:
         """Give the ports back."""
-        for port in self._ports.values():
-            port.close()
+        for name, port in self._ports.items():
+            self._containment.attempt(("line", name), port.close)
 
     def snapshots(self) -> tuple[ComBufferSnapshot, ...]:
         """Return every ComBuffer as it stands."""

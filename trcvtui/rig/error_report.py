@@ -52,6 +52,11 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
     return f"report {path}"
 
 
+def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> str:
+    """Write the report of an exception; return that in one line, and the report's name."""
+    return f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
+
+
 def words_of(error: BaseException) -> str:
     """Return an exception and where it was raised, in one line: `KeyError in receive_job.py:292`."""
     frames = traceback.extract_tb(error.__traceback__)
@@ -60,9 +65,9 @@ def words_of(error: BaseException) -> str:
 
 
 def trace_of(error: BaseException) -> str:
-    """Return the trace of an exception, with its words but for what stands in quotes."""
+    """Return the trace of an exception, its words but for what stands in quotes, and last it in one line."""
     frames = "".join(traceback.format_tb(error.__traceback__))
-    return f"{frames}{type(error).__name__}: {_QUOTED.sub('..', str(error))[:200]}"
+    return f"{frames}{type(error).__name__}: {_QUOTED.sub('..', str(error))[:200]}\n{words_of(error)}"
 
 
 def _parts(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:

@@ -330,7 +330,11 @@ class SharedListener:
                     self._any_member().ready.append(got)
                 break
             self._party.spend(ACCEPT)
-            self._welcome(got, now)
+            try:
+                self._welcome(got, now)
+            except Exception as error:
+                self._caught(self._any_member().owner, error)
+                self._kernel.abort(got.handle)
 
     def _keeps_waiting(self) -> bool:
         """Return whether newcomers stay in the stack: their only CONNECT has its fill, and drops nobody.

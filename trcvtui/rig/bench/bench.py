@@ -19,7 +19,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
-from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, Containment, Part
+from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, Part
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
@@ -129,7 +129,6 @@ class Checking:
 
 
 T = TypeVar("T")
-COMMAND: Final = "command", "command"
 KERNELS: Final = ("sim", "live")
 
 
@@ -285,11 +284,10 @@ class Bench:
         return self._ask(part[1], EXCEPTION, part[:1], report)
 
     def _report(self, error: BaseException) -> str:
-        from trcvtui.rig.error_report import MOST_LINES, trace_of, words_of, write_report
+        from trcvtui.rig.error_report import MOST_LINES, report_of  # read when first needed
 
-        ledger = self.runtime.ledger
-        lines = ledger.since(ledger.last_seq - MOST_LINES)
-        return f"{words_of(error)}; {write_report(trace_of(error), self.project, lines, self.reports)}"
+        lines = self.runtime.ledger.since(0, MOST_LINES)
+        return report_of(error, self.project, lines, self.reports)
 
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
@@ -439,6 +437,7 @@ class Bench:
         if act is None:
             return f"{type(command).__name__} lets scans pass"
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
+        self.containment.forget(("peer", getattr(command, "peer", "")))  # it is tried again
         wrong = self._outside(
             "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
         )

@@ -499,6 +499,9 @@ class Controller:
         since = request.since_seq if known else 0
         lines = ledger.raw_since(since, min(most_lines, request.most_lines))
         self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
+        internal = self.bench.containment.take_newest()
+        if internal:
+            self._answers.append(Answer(0, "", internal))
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()

@@ -197,6 +197,7 @@ class JobHistory:
         self.watched = ""  # the CONNECT whose bytes are always kept
         self.lost: list[Callable[[int, int, int], None]] = [self._lose]  # told seq, scan, time before a loss
         self._bench = bench
+        self._has_failed = False
         self._news: list[Stamped] = []
         self._read = 0  # of them
         self._seq = 0  # of the last of them
@@ -221,7 +222,11 @@ class JobHistory:
         The bytes of DATA come first: the next scan may overwrite them. After an exception in one who listens
         nothing more is read: the bench goes on.
         """
-        return self._bench.containment.serve(READER, partial(self._read_on, until)) is not False
+        if not self._has_failed:
+            is_all = self._bench.containment.attempt(READER, partial(self._read_on, until))
+            self._has_failed = is_all is None
+            return bool(is_all)
+        return True
 
     def _read_on(self, until: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners

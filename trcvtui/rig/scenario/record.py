@@ -92,8 +92,8 @@ def record(
         recorder.begin(bench, path, (), is_scenario=False)
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
-    told = [bench.containment.newest] if bench.containment.newest else []
-    _say("".join(f"{line}\n" for line in (*told, *recorder.lines())))
+    told = bench.containment.take_newest()
+    _say("".join(f"{line}\n" for line in (*[told] * bool(told), *recorder.lines())))
     return 1 if recorder.trouble else 0
 
 

@@ -207,8 +207,7 @@ class Runner:
 
     def _internal(self, step: words.Step) -> Failure | None:
         """Return the failure that an internal error is, whatever the file expects."""
-        containment = self._bench.containment
-        found, containment.newest = containment.newest, ""
+        found = self._bench.containment.take_newest()
         return Failure(step.number, step.line, found) if found else None
 
     def _elapsed(self) -> int:

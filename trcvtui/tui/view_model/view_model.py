@@ -6,10 +6,12 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import takewhile
 from typing import Final
 
+from trcvtui.plc.containment import Containment
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
@@ -105,6 +107,7 @@ GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an i
 BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
 
 
+INDEX: Final = "reader", "index of the screen"
 KEPT: Final = 2000  # messages of a connection, recv calls of a job
 
 
@@ -139,6 +142,7 @@ class ViewModel:
         self.history = History()
         self.afterglow = Afterglow()
         self.stream_index = new_index()
+        self._containment = Containment(lambda part, report: None, self._report, lambda note: None, None)
         self.waves = WaveformCache()
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
@@ -188,8 +192,8 @@ class ViewModel:
         if picture.lines_skipped and picture.lines:
             self._note_skipped(picture.lines[0].seq)
         self.lines.extend(picture.lines)
+        self._take_index(picture.lines)
         for line in picture.lines:
-            self.stream_index.take(((line.scan, line.t_ns, line.event),))
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)
@@ -201,6 +205,21 @@ class ViewModel:
             self.history.skipped += picture.lines_skipped
             for instance in picture.snapshot.instances:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
+
+    def _take_index(self, lines: Sequence[Line]) -> None:
+        """Let the index read lines; after an exception it stays empty: what it says would be a guess."""
+        stamped = [(line.scan, line.t_ns, line.event) for line in lines]
+        self._containment.serve(INDEX, partial(self.stream_index.take, stamped))
+        if INDEX in self._containment.out:
+            self.stream_index = new_index()
+        internal = self._containment.take_newest()
+        if internal:
+            self.answers[0] = Answer(0, "", internal)
+
+    def _report(self, error: BaseException) -> str:
+        from trcvtui.rig.error_report import report_of  # read when first needed
+
+        return report_of(error, self.project, [*self.lines], None)
 
     def _take_waves(self, picture: BenchUpdate) -> None:
         """Take what is new of the pins; a frozen view has them up to its own scan, whenever it asks."""

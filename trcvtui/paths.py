@@ -12,7 +12,6 @@ CONFIGS: Final = "configs"
 
 
 def demo_path() -> Path:
-    """Return the project file of the built-in demo."""
     return Path(__file__).parent / "rig" / "demo.toml"
 
 

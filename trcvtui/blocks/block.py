@@ -43,9 +43,7 @@ class Binding:
 class Bound(Protocol):
     """A binding of any kind: it knows which class of a block is made for it."""
 
-    def class_of(self, row: BlockRow) -> str:
-        """Return the class, as the row names it."""
-        ...
+    def class_of(self, row: BlockRow) -> str: ...
 
 
 class Job(Protocol):
@@ -66,9 +64,7 @@ class Job(Protocol):
     @property
     def last_bytes(self) -> int | None: ...
 
-    def partial(self) -> bytes:
-        """Return a copy of the bytes collected so far."""
-        ...
+    def partial(self) -> bytes: ...
 
 
 class NoJob:
@@ -80,7 +76,6 @@ class NoJob:
     last_bytes: int | None = None
 
     def partial(self) -> bytes:
-        """Return nothing."""
         return b""
 
 
@@ -90,7 +85,6 @@ class StoppedBlock:
     job = NoJob()
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Raise: nothing calls it."""
         raise NotImplementedError
 
     def stop(self, reason: str) -> None:
@@ -104,13 +98,9 @@ class Block(Protocol):
     """One block instance's inside."""
 
     @property
-    def job(self) -> Job:
-        """Return how its job stands."""
-        ...
+    def job(self) -> Job: ...
 
-    def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call."""
-        ...
+    def call(self, inputs: Inputs) -> Outcome: ...
 
     def stop(self, reason: str) -> None:
         """Drop what runs; the connection is closed by others (PLC STOP)."""
@@ -122,7 +112,6 @@ class Block(Protocol):
 
 
 def new_block(row: BlockRow, bound: Bound) -> Block:
-    """Return the inside of a new instance."""
     module, _, name = bound.class_of(row).partition(":")
     block: Block = getattr(import_module(module), name)(bound)
     return block

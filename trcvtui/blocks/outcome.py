@@ -145,17 +145,14 @@ class Outcome:
 
     @property
     def busy(self) -> bool:
-        """Return BUSY: a job is running."""
         return self.condition in conditions.BUSY or self.lamp is Lamp.BUSY
 
     @property
     def done(self) -> bool:
-        """Return DONE: a job ended well, in this scan."""
         return self.condition in conditions.DONE or self.lamp is Lamp.DONE
 
     @property
     def error(self) -> bool:
-        """Return ERROR."""
         return self.condition in conditions.ERROR
 
 

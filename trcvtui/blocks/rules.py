@@ -84,7 +84,6 @@ class StatusSequence:
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
     def of_set_up(self, stage: SetUpStage, error: str) -> Condition:
-        """Return the condition of a set-up step that failed with that errno."""
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
 
     def outlives_en_r(self, has_data: bool) -> bool:

@@ -135,7 +135,6 @@ class Keyframe(NamedTuple):
 
     @staticmethod
     def of(scan: int, ns: int, steps: int, beyond: int, state: bytes) -> Keyframe:
-        """Return that of a state."""
         return Keyframe(__version__, scan, ns, steps, beyond, len(state), zlib.compress(state, 1))
 
     def state(self, where: str) -> bytes:
@@ -522,11 +521,9 @@ class BlockWriter:
 
     @property
     def is_full(self) -> bool:
-        """Return whether another block has to be begun."""
         return self.size >= MOST_BLOCK or len(self._order) >= MOST_ENTRIES
 
     def __len__(self) -> int:
-        """Return how many entries there are."""
         return len(self._order)
 
     def take(self, entry: Entry) -> None:
@@ -557,7 +554,6 @@ class BlockWriter:
         return head + value_bytes(entry.answer)
 
     def block(self) -> bytes:
-        """Return the block."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()

@@ -128,7 +128,6 @@ class PartnersAgain(Replay):
     def call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return what asks this call."""
         nothing = cast(Callable[[], T], None)
         return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
 
@@ -185,7 +184,7 @@ class PartnersAgain(Replay):
         return None
 
     def end(self) -> None:
-        """Do nothing."""
+        """Do nothing: no journal has to come to its end."""
 
     # -- calls of a kernel -----------------------------------------------------------------------------
 

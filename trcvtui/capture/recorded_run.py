@@ -61,7 +61,6 @@ class Partner:
         self.taken: list[tuple[int, int, bool]] = []  # scan, bytes of the PLC in all, did he take all of them
 
     def note_bytes(self, at: CallPlace, size: int) -> None:
-        """Note that so many bytes have come in all."""
         if size > (self.arrived[-1][1] if self.arrived else 0):
             self.arrived.append((at, size))
 
@@ -148,7 +147,6 @@ class RecordedRun:
 
     @property
     def scan(self) -> int:
-        """Return the last scan that has begun."""
         return self.first + len(self.times)
 
     def _stand(self, one: Standing) -> None:
@@ -177,7 +175,6 @@ class RecordedRun:
         return not isinstance(entry, EntriesLost) and self._size <= MOST_BYTES
 
     def bytes_to(self, scan: int) -> int:
-        """Return how many bytes blocks have read up to a scan."""
         return next((size for at, size in reversed(self.read) if at <= scan), 0)
 
     def _read_more(self, size: int) -> None:

@@ -182,7 +182,6 @@ class Replay:
         return sum([type(entry) is Answered and entry.call == STEP for entry in self.entries])
 
     def end(self) -> None:
-        """Raise UserError where the journal goes on after the run has ended."""
         entry = self.coming() or self._front
         if entry is not None:
             self._differs(entry, "nothing more")

@@ -94,11 +94,9 @@ class Dialect:
 
     @property
     def scenario_folder(self) -> str:
-        """Return the folder of its scenarios."""
         return self.folder or self.name
 
     def row(self, code: int, block: str | None = None) -> StatusRow | None:
-        """Return the row of a code, for one block or for any."""
         return next((r for r in self.status if r.code == code and (block is None or block in r.blocks)), None)
 
 

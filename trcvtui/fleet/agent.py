@@ -94,7 +94,6 @@ class Agent:
 
     @property
     def is_running(self) -> bool:
-        """Return whether the engine is there."""
         return self._engine is not None
 
     @property
@@ -104,12 +103,10 @@ class Agent:
 
     @property
     def queued(self) -> int:
-        """Return how many messages wait."""
         return self._publisher.queue.size if self._publisher is not None else 0
 
     @property
     def dropped(self) -> int:
-        """Return how many messages had no room."""
         return sum(self._publisher.queue.dropped.values()) if self._publisher is not None else 0
 
     # -- the loop ----------------------------------------------------------------------------------------

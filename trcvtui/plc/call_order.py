@@ -151,7 +151,6 @@ class CallOrder:
         return self._awake
 
     def places(self, connect: str) -> Sequence[int]:
-        """Return the places of the instances on a CONNECT."""
         return self._places[connect]
 
     def take_awake(self) -> set[str]:
@@ -160,7 +159,6 @@ class CallOrder:
         return awake
 
     def on(self, connects: Iterable[str]) -> Iterator[Instance]:
-        """Return the instances on these CONNECTs."""
         return (self._entries[place][0] for name in connects for place in self._places.get(name, ()))
 
     def _in_order(self) -> list[int]:

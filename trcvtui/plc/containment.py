@@ -79,7 +79,6 @@ class Containment:
             return None
 
     def serve(self, part: Part, do: Callable[[], T]) -> T | None:
-        """Do it as long as the part is in service."""
         return None if part in self.out else self.attempt(part, do)
 
     def forget(self, *parts: Part) -> None:

@@ -207,7 +207,6 @@ class Instance:
 
     @property
     def outputs(self) -> Outputs:
-        """Return what the program reads after the call."""
         return self.edge.outputs
 
     def shown(self, outcome: Outcome) -> StatusEdge:
@@ -233,11 +232,9 @@ class Instance:
     # -- for readers -----------------------------------------------------------------------------------
 
     def partial(self) -> bytes:
-        """Return a copy of what the running job has collected."""
         return self._block.job.partial()
 
     def framer(self) -> FramerSnapshot | None:
-        """Return the framer of a block that receives from a ComBuffer."""
         job, bound = self._block.job, self._bound
         if not isinstance(job, Reception) or not isinstance(bound, SerialBinding):
             return None

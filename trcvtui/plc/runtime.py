@@ -91,7 +91,6 @@ def text_lens_of(type_: Type, size: int) -> TextLens:
 
 
 def area_of(decl: DataDecl) -> DataArea:
-    """Return the bytes of a variable."""
     texts = text_lens_of(decl.type, decl.size)
     return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, texts)
 
@@ -187,7 +186,6 @@ class Runtime:
     # -- what may be asked between scans ----------------------------------------------------------------
 
     def submit(self, command: Command) -> None:
-        """Queue a command for phase 1 of the next scan."""
         self._commands.append(command)
 
     def stand_on(self, kernel: ReadyKernel) -> None:
@@ -196,11 +194,9 @@ class Runtime:
 
     @property
     def scans(self) -> int:
-        """Return how many scans have passed."""
         return self._env.scan
 
     def sockets(self) -> Iterator[tuple[str, Handle, SocketUse]]:
-        """Yield who has which socket, and what for."""
         for name, connection in (*self._connections.items(), *self._ports.items()):
             for handle, use in connection.sockets:
                 yield name, handle, use
@@ -233,7 +229,6 @@ class Runtime:
         return self._instances.get(instance)
 
     def inputs(self, instance: str) -> Mapping[str, PinValue]:
-        """Return a copy of the inputs of an instance."""
         known = self._instances.get(instance)
         return dict(known.inputs) if known else {}
 
@@ -247,12 +242,10 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def partial(self, instance: str) -> bytes:
-        """Return a copy of what an instance's running job has collected."""
         known = self._settled(instance)
         return known.partial() if known else b""
 
     def framer(self, instance: str) -> FramerSnapshot | None:
-        """Return the framer of a block that receives from a ComBuffer."""
         return self._instances[instance].framer() if instance in self._instances else None
 
     def recording(self, combuffer: str) -> LineRecording:
@@ -593,7 +586,6 @@ class Runtime:
     # -- the frozen picture ------------------------------------------------------------------------
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
-        """Return the PLC as the last scan left it."""
         return self.whole(self.collect(faults))
 
     def whole(self, bare: BareSnapshot) -> Snapshot:
@@ -667,7 +659,6 @@ def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:
 
 
 def _with(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:
-    """Return the entries with one more, at its place."""
     kept = list(entries.items())
     kept.insert(len(kept) if place is None else place, (name, entry))
     return dict(kept)

@@ -87,18 +87,15 @@ class SerialLines:
             self._orphans.discard(instance)
 
     def __contains__(self, name: str) -> bool:
-        """Return whether there is a ComBuffer of that name."""
         return name in self._buffers
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the ComBuffers."""
         return tuple(self._buffers)
 
     def binding(
         self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
     ) -> SerialBinding:
-        """Return what an instance on a ComBuffer is tied to."""
         if block_row(decl.block).writes_buffer:
             self._decls[decl.connect] = replace(self._decls[decl.connect], is_written=True)
         areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
@@ -152,7 +149,6 @@ class SerialLines:
         return self._buffers[name].recorded.kept(source, until, tick)
 
     def arrive(self, name: str, payload: bytes) -> None:
-        """Let bytes arrive on a simulated line."""
         self._ports[name].arrive(payload) if name in self._ports else self._buffers[name].put(payload)
 
     def pull(self, name: str) -> None:
@@ -165,7 +161,6 @@ class SerialLines:
             feed.ask_errors()
 
     def receive(self, now: int) -> None:
-        """Take what has come at the real ports."""
         for name, port in self._ports.items():
             self._serve(name, partial(port.receive, now))
         for name in self._orphans:
@@ -205,12 +200,10 @@ class SerialLines:
             stream.stop()
 
     def close(self) -> None:
-        """Give the ports back."""
         for name, port in self._ports.items():
             self._containment.attempt(("line", name), port.close)
 
     def snapshots(self) -> tuple[ComBufferSnapshot, ...]:
-        """Return every ComBuffer as it stands."""
         return tuple([self._snapshot(decl, self._buffers[name]) for name, decl in self._decls.items()])
 
     def _snapshot(self, decl: ComBufferDecl, b: ComBuffer) -> ComBufferSnapshot:

@@ -129,7 +129,6 @@ class BareUpdate(NamedTuple):
     window: Callable[[], HistoryWindow | None]
 
     def whole(self, snapshot: Snapshot) -> BenchUpdate:
-        """Return the update with all its parts."""
         lines = tuple(starmap(line_of, enumerate(self.lines, self.first_seq)))
         waves = tuple(map(with_changes, self.update.waves))
         return replace(self.update, snapshot=snapshot, lines=lines, waves=waves, history=self.window())

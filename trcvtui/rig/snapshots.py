@@ -77,7 +77,6 @@ class CheckTally:
 
     @property
     def is_good(self) -> bool:
-        """Return whether nothing is wrong."""
         return not (self.lost or self.doubled or self.shifts)
 
 
@@ -169,7 +168,6 @@ class PlayerSnapshot:
 
     @property
     def failed(self) -> tuple[StepSnapshot, ...]:
-        """Return the steps that failed."""
         return tuple(step for step in self.steps if step.state == FAILED)
 
 

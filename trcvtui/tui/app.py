@@ -193,7 +193,6 @@ class BenchApp(TerminalApp):
 
     @property
     def only_looks(self) -> bool:
-        """Return whether this screen is read-only."""
         return self._read_only
 
     def refuses(self) -> bool:
@@ -290,7 +289,6 @@ class BenchApp(TerminalApp):
     # -- the lab ------------------------------------------------------------------------------------
 
     def action_lab(self) -> None:
-        """Open the UDT lab."""
         self.submit(LAB)
 
     def _open_lab(self, line: str) -> None:
@@ -329,11 +327,9 @@ class BenchApp(TerminalApp):
     # -- the race -----------------------------------------------------------------------------------
 
     def on_race_wanted(self, message: RaceWanted) -> None:
-        """Race a scenario that was chosen on its screen."""
         self.open_race(message.path)
 
     def action_race(self) -> None:
-        """Open the dialect race of the session."""
         if self.screen is self.main:
             self.submit(RACE)
 
@@ -397,7 +393,6 @@ class BenchApp(TerminalApp):
     # -- the project --------------------------------------------------------------------------------
 
     def action_add(self, kind: str) -> None:
-        """Open the form for what is added to the project."""
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:

@@ -114,7 +114,6 @@ def _refused(condition: Condition, name: str, pin: str = "DATA", value: int | No
 
 
 def changed(what: str) -> Outcome:
-    """Return the end of a job whose DATA or LEN did not stay."""
     return _refused(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
 
 

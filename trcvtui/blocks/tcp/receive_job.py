@@ -198,7 +198,6 @@ class ReceiveJob:
         self.span_offset = offset
 
     def check_loss(self) -> ConnectionLoss | None:
-        """Look for a loss while no job runs."""
         return self.connection.check_loss(self.claim)
 
     def show_loss(self, loss: ConnectionLoss) -> list[Outcome]:
@@ -272,7 +271,6 @@ class ReceiveJob:
         self.abandon(reason)
 
     def partial(self) -> bytes:
-        """Return a copy of the bytes collected so far."""
         return bytes(self.buffer[: self.have]) if self.running else b""
 
     def _end(self, done: bool, reason: str, size: int) -> None:

@@ -284,7 +284,6 @@ WORDS: Final[Mapping[str, str]] = {
 
 
 def with_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
-    """Return the switches with another default of one of them."""
     return tuple(replace(one, default=value) if one.name == name else one for one in SWITCHES)
 
 

@@ -77,7 +77,6 @@ class Losses:
 
     @property
     def newest(self) -> ConnectionLoss | None:
-        """Return how the newest one that is lost ended."""
         return self._of[max(self._of)] if self._of else None
 
 
@@ -248,7 +247,6 @@ class Connection:
 
     @property
     def directions(self) -> tuple[DirectionClaims, ...]:
-        """Return all that an instance can have a claim on."""
         return self.receiving, self.sending, self.keeping
 
     # -- set-up: TCON ------------------------------------------------------------------------
@@ -468,11 +466,9 @@ class Connection:
 
     @property
     def last_loss(self) -> ConnectionLoss | None:
-        """Return how the newest lost incarnation ended."""
         return self._losses.newest
 
     def unread(self) -> int:
-        """Return how many received bytes wait in the stack."""
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
     def drop(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:

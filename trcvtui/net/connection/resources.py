@@ -74,7 +74,6 @@ class Party:
         return self._left
 
     def spend(self, units: int) -> None:
-        """Note work that was done."""
         self._left = self.left - units
         self.work.spent(self, units)
 
@@ -104,13 +103,11 @@ class Work:
         self._longest = 0  # ns of a step, fading
 
     def set_interval(self, interval_ns: int) -> None:
-        """Take the interval of the fastest task."""
         self._interval = interval_ns
         self._units = max(FEWEST, interval_ns // NS_A_UNIT)
 
     @property
     def units(self) -> int:
-        """Return the units of one scan."""
         return self._units
 
     def begin(self, now: int) -> None:
@@ -136,7 +133,6 @@ class Work:
         return self._now - self._episodes[who] >= EPISODE_REST
 
     def grant(self, party: Party) -> int:
-        """Return what a party has in this scan."""
         share = self._put_by.get(party)
         return (self._rest + 1) // 2 if share is None else share
 
@@ -225,7 +221,6 @@ class DirectionClaims:
             self._claims.append(claim)
 
     def of_another_priority(self, claim: Claim) -> Claim | None:
-        """Return a claim of a task of another priority."""
         return next((held for held in self._claims if held.priority != claim.priority), None)
 
     def give_back(self, claim: Claim) -> None:
@@ -267,7 +262,6 @@ class DirectionClaims:
         )
 
     def holds(self, claim: Claim | None) -> bool:
-        """Return whether this claim is held."""
         return claim in self._claims
 
     def owners(self) -> tuple[str, ...]:
@@ -377,11 +371,9 @@ class BufferPool:
 
     @property
     def is_full(self) -> bool:
-        """Return whether no buffer is left."""
         return self.used >= self.count
 
     def release(self) -> None:
-        """Give one buffer back."""
         self.used -= 1
 
 
@@ -402,12 +394,10 @@ class ConnectionBudget:
         return None
 
     def release(self, owner: str) -> None:
-        """Take the CONNECT named owner out of the count."""
         self._holders.pop(owner, None)
 
     @property
     def used(self) -> int:
-        """Return how many CONNECTs hold sockets now."""
         return len(self._holders)
 
 

@@ -184,7 +184,6 @@ class LayerKernel:
     # -- set-up ----------------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        """Make a TCP socket."""
         made = self.inner.socket(owner)
         if not isinstance(made, Fault):
             self._owners[made] = owner
@@ -249,7 +248,6 @@ class LayerKernel:
         return self.inner.poll_add(handle)
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        """Take the handle out of the poll set."""
         return self.inner.poll_del(handle)
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:

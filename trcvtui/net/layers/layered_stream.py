@@ -139,7 +139,6 @@ class LayeredStream:
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
     def too_slow(self, why: str) -> None:
-        """End a handshake, or a message, that takes too long."""
         self.session.give_up(why)
         self.flush()
 
@@ -253,7 +252,6 @@ Caught = Callable[[str, Exception], None]  # the CONNECT, what its session has r
 
 
 def raise_it(owner: str, error: Exception) -> None:
-    """Pass it on: nothing is contained."""
     raise error
 
 
@@ -432,7 +430,6 @@ class SharedListener:
         return next(iter(self.members.values()))
 
     def close(self) -> None:
-        """Free the listener and everybody who waits at it."""
         for client in self.clients:
             self._kernel.abort(client.handle)
         self.clients.clear()

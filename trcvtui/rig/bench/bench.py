@@ -85,7 +85,6 @@ def link_of(peer: PeerDecl, project: Project) -> str:
 
 
 def _what_each_works_on(project: Project) -> dict[str, str]:
-    """Return the CONNECT or ComBuffer of each instance."""
     return {each.name: each.connect for each in project.instances}
 
 
@@ -107,23 +106,19 @@ class Checking:
         return self._command.instance
 
     def step(self, now: int) -> None:
-        """Send the next frame, when it is due."""
         if self._peer.can_send and now >= self._next and not self._peer.unsent:
             self._next = next_due(self._next or now, self._command.every_ns, now)
             self._peer.send(PeerSend(self._command.peer, frame(self._sent, self._command.size)), now)
             self._sent += 1
 
     def received(self, data: bytes) -> None:
-        """Judge the DATA of one DONE."""
         if self._data is not None:
             self._data.take(data)
 
     def end(self) -> None:
-        """Judge no more."""
         self._peer.inbox.checker = None
 
     def snapshot(self) -> CheckSnapshot:
-        """Return what was sent and what has become of it."""
         data = self._data.tally() if self._data is not None else None
         return CheckSnapshot(self._sent, data, self._echo.tally())
 
@@ -313,7 +308,6 @@ class Bench:
         return Endpoint(config.local.address, port) if config and port is not None else None
 
     def is_free(self, end: Endpoint) -> bool:
-        """Return whether nobody listens at an end of this machine."""
         return self._ask("bench", "is_free", (end,), lambda: self._is_free(end))
 
     def _is_free(self, end: Endpoint) -> bool:
@@ -386,7 +380,6 @@ class Bench:
                     check.received(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
 
     def step_peers(self) -> None:
-        """Let every peer take what has arrived and send what is due."""
         self._peers_work.begin(self.now)
         for acting in (self._self_acting, self._checks, self.peers):
             for name, each in acting.items():
@@ -397,7 +390,6 @@ class Bench:
                         self.containment.attempt(part, self.peers[name].end)
 
     def rest(self) -> None:
-        """Let the peers go on while no scan passes."""
         self._outside("rest", "", self.step_peers)
 
     def _outside(self, call: str, line: str, do: Callable[[], T]) -> T:
@@ -413,7 +405,6 @@ class Bench:
             self._seam.is_busy = False
 
     def faults(self) -> tuple[str, ...]:
-        """Return the planned faults in words."""
         return tuple([str(fault) for fault in self.plan.entries()])
 
     def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
@@ -460,13 +451,11 @@ class Bench:
         self._outside("do", line, _nothing)
 
     def submit(self, *orders: commands.Command) -> str:
-        """Tell the PLC what to do in its next scan."""
         for order in orders:
             self.runtime.submit(order)
         return ""
 
     def change(self, command: words.BenchCommand, order: commands.Command) -> str:
-        """Change the project, and tell the PLC."""
         self.project = after(command, self.project)
         return self.submit(order)
 
@@ -533,7 +522,6 @@ class Bench:
         return wrong
 
     def _say_anew(self) -> None:
-        """Let peers say messages as they are now."""
         routines = read_routines(self.project)
         for decl in self.project.peers:
             if any(text.startswith("message ") for text in decl.says):
@@ -560,12 +548,10 @@ class Bench:
         return ""
 
     def check_on(self, command: words.CheckOn) -> str:
-        """Let a peer send self-checking traffic."""
         self._checks[command.peer] = Checking(self.peers[command.peer], command)
         return ""
 
     def check_off(self, command: words.CheckOff) -> str:
-        """End the self-checking traffic of a peer."""
         check = self._checks.pop(command.peer, None)
         if check is not None:
             check.end()
@@ -589,14 +575,12 @@ class Bench:
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
-        """Let a kernel call fail."""
         times = None if command.times == words.FOREVER else command.times
         self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
         self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
         return ""
 
     def clear_faults(self) -> str:
-        """Forget all faults."""
         self.plan.clear()
         self.note("bench", "faults cleared")
         return ""
@@ -609,7 +593,6 @@ class Bench:
         self.runtime.ledger.write(BenchNote(subject, what, detail))
 
     def close(self) -> None:
-        """Free every socket of the PLC and of the peers."""
         self._outside("close", "", self._close)
 
     def _close(self) -> None:
@@ -620,7 +603,6 @@ class Bench:
             self._kernel.close_all()
 
     def leaks(self) -> tuple[str, ...]:
-        """Return a line for every handle that is still open."""
         return self._kernel.leaks()
 
 

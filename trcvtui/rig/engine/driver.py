@@ -58,9 +58,7 @@ class Driver(Protocol):
         """Start the bench anew from its file, after it has ended."""
         ...
 
-    def close(self) -> None:
-        """End the bench."""
-        ...
+    def close(self) -> None: ...
 
 
 class Arriving:
@@ -146,7 +144,6 @@ class EngineDriver:
 
     @property
     def pid(self) -> int | None:
-        """Return the number of the engine's process."""
         return self._process.pid
 
     def project(self) -> Project:
@@ -160,7 +157,6 @@ class EngineDriver:
         return self._project
 
     def submit(self, line: str) -> int:
-        """Send one bench command line."""
         self._number += 1
         self._send((self._number, line))
         return self._number
@@ -176,7 +172,6 @@ class EngineDriver:
         self._channel.poll(seconds)
 
     def picture(self) -> BenchUpdate | None:
-        """Return the newest picture that has arrived."""
         newest = None
         while (message := self._message()) is not None:
             newest = self._take(self._checked(message)) or newest
@@ -234,7 +229,6 @@ class EngineDriver:
         raise self._ended()
 
     def close(self) -> None:
-        """Close the channel, which ends the engine, and wait for it."""
         self._channel.close()
         self._process.join(LAST_WORDS_S)
         if self._process.is_alive():

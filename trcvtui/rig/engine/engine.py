@@ -166,7 +166,6 @@ class Engine:
             self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
 
     def _hurry(self, until: int) -> None:
-        """Let scans pass that wait for no clock."""
         while self._controller.hurries and clock.now_ns() < until:
             self._controller.scan()
 
@@ -258,31 +257,25 @@ class LocalDriver:
         self._picture: BenchUpdate | None = None
 
     def submit(self, line: str) -> int:
-        """Carry out one bench command line."""
         self._number += 1
         self.console.take(self._number, line)
         return self._number
 
     def scan(self, scans: int = 1) -> None:
-        """Let scans pass, as far as they are not held."""
         for _ in range(scans):
             self.console.scan()
 
     def request(self, request: UpdateRequest) -> None:
-        """Take a picture now."""
         self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
 
     def picture(self) -> BenchUpdate | None:
-        """Return the picture taken since the last call."""
         picture, self._picture = self._picture, None
         return picture
 
     def restart(self) -> None:
-        """Begin anew with the project as it is now."""
         bench = self.console.bench
         bench.close()
         self.console = Controller(fresh_bench(bench.project, bench.kernel_name))
 
     def close(self) -> None:
-        """End the bench."""
         self.console.bench.close()

@@ -59,12 +59,10 @@ class ReceivedChunk(NamedTuple):
 
     @property
     def done(self) -> bool:
-        """Return whether the bytes went to DATA."""
         return self.told.done if isinstance(self.told, JobSpan) else True
 
     @property
     def instance(self) -> str:
-        """Return whose they are."""
         told = self.told
         return told.instance if isinstance(told, JobSpan) else str(told[3][0])
 
@@ -107,7 +105,6 @@ class JobStream:
         return self._chunks[self._first].position if self._first < len(self._chunks) else self.end
 
     def add(self, chunk: ReceivedChunk) -> None:
-        """Append a chunk at the end."""
         self._chunks.append(chunk)
         self.end = chunk[1]
 
@@ -127,7 +124,6 @@ class JobStream:
             yield self._chunks[number]
 
     def at(self, position: int) -> ReceivedChunk | None:
-        """Return the chunk that holds a position."""
         chunk = next(self.from_position(position), None)
         return chunk if chunk is not None and chunk.position <= position else None
 

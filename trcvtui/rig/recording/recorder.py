@@ -178,7 +178,6 @@ class RunRecorder:
             self._sink = None
 
     def close(self) -> None:
-        """End the recording."""
         if self._key_log >= 0:
             self._log_secrets()
         self._hand_over()
@@ -226,17 +225,14 @@ class _Both:
 
     @property
     def trouble(self) -> str:
-        """Return that of the first."""
         return self._first.trouble
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
         some = [*entries]
         self._first.take(some)
         self._second.take(some)
 
     def close(self) -> None:
-        """End both."""
         self._first.close()
         self._second.close()
 

@@ -37,7 +37,6 @@ class ReplayDriver(EngineDriver):
 
 
 def replay_main(channel: Channel, path: Path, at: str) -> None:
-    """Serve the screen with a recording."""
     from trcvtui.capture.recording import Recording
     from trcvtui.rig.replay.time_line import TimeLine  # the screen's side needs none of it
 

@@ -198,7 +198,6 @@ class WhatIf:
 
     @property
     def is_reading(self) -> bool:
-        """Return whether the journal is still read."""
         return self._what_if is None
 
     def read(self) -> None:
@@ -208,7 +207,6 @@ class WhatIf:
             self._begin()
 
     def read_all(self) -> None:
-        """Read the journal to its end."""
         while self.is_reading:
             self.read()
 
@@ -219,22 +217,18 @@ class WhatIf:
 
     @property
     def project(self) -> Project:
-        """Return the project with other parameters."""
         return self._changed[2]
 
     @property
     def recorded_run(self) -> RunAgain:
-        """Return the run as it was."""
         return self._recorded
 
     @property
     def recorded(self) -> Bench:
-        """Return the bench as it was."""
         return self._recorded.bench
 
     @property
     def what_if(self) -> Bench:
-        """Return the bench with other parameters."""
         assert self._what_if is not None
         return self._what_if.bench
 
@@ -296,7 +290,6 @@ class WhatIf:
         return self.what_if.runtime.scans
 
     def play(self) -> None:
-        """Let all scans pass."""
         while self.scan():
             pass
 
@@ -336,7 +329,6 @@ class WhatIf:
         return None
 
     def sums(self) -> tuple[Sum, Sum]:
-        """Return what has come of both runs."""
         return (
             Sum(*self._since(self.recorded), self._told.bytes_to(self._recorded.replay.scan)),
             Sum(*self._since(self.what_if), self._partners.bytes_read),

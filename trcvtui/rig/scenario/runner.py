@@ -61,7 +61,6 @@ class Errors:
                 del self._told[next(iter(self._told))]
 
     def all(self) -> tuple[ErrorTold, ...]:
-        """Return them in the order in which they came."""
         return tuple(self._told.values())
 
     def newest(self) -> tuple[ErrorTold, ...]:
@@ -146,7 +145,6 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """Return whether every expectation held."""
         return not self.failures
 
 
@@ -162,7 +160,6 @@ class VirtualPace:
     """Scans follow each other at once, at the multiples of the interval."""
 
     def next_scan(self, bench: Bench) -> None:
-        """Let one scan pass."""
         bench.step()
 
 

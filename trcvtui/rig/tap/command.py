@@ -149,11 +149,9 @@ class TapInBackground:
 
     @property
     def is_running(self) -> bool:
-        """Return whether it forwards."""
         return self._process.poll() is None
 
     def shadows(self) -> EngineDriver:
-        """Return shadows that look on from now on."""
         from trcvtui.rig.tap.screen import TapDriver
 
         return TapDriver(self._ours.fileno(), self._asked)
@@ -205,7 +203,6 @@ class _Voice:
         self._kept: deque[str] = deque(maxlen=MOST_SAID)
 
     def say(self, line: str) -> None:
-        """Say it."""
         if self.is_kept:
             self._kept.append(line)
         else:

@@ -59,7 +59,6 @@ class TapDriver(EngineDriver):
 
 
 def tap_main(channel: Channel, events: Channel, asked: Asked, kernel: str) -> None:
-    """Serve the screen with what the tap tells."""
     serve_live(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
 
 

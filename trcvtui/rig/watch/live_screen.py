@@ -153,7 +153,6 @@ class ServedShadows:
         self.tell(f"C{number}", text)
 
     def tell(self, subject: str, text: str) -> None:
-        """Tell it in the history."""
         self._told.append((subject, text))
         if self._controller is not None:
             for told in self._told:

@@ -30,14 +30,12 @@ class _Way:
         self.window: int | None = None
 
     def count(self, second: int, size: int) -> None:
-        """Count bytes of a second."""
         if second != self.second:
             self.rate = self.in_second if second == self.second + 1 else 0
             self.second, self.in_second = second, 0
         self.in_second += size
 
     def snapshot(self, second: int, now_ns: int) -> WaySnapshot:
-        """Return it as it is in a second."""
         rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
         return WaySnapshot(
             self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
@@ -60,11 +58,9 @@ class _Figures:
 
     @property
     def is_over(self) -> bool:
-        """Return whether nothing more comes of it."""
         return self.state in ("ended", "reset")
 
     def count(self, second: int, size: int) -> None:
-        """Count bytes of both directions."""
         if self.seconds and self.seconds[-1][0] == second:
             self.seconds[-1] = second, self.seconds[-1][1] + size
         else:

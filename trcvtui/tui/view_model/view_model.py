@@ -87,7 +87,6 @@ class History:
         self.skipped = 0
 
     def note(self, line: Line, edge: StatusEdge) -> None:
-        """Append one edge."""
         if edge.instance not in self._edges:
             self._edges[edge.instance] = deque(maxlen=KEPT_EDGES)
         self._edges[edge.instance].append(line)
@@ -309,7 +308,6 @@ class ViewModel:
 
     @property
     def snapshot(self) -> Snapshot | None:
-        """Return the PLC after its last scan."""
         return self.picture.snapshot if self.picture else None
 
     @property
@@ -335,7 +333,6 @@ class ViewModel:
 
     @property
     def instances(self) -> tuple[InstanceSnapshot, ...]:
-        """Return all instances in call order."""
         return self.picture.snapshot.instances if self.picture else ()
 
     @property
@@ -345,17 +342,14 @@ class ViewModel:
 
     @property
     def talks(self) -> tuple[TalkSnapshot, ...]:
-        """Return these conversations, the newest first."""
         return self.live.talks if self.live is not None else ()
 
     @property
     def t_ns(self) -> int:
-        """Return the time of the last scan."""
         return self.picture.snapshot.t_ns if self.picture else 0
 
     @property
     def instance(self) -> InstanceSnapshot | None:
-        """Return the selected instance."""
         return self._index().instances.get(self.selected)
 
     @property
@@ -376,12 +370,10 @@ class ViewModel:
 
     @property
     def connection(self) -> ConnectionSnapshot | None:
-        """Return the CONNECT of the selected instance."""
         instance = self.instance
         return self.connection_of(instance) if instance else None
 
     def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
-        """Return the CONNECT of an instance."""
         return self._index().connections.get(instance.connect)
 
     def listening(self) -> dict[str, str]:
@@ -397,23 +389,19 @@ class ViewModel:
 
     @property
     def peers(self) -> tuple[PeerSnapshot, ...]:
-        """Return all peers in the order of the project."""
         return self.picture.peers if self.picture else ()
 
     @property
     def peer_snapshot(self) -> PeerSnapshot | None:
-        """Return the selected peer."""
         return next((peer for peer in self.peers if peer.name == self.peer), None)
 
     @property
     def declaration(self) -> DataDecl | None:
-        """Return the DATA variable of the selected instance."""
         instance = self.instance
         return self.project.data_decl(instance.data) if instance and instance.data else None
 
     @property
     def data(self) -> bytes:
-        """Return the bytes of that variable."""
         instance = self.instance
         return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import starmap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
@@ -96,6 +96,19 @@ class BenchUpdate:
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
     talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED
+
+
+EDITS: Final = frozenset(("add", "create", "delete", "remove", "resize", "undo", "set"))
+
+
+def is_edit(line: str, project: Project) -> bool:
+    """Return whether a line changes the project, and not inputs alone."""
+    verb, name, key = (*line.split(), "", "", "")[:3]
+    decl = project.instance(name)
+    if verb != "set" or decl is None:
+        return verb in EDITS
+    pins = {pin.name.casefold() for pin in project.pins(decl.block)}
+    return key.partition("=")[0].casefold() not in pins
 
 
 def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:

@@ -15,7 +15,7 @@ from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
 from trcvtui.project.project import Project
-from trcvtui.rig.bench_update import lines_again
+from trcvtui.rig.bench_update import is_edit, lines_again
 from trcvtui.rig.engine.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 FRAME_S: Final = 1 / 20
 ENGINE_ENDED: Final = 1
-KINDS: Final = "connect", "udp_config", "addr", "data", "combuffer", "instance", "peer", "message", "sequence"
-EDITS: Final = "add ", "create ", "delete ", "remove ", "resize ", "undo", *[f"set {kind} " for kind in KINDS]
 REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
 
@@ -213,7 +211,7 @@ class BenchApp(TerminalApp):
             self._refuse()
             return None
         if not self.last_words:
-            if line.startswith(EDITS):
+            if is_edit(line, self.view_model.project):
                 if not self.view_model.unsaved:
                     self._edits.clear()  # the file has them
                 self._edits.append(line)

@@ -214,11 +214,9 @@ class YankList(LineView, inherit_bindings=False):
         return max(0, place)
 
     def row_count(self) -> int:
-        """Return the number of formats."""
         return len(FORMATS)
 
     def row_at(self, y: int) -> Row:
-        """Return one format."""
         form = FORMATS[y]
         text = self.texts[form.letter]
         begins = plain(" ".join(text[:200].split())) if text else "nothing there"
@@ -232,12 +230,10 @@ class YankList(LineView, inherit_bindings=False):
         )
 
     def action_move(self, rows: int) -> None:
-        """Choose another format."""
         self.cursor = self._next(self.cursor, 1 if rows > 0 else -1)
         self.show()
 
     def on_click(self, event: events.Click) -> None:
-        """Take the format under the mouse."""
         place = self.place_of(event)
         if place is not None and place[1] < len(FORMATS):
             self.screen.run_worker(self.screen.run_action(f"take('{LETTERS[place[1]]}')"))
@@ -260,7 +256,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
         super().__init__(self._list, None)
 
     def action_move(self, rows: int) -> None:
-        """Choose another format."""
         self._list.action_move(rows)
 
     def action_take_chosen(self) -> None:

@@ -227,7 +227,6 @@ class MainScreen(FullScreen[None]):
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:
-        """Begin in the list of instances."""
         self._arrange()
         self.set_focus(self.instances)
         self.show()
@@ -337,7 +336,6 @@ class MainScreen(FullScreen[None]):
         self.prompt.complain(f"{last_words}; R starts the engine anew, q quits")
 
     def restart(self) -> None:
-        """The engine has been started anew."""
         self._run(True)
         self.begin_anew()
         self.prompt.tell("the engine is started anew")
@@ -367,14 +365,12 @@ class MainScreen(FullScreen[None]):
         self.peer.show()
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
-        """Explain an edge of the past."""
         line = message.line
         self.status.point_at(line)
         self.history.point_at(message.seq)
         self.timing.point_at(line.scan if line else None, message.seq)
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
-        """Show the member that a byte belongs to."""
         self.table.of_job, self.table.past = message.of_job, None
         self._link_decoded(self.table.field_at(message.offset))
         self.table.show()
@@ -486,7 +482,6 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     def action_pin(self, letter: str) -> None:
-        """Toggle the pin of a letter."""
         self.block.press(letter)
 
     def action_members(self) -> None:
@@ -630,14 +625,12 @@ class MainScreen(FullScreen[None]):
         self._submit("mark")
 
     def action_hold(self) -> None:
-        """Hold the scans, or let them go on."""
         picture = self._view_model.live
         self._submit("go" if picture and picture.holding else "hold")
         if picture and picture.holding:
             self._step_on()
 
     def action_single_scan(self) -> None:
-        """Let one scan pass; hold first where scans are passing."""
         picture = self._view_model.live
         if picture is not None and not picture.holding:
             self._submit("hold")
@@ -655,11 +648,9 @@ class MainScreen(FullScreen[None]):
         self.show()
 
     def action_trigger(self) -> None:
-        """Open the prompt to arm a trigger."""
         self.action_prompt("trigger ")
 
     def action_prompt(self, text: str = "") -> None:
-        """Open the prompt, perhaps with a beginning."""
         self.prompt.open(text)
 
     def action_calm(self) -> None:
@@ -676,7 +667,6 @@ class MainScreen(FullScreen[None]):
         self.filter.open()
 
     def action_scenarios(self) -> None:
-        """Open the scenarios."""
         self._submit(SCENARIOS)
 
 

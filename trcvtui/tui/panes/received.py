@@ -112,7 +112,6 @@ class OriginLine(LineView, can_focus=False):
         return 1 if self.line_width >= ROOMY else 2
 
     def row_at(self, y: int) -> Row:
-        """Return one line."""
         texts = wrapped(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
         return row((clip(texts[y], self.line_width), "strong")) if y < len(texts) else EMPTY
 
@@ -122,7 +121,6 @@ class OriginLine(LineView, can_focus=False):
         self.show()
 
     def say(self, text: str) -> None:
-        """Show another text."""
         self.text = text
         self.show()
 
@@ -461,7 +459,6 @@ class Received(Vertical):
         self.show()
 
     def go_to(self, byte: int) -> None:
-        """Show a byte of all that was received."""
         if not self.is_past:
             self.action_past()
         self.stream.go_to(byte)

@@ -103,14 +103,12 @@ class TalkList(LineView):
         return next((talk for talk in self._view_model.talks if talk.number == number), None)
 
     def action_move(self, rows: int) -> None:
-        """Choose another direction."""
         numbers = [talk.number for talk in self._view_model.talks]
         if numbers:
             number, to_plc = self._here()
             self._choose(2 * numbers.index(number) + (not to_plc) + rows)
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the direction under the mouse."""
         place = self.place_of(event)
         if place is not None and place[1] < self.row_count():
             self._choose(place[1])

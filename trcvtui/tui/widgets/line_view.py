@@ -56,7 +56,6 @@ def ruled(width: int, *parts: Part) -> Row:
 
 
 def row(*parts: Part, style: str = "") -> Row:
-    """Return a row of these parts."""
     return Row(parts, style)
 
 
@@ -92,7 +91,6 @@ class LineView(ScrollView, can_focus=True):
     # -- what a subclass says -----------------------------------------------------------------------
 
     def row_count(self) -> int:
-        """Return how many rows there are."""
         raise NotImplementedError
 
     def row_at(self, y: int) -> Row:
@@ -229,15 +227,12 @@ class LineView(ScrollView, can_focus=True):
     # -- moving -------------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Scroll by rows."""
         self.scroll_to(y=self.scroll_offset.y + rows, animate=False)
 
     def action_page(self, pages: int) -> None:
-        """Scroll by pages."""
         self.action_move(pages * max(1, self.size.height - 1))
 
     def action_edge(self, direction: int) -> None:
-        """Go to the first or the last row."""
         self.action_move(direction * self.row_count())
 
     def keep_in_view(self, y: int) -> None:
@@ -260,15 +255,12 @@ class OneLine(LineView, can_focus=False):
     DEFAULT_CSS = "OneLine { height: 1; }"
 
     def row_count(self) -> int:
-        """Return 1."""
         return 1
 
     def row_at(self, y: int) -> Row:
-        """Return the line."""
         return EMPTY if y else self.line()
 
     def line(self) -> Row:
-        """Return what stands in it."""
         raise NotImplementedError
 
 
@@ -290,13 +282,10 @@ class TextView(LineView):
         self.show()
 
     def on_resize(self) -> None:
-        """Break the lines anew."""
         self.draw()
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return len(self._rows)
 
     def row_at(self, y: int) -> Row:
-        """Return one line."""
         return self._rows[y] if y < len(self._rows) else EMPTY

@@ -105,12 +105,10 @@ class ButtonLine(LineView):
         self.show()
 
     def action_press(self) -> None:
-        """Press the button under the cursor."""
         self._press(min(self.cursor, len(self._labels()) - 1))
         self.show()
 
     def on_click(self, event: events.Click) -> None:
-        """Press the button under the mouse."""
         index = self._index_at(event)
         if index is not None:
             self.cursor = index
@@ -163,7 +161,6 @@ class OutcomeLine(LineView, can_focus=False):
             self._rows = self.styles.height = rows
 
     def on_resize(self) -> None:
-        """Break the lines anew."""
         self._fit()
         self.show()
 
@@ -171,11 +168,9 @@ class OutcomeLine(LineView, can_focus=False):
         return wrapped(self._said[0], self.line_width or 80)[:MOST_ROWS]
 
     def row_count(self) -> int:
-        """Return the lines that it takes."""
         return len(self._texts())
 
     def row_at(self, y: int) -> Row:
-        """Return one of them."""
         texts = self._texts()
         return row((texts[y], self._said[1])) if y < len(texts) else EMPTY
 
@@ -233,7 +228,6 @@ class KeyLine(OneLine):
         return keys
 
     def line(self) -> Row:
-        """Return the keys."""
         parts: list[Part] = []
         for key, label in self._keys():
             parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
@@ -271,7 +265,6 @@ class TabLine(OneLine):
         self._tabs = tabs
 
     def mark(self, digit: int) -> None:
-        """Mark the tab that is open."""
         self._open = digit
         self.show()
 
@@ -321,14 +314,12 @@ class WordLine(OneLine):
     DEFAULT_CSS = "WordLine { background: $panel; padding: 0 1; }"
 
     def line(self) -> Row:
-        """Return the line."""
         pieces = self.pieces()
         while len(pieces) > 1 and _length(pieces) > self.line_width:
             pieces.remove(max(pieces, key=lambda piece: piece.rank))
         return row(*_spaced(pieces))
 
     def pieces(self) -> list[HeaderWord]:
-        """Return all words."""
         raise NotImplementedError
 
 

@@ -123,11 +123,9 @@ class AskInput(TypedField):
         self._line = line
 
     async def action_submit(self) -> None:
-        """Take the line."""
         self._line.close(self.value.strip())
 
     def action_drop(self) -> None:
-        """Take nothing."""
         self._line.close("")
 
 
@@ -166,17 +164,14 @@ class FilterInput(TypedField):
         self._line = line
 
     async def action_submit(self) -> None:
-        """Keep the filter."""
         self._line.close()
         self._line.taken()
 
     def action_drop(self) -> None:
-        """Show everything again."""
         self.value = ""
         self._line.close()
 
     def action_list(self, files: int) -> None:
-        """Move in the list."""
         self._line.move(files)
 
 
@@ -210,7 +205,6 @@ class FilterLine(TypedLine):
         self.end()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Filter while typing."""
         event.stop()
         self._narrow(self._input.value)
 
@@ -229,11 +223,9 @@ class FindInput(TypedField):
         self._line = line
 
     async def action_submit(self) -> None:
-        """Look for what stands there."""
         self._line.submit()
 
     def action_leave(self) -> None:
-        """Close without looking."""
         self._line.close()
 
     def on_input_changed(self, event: Input.Changed) -> None:

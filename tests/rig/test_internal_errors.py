@@ -142,6 +142,21 @@ def test_a_scenario_with_an_internal_error_has_not_passed(
     )
 
 
+def test_a_what_if_guesses_from_the_scan_on_in_which_the_recorded_run_alone_had_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, kept = tmp_path / "four.toml", tmp_path / "four.pcapng"
+    file.write_text(four("baosky"))
+    with monkeypatch.context() as planted:
+        PLACES["a block"][2](planted)
+        bad = edges(capsys, "scenario", str(file), "--record", str(kept))
+    scan = bad["A"][-1]["scan"]
+    assert main(["replay", str(kept), "--set", "instance.D.LEN=4"]) == 0
+    told = capsys.readouterr().out
+    assert f"scan {scan}: A had an internal error in the recorded run alone" in told
+    assert f"from scan {scan} on it is a guess" in told
+
+
 def said(bench: Bench) -> list[str]:
     return [line.event.subject for line in bench.runtime.ledger
             if isinstance(line.event, BenchNote) and line.event.what == INTERNAL_ERROR]  # fmt: skip

@@ -45,7 +45,9 @@ async def test_what_the_capture_has_not_is_a_hole_in_data_in_the_stream_and_in_t
         assert "│?????" in looker.line("0000 ", "data")
         assert "? missing in the capture" in looker.pane("udt")
         assert "C1: ? 5 bytes missing in the capture" in looker.pane("position")
-        await looker.go("5", "H")
+        await looker.go("5", "y")
+        assert "12 bytes (5 not captured: 00 here) of d" in looker.text
+        await looker.go("escape", "H")
         assert "0b▕?? ?? ?? ?? │" in looker.pane("stream")
         assert "#2" in looker.line("packet", "stream")
 

@@ -22,10 +22,7 @@ from trcvtui.records import NamedTuple
 MOST_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
 NOBODY: Final = Endpoint("127.0.0.1", 0)
-TRANSPARENT: Final = (
-    "grant",
-    "wait",
-)  # the bound of work is each bench's own, and so are its exceptions
+TRANSPARENT: Final = ("grant", "wait", EXCEPTION)  # each bench has its own bound of work, and errors
 STAYS: Final = (  # calls whose newest answer holds until another one comes
     "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
     "is_free",

@@ -107,7 +107,8 @@ class Replay:
             self._pass(entry)
             entry = self._front
         if entry.call == EXCEPTION != call:
-            raise RecordedException
+            was = f"an internal error of {entry.owner}, which was recorded"
+            raise RecordedException(self._wrong(_words(owner, call, args), was).problems)
         if entry[:3] != (owner, call, args):
             self._differs(entry, _words(owner, call, args))
         return entry

@@ -23,8 +23,8 @@ COMMAND: Final = "command", "command"
 Part = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
-class RecordedException(Exception):
-    """An exception of the recorded run, at its place in the replay."""
+class RecordedException(UserError):
+    """An exception of the recorded run, at its place in the replay; it reads as a difference."""
 
 
 class Containment:
@@ -50,13 +50,14 @@ class Containment:
     def check(self, part: Part) -> None:
         """Raise RecordedException where the journal says that this part has failed here."""
         if self.is_due is not None and self.is_due(part):
-            raise RecordedException
+            raise RecordedException(())
 
     def note(self, part: Part, error: Exception) -> str:
         """Keep an exception and tell the ledger; return it in words."""
-        is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
-        if is_users or (self._raises and not isinstance(error, RecordedException)):
-            raise error
+        if not isinstance(error, RecordedException):
+            is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
+            if is_users or self._raises:
+                raise error
         why = self._record(part, lambda: self._report(error)) or self._report(error)
         self._tell(BenchNote(part[1], INTERNAL_ERROR, why))
         self._newest = f"an internal error of {' '.join(part)}: {why}"

@@ -384,6 +384,7 @@ class Runtime:
                 ):
                     self.ledger.write(instance.edge)
                     self._stopped.append(instance)
+            self._containment.attempt(part, self._connections[name].stop)
         if is_changed:
             self._call_order.wake((name,))
 

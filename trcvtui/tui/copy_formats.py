@@ -64,7 +64,10 @@ def subject_of(
     if line is not None and peer is not None and peer.last_received:
         name, job, content, declared = peer.name, "", peer.last_received, None
     edges = tuple(view_model.history.of(view_model.selected))
-    size = count(len(content), "byte")
+    is_of_now = past is None and line is None
+    holes = view_model.stream_index.holes(view_model.selected, of_job) if is_of_now else ()
+    lacks = sum(map(len, holes))  # of a capture
+    size = count(len(content), "byte") + f" ({lacks} not captured: 00 here)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
     return Subject(
         view_model.project, view_model.instance, name, content, declared, edges, view_model.peer, line or "",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -365,7 +364,8 @@ class Bench:
         if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
-        self.containment.serve(("program", "program"), self._program.go_on)
+        if not self._program.is_over:
+            self.containment.serve(("program", "program"), self._program.go_on)
         self.runtime.scan(self.now)
         if self._checks:
             self.containment.serve(("check", "check"), self._check_data)
@@ -381,13 +381,19 @@ class Bench:
 
     def step_peers(self) -> None:
         self._peers_work.begin(self.now)
-        for acting in (self._self_acting, self._checks, self.peers):
-            for name, each in acting.items():
-                part = "peer", name
-                if part not in self.containment.out:
-                    self.containment.attempt(part, partial(each.step, self.now))
-                    if part in self.containment.out:
-                        self.containment.attempt(part, self.peers[name].end)
+        now, contained = self.now, self.containment
+        for steps in (self._self_acting, self._checks, self.peers):
+            for name, each in steps.items():
+                if contained.out and ("peer", name) in contained.out:
+                    continue
+                try:
+                    each.step(now)
+                    if contained.is_due is not None:
+                        contained.check(("peer", name))
+                except Exception as error:
+                    contained.note(("peer", name), error)
+                    contained.attempt(("peer", name), self.peers[name].end)
+                    contained.out.add(("peer", name))
 
     def rest(self) -> None:
         self._outside("rest", "", self.step_peers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from trcvtui.plc.containment import RAISES
 __all__ = ["certificates", "secure_bench"]
 
 TESTS = Path(__file__).parent
+os.environ.setdefault("XDG_STATE_HOME", str(Path(tempfile.gettempdir(), "trcvtui-tests")))  # for reports
 os.environ.setdefault(RAISES, "raise")  # what is contained elsewhere fails the test, in any process
 
 settings.register_profile("same", deadline=None, max_examples=60, derandomize=True)

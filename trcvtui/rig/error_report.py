@@ -27,6 +27,7 @@ from trcvtui.rig import clock
 
 MOST_LINES: Final = 100
 MOST_REPORTS: Final = 20  # of one process: an error that comes again and again fills no disk
+MOST_KEPT: Final = 100  # in the platform's folder
 NAMES: Final = 1000  # that are tried in one second
 KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
 SAID: Final = frozenset(("says", "replies"))  # keys with messages of a peer
@@ -38,7 +39,7 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
     """Write a report into a folder, None: the platform's for such; return its name, or why there is none."""
     if len(_written) >= MOST_REPORTS:
         return f"no report: {MOST_REPORTS} are written"
-    folder = folder or state_folder()
+    is_ours, folder = folder is None, folder or state_folder()
     now = datetime.fromtimestamp(clock.wall_ns() // clock.NS_PER_S)
     stem = f"trcvtui-error-{now:%Y%m%d-%H%M%S}"
     try:
@@ -46,6 +47,8 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
         names = (f"{stem}{f'-{number}' * (number > 1)}.txt" for number in range(1, NAMES))
         path = next(folder / name for name in names if not (folder / name).exists())
         write_file(path, "\n".join((*_parts(trace, project, lines), "")), "report", is_new=True)
+        for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT] if is_ours else ():
+            old.unlink(missing_ok=True)
     except (OSError, UserError, StopIteration) as failed:
         return one_line(f"no report: {failed}")
     _written.append(path)

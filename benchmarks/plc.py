@@ -47,7 +47,9 @@ class ManyReceivers:
             JobQueue(count, plan.take), BufferPool(count, plan.take), ConnectionBudget(count)
         )
         kernel = FaultyKernel(self.kernel, plan)
-        containment = Containment(lambda part, report: report(), repr, lambda note: None, None)
+        containment = Containment(
+            lambda part, report: report(), repr, lambda note: None, None, lambda do: do()
+        )
         self.runtime = Runtime(project, kernel, unlimited, lambda name: None, None, containment)
         self._names = [f"C{i}" for i in range(count)]
         self._start = clock.now_ns()

@@ -87,7 +87,7 @@ PLACES: dict[str, tuple[str, tuple[str, ...], Callable[[pytest.MonkeyPatch], Non
 def contained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
     monkeypatch.setenv(RAISES, "")
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
-    monkeypatch.setattr("trcvtui.rig.error_report._written", [])
+    monkeypatch.setattr("trcvtui.rig.error_report._written", {})
     yield
 
 

@@ -23,7 +23,7 @@ from trcvtui.capture.journal import (
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
 from trcvtui.net.kernel import Handle
-from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, Part, RecordedException
+from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, RecordedException, RunPart
 from trcvtui.plc.ledger import BenchNote
 
 T = TypeVar("T")
@@ -138,7 +138,7 @@ class Replay:
                 break
         return self._known.get((owner, call, args))
 
-    def has_failed(self, part: Part) -> bool:
+    def has_failed(self, part: RunPart) -> bool:
         """Return whether an exception in this part of the run was recorded next."""
         return type(self._front) is Answered and self._front[:3] == (part[1], EXCEPTION, part[:1])
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 
-from trcvtui.plc.containment import Part
+from trcvtui.plc.containment import RunPart
 from trcvtui.plc.fast_lane import COLLECTS, Lane, lane_of
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import Ledger, StatusEdge
@@ -35,7 +35,7 @@ class CallOrder:
         connects: Iterable[str],
         ledger: Ledger | None,
         failed: Callable[[Instance, Exception], bool],
-        check: Callable[[Part], None] | None,
+        check: Callable[[RunPart], None] | None,
     ) -> None:
         self._failed, self._check = failed, check
         self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)

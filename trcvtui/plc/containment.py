@@ -19,8 +19,9 @@ T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"
 EXCEPTION: Final = "exception"  # the call of its entry in the journal
 RAISES: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
+MOST_TOLD: Final = 8
 COMMAND: Final = "command", "command"
-Part = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
+RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
 class RecordedException(UserError):
@@ -32,43 +33,57 @@ class Containment:
 
     `record(part, report)` keeps the exception and returns what it says; `is_due(part)`: a replay has one of
     this part next, None: no replay. `report` writes a report; it returns the error and the report's name.
+    `off_record` lets calls be made that a replay does not make again.
     """
 
     def __init__(
         self,
-        record: Callable[[Part, Callable[[], str]], str | None],
+        record: Callable[[RunPart, Callable[[], str]], str | None],
         report: Callable[[BaseException], str],
         tell: Callable[[BenchNote], None],
-        is_due: Callable[[Part], bool] | None,
+        is_due: Callable[[RunPart], bool] | None,
+        off_record: Callable[[Callable[[], object]], object],
     ) -> None:
-        self.out: set[Part] = set()
+        self.out: set[RunPart] = set()
         self.is_due = is_due
-        self._newest = ""
-        self._record, self._report, self._tell = record, report, tell
+        self._newest: list[str] = []
+        self._record, self._report, self._tell, self._off_record = record, report, tell, off_record
         self._raises = os.environ.get(RAISES) == "raise"
 
-    def check(self, part: Part) -> None:
+    def check(self, part: RunPart) -> None:
         """Raise RecordedException where the journal says that this part has failed here."""
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
-    def note(self, part: Part, error: Exception) -> str:
+    def note(self, part: RunPart, error: Exception) -> str:
         """Keep an exception and tell the ledger; return it in words."""
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:
                 raise error
-        why = self._record(part, lambda: self._report(error)) or self._report(error)
+        try:
+            why = self._record(part, lambda: self._report(error)) or self._report(error)
+        except UserError as differs:  # the recorded run has not raised here
+            raise differs from RuntimeError(self._report(error))
         self._tell(BenchNote(part[1], INTERNAL_ERROR, why))
-        self._newest = f"an internal error of {' '.join(part)}: {why}"
+        self.told(f"{' '.join(part)}: {why}")
         return why
 
-    def take_newest(self) -> str:
-        """Return what was noted last since this was asked, of whichever part; "" for nothing."""
-        newest, self._newest = self._newest, ""
-        return newest
+    def told(self, what: str) -> None:
+        """Take what is to be said of an internal error, MOST_TOLD of them until somebody asks."""
+        if len(self._newest) < MOST_TOLD:
+            self._newest.append(f"an internal error of {what}")
 
-    def attempt(self, part: Part, do: Callable[[], T]) -> T | None:
+    def take_newest(self) -> str:
+        """Return what was noted since this was asked, of all parts; "" for nothing."""
+        newest, self._newest = self._newest, []
+        return "; ".join(newest)
+
+    def aside(self, part: RunPart, do: Callable[[], object]) -> None:
+        """Clean up after an exception: the calls that this makes are no part of the run on record."""
+        self._off_record(lambda: self.attempt(part, do))
+
+    def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
         """Do it and return what it answers; None where it has raised, or is recorded to have."""
         try:
             answer = do()
@@ -79,9 +94,9 @@ class Containment:
             self.out.add(part)
             return None
 
-    def serve(self, part: Part, do: Callable[[], T]) -> T | None:
+    def serve(self, part: RunPart, do: Callable[[], T]) -> T | None:
         return None if part in self.out else self.attempt(part, do)
 
-    def forget(self, *parts: Part) -> None:
+    def forget(self, *parts: RunPart) -> None:
         """Put these parts into service again."""
         self.out.difference_update(parts)

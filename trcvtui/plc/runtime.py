@@ -15,6 +15,7 @@ from typing import Any, Final, TypeVar
 
 from trcvtui import lane_note
 from trcvtui.blocks.block import Binding
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.pins import PinValue
@@ -48,7 +49,7 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
-from trcvtui.plc.containment import INTERNAL_ERROR, Containment
+from trcvtui.plc.containment import COMMAND, INTERNAL_ERROR, Containment, RunPart
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
@@ -134,7 +135,9 @@ class Runtime:
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
-        self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports, containment)
+        self._lines = SerialLines(
+            project.combuffers, self._env, self.ledger.write, ports, containment, self._stop_all_on
+        )
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._call_order = self._new_call_order()
         self._written: set[str] = set()  # the variables that a command has written since the last snapshot
@@ -321,7 +324,7 @@ class Runtime:
         if self._commands:
             self._call_order.end_lanes()
             while self._commands:
-                self._apply(self._commands.popleft())
+                self._containment.attempt(COMMAND, partial(self._apply, self._commands.popleft()))
             self._call_order.wake_all()
         self._kernel.poll()
         if self.running:
@@ -378,15 +381,19 @@ class Runtime:
             return
         is_changed = self._containment.attempt(part, do)
         if is_changed is None:
-            for instance in self._instances.values():
-                if instance.decl.connect == name and self._stop_instance(
-                    instance, f"CONNECT {name} has failed"
-                ):
-                    self.ledger.write(instance.edge)
-                    self._stopped.append(instance)
-            self._containment.attempt(part, self._connections[name].stop)
+            self._stop_all_on(part)
+            self._containment.aside(part, self._connections[name].abandon)
         if is_changed:
             self._call_order.wake((name,))
+
+    def _stop_all_on(self, part: RunPart) -> None:
+        """Stop the instances on a CONNECT or a ComBuffer that has failed between their calls."""
+        for instance in self._instances.values():
+            if instance.decl.connect == part[1] and self._stop_instance(
+                instance, f"{' '.join(part)} has failed"
+            ):
+                self.ledger.write(instance.edge)
+                self._stopped.append(instance)
 
     def _fail(self, instance: Instance, error: Exception) -> bool:
         """Put an instance that has raised out of service; return whether any output differs."""
@@ -395,20 +402,22 @@ class Runtime:
     def _stop_instance(self, instance: Instance, why: str) -> bool:
         """Let an instance show ERROR and hold nothing; close its connection where no other works on it."""
         name, connect = instance.name, instance.decl.connect
-        self._containment.attempt(("instance", name), partial(instance.detach, INTERNAL_ERROR))
+        self._containment.aside(("instance", name), partial(instance.detach, INTERNAL_ERROR))
         is_changed = instance.fail(why)
         link = self._connections.get(connect) or self._ports.get(connect)
         if link is not None:
             for direction in link.directions:
                 direction.release(name)
             if not any(map(self._works, self._call_order.on((connect,)))):
-                self._containment.attempt(("CONNECT", connect), link.stop)
+                self._containment.aside(("CONNECT", connect), link.abandon)
         return is_changed
 
-    def _works(self, instance: Instance) -> bool:
-        """Return whether an instance works on its connection, or may; a block without CONT always may."""
-        pins = instance.inputs
-        asks = pins.get("CONT", True) or pins.get("EN_R", False) or pins.get("REQ", False)
+    @staticmethod
+    def _works(instance: Instance) -> bool:
+        """Return whether an instance works on its connection; TCON, TSEND and TRCV always may."""
+        row, pins = block_row(instance.block_name), instance.inputs
+        always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING
+        asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
         return bool(asks) and not instance.has_failed
 
     # -- commands --------------------------------------------------------------------------------------------
@@ -479,6 +488,7 @@ class Runtime:
     def _redeclare(self, before: Part | InstanceDecl, decl: Part | InstanceDecl) -> None:
         """Put a declaration in the place of another; who is bound to the old one is bound anew."""
         name, ends = decl.name, set[str]()
+        self._containment.forget(("CONNECT", name), ("line", name))
         match decl:
             case DataDecl():
                 if (before.type_name, before.size) != (decl.type_name, decl.size):  # type: ignore[union-attr]
@@ -513,6 +523,7 @@ class Runtime:
     def _bind_anew(self, instance: Instance, before: Part | InstanceDecl) -> None:
         """Begin an instance again on what is there now; its inputs stay as they are."""
         decl, kept = instance.decl, dict(instance.inputs)
+        self._containment.forget(("CONNECT", decl.connect))
         if isinstance(before, InstanceDecl):
             given = dict(before.inputs)
             kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
@@ -553,7 +564,7 @@ class Runtime:
         self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
         instance = self._instances[name]
         self._containment.forget(("instance", name), ("CONNECT", instance.decl.connect))
-        instance.detach("instance downloaded")
+        self._containment.attempt(("instance", name), partial(instance.detach, "instance downloaded"))
         instance.fresh()
 
     def _stop(self) -> None:
@@ -575,7 +586,7 @@ class Runtime:
         self._containment.out.clear()
         self.ledger.write(BenchNote("PLC", "RUN"))
         for instance in self._instances.values():
-            instance.fresh()
+            self._containment.attempt(("instance", instance.name), instance.fresh)
 
     def close(self) -> None:
         """Free every socket; the run is over."""

@@ -17,7 +17,7 @@ from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, LineRecording, Ser
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
-from trcvtui.plc.containment import Containment
+from trcvtui.plc.containment import Containment, RunPart
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
@@ -41,8 +41,9 @@ class SerialLines:
         write: Callable[[SerialNote | BenchNote], None],
         ports: SerialPorts | None,
         containment: Containment,
+        failed: Callable[[RunPart], None],
     ) -> None:
-        self._containment = containment
+        self._containment, self._failed = containment, failed
         self._env, self._write, self._new_port = env, write, ports
         self._decls: dict[str, ComBufferDecl] = {}
         self._buffers: dict[str, ComBuffer] = {}
@@ -171,8 +172,10 @@ class SerialLines:
         part = "line", name
         if part not in self._containment.out:
             self._containment.attempt(part, do)
-            if part in self._containment.out and name in self._ports:
-                self._containment.attempt(part, self._ports[name].close)
+            if part in self._containment.out:
+                self._failed(part)
+                if name in self._ports:
+                    self._containment.aside(part, self._ports[name].close)
 
     def move(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""

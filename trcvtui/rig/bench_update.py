@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
-from trcvtui.blocks.table import BLOCKS, block_row
+from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
@@ -99,14 +99,6 @@ class BenchUpdate:
 
 
 NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out
-EDITS: Final = frozenset(("add", "create", "delete", "remove", "resize", "undo", "set"))
-PINS: Final = frozenset(pin.name.casefold() for row in BLOCKS.values() for pin in row.inputs)
-
-
-def is_edit(line: str) -> bool:
-    """Return whether a line changes the program or its project, and not inputs alone."""
-    verb, _, key = (*line.split(), "", "", "")[:3]
-    return verb in EDITS and (verb != "set" or key.partition("=")[0].casefold() not in PINS)
 
 
 def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:

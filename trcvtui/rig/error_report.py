@@ -1,13 +1,12 @@
 """The report of an internal error: trace, versions, the project without secrets, the newest ledger lines.
 
-Rule: no payload and no message of a peer stands in it; of an exception's words none in quotes.
+Rule: no payload stands in it: no message of a peer, no words of an exception, no detail of a note.
 """
 
 from __future__ import annotations
 
 import os
 import platform
-import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,8 @@ from trcvtui import __version__
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import write_file
 from trcvtui.paths import state_folder
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.containment import INTERNAL_ERROR
+from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.project.keys import entries_of, entry_of
 from trcvtui.project.project import Project
 from trcvtui.rig import clock
@@ -31,12 +31,14 @@ MOST_KEPT: Final = 100  # in the platform's folder
 NAMES: Final = 1000  # that are tried in one second
 KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
 SAID: Final = frozenset(("says", "replies"))  # keys with messages of a peer
-_QUOTED: Final = re.compile(r"""(['"]).*?\1""", re.DOTALL)
-_written: list[Path] = []
+_written: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
     """Write a report into a folder, None: the platform's for such; return its name, or why there is none."""
+    key = trace, folder
+    if key in _written and "\n" in trace:
+        return _written[key]
     if len(_written) >= MOST_REPORTS:
         return f"no report: {MOST_REPORTS} are written"
     is_ours, folder = folder is None, folder or state_folder()
@@ -50,9 +52,9 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
         for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT] if is_ours else ():
             old.unlink(missing_ok=True)
     except (OSError, UserError, StopIteration) as failed:
-        return one_line(f"no report: {failed}")
-    _written.append(path)
-    return f"report {path}"
+        return one_line(f"no {failed}")
+    _written[key] = f"report {path}"
+    return _written[key]
 
 
 def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> str:
@@ -68,9 +70,10 @@ def words_of(error: BaseException) -> str:
 
 
 def trace_of(error: BaseException) -> str:
-    """Return the trace of an exception, its words but for what stands in quotes, and last it in one line."""
-    frames = "".join(traceback.format_tb(error.__traceback__))
-    return f"{frames}{type(error).__name__}: {_QUOTED.sub('..', str(error))[:200]}\n{words_of(error)}"
+    """Return the trace of an exception and of those before it, without their words; last it in one line."""
+    before = error.__cause__ or error.__context__
+    earlier = f"{trace_of(before)}\n\n" if before is not None else ""
+    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{words_of(error)}"
 
 
 def _parts(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:
@@ -82,7 +85,7 @@ def _parts(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterat
             yield from _tables(project)
     yield from ("", f"[ledger] the newest {MOST_LINES} lines: scan, ns, event")
     for line in lines[-MOST_LINES:]:
-        yield one_line(f"{line.scan} {line.t_ns} {_without_byte(line.event)}")
+        yield one_line(f"{line.scan} {line.t_ns} {_without_payload(line.event)}")
 
 
 def _tables(project: Project) -> Iterator[str]:
@@ -93,11 +96,16 @@ def _tables(project: Project) -> Iterator[str]:
             yield one_line(f"{kind}: {' '.join(keys)}")
 
 
-def _without_byte(event: Any) -> Any:
-    """Return an event without the byte that ReceiveByte shows on a pin."""
-    if not isinstance(event, StatusEdge):
-        return event
-    return event.instance, event.outputs._replace(byte=None), event.condition, event.cause
+def _without_payload(event: Any) -> Any:
+    """Return an event without bytes on pins, and without what a program or a tap says of bytes."""
+    match event:
+        case StatusEdge():
+            return event.instance, event.outputs._replace(byte=None), event.condition, event.cause
+        case InputEdge(instance, pin, value):
+            return "input", instance, pin, value if isinstance(value, bool) else ".."
+        case BenchNote(subject, what) if what != INTERNAL_ERROR:
+            return "note", subject, what
+    return event
 
 
 def _version(name: str) -> str:

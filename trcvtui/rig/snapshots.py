@@ -114,12 +114,16 @@ class PeerSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done"."""
+    """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done".
+
+    `edit`: the line, with what it was given, where it has changed the program and not inputs alone.
+    """
 
     number: int
     line: str
     error: str
     told: str = ""
+    edit: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
 from trcvtui.project.project import Project
-from trcvtui.rig.bench_update import NEVER_SAVED, is_edit, lines_again
+from trcvtui.rig.bench_update import NEVER_SAVED, lines_again
 from trcvtui.rig.engine.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -135,6 +135,7 @@ class BenchApp(TerminalApp):
             before, unsaved = self.view_model.bench, self.view_model.unsaved
             if picture is not None:
                 self.view_model.take(picture)
+                self._edits += [answer.edit for answer in picture.answers if answer.edit]
             if unsaved and not self.view_model.unsaved:
                 self._edits = [line for line in self._edits if line.startswith(NEVER_SAVED)]
             self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
@@ -213,8 +214,6 @@ class BenchApp(TerminalApp):
             self._refuse()
             return None
         if not self.last_words:
-            if is_edit(line):
-                self._edits.append(line)
             try:
                 return self._engine.submit(line)
             except EngineStopped as stopped:
@@ -251,6 +250,8 @@ class BenchApp(TerminalApp):
             return
         picture, self.last_words = self.view_model.live, ""
         self._engine.restart()
+        if picture is not None:
+            self._again = ()
         if picture is not None and picture.kernel in ("sim", "live") and picture.player is None:
             self._again = *self._edits, *lines_again(picture.snapshot, self.view_model.project)
         for line in self._again:

@@ -11,7 +11,9 @@ Rule 4: who comes after the partner's FIN or RST is his successor, and waits; no
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from enum import Enum, StrEnum, auto
+from functools import partial
 from typing import ClassVar, Final
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
@@ -190,9 +192,17 @@ class Connection:
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        self.set_up = self.SET_UP(
-            config, kernel, policy, resolve, resources.connection_ids, self._note_set_up, resources.work
+        of_set_up = (
+            config,
+            kernel,
+            policy,
+            resolve,
+            resources.connection_ids,
+            self._note_set_up,
+            resources.work,
         )
+        self._new_set_up = partial(self.SET_UP, *of_set_up)
+        self.set_up = self._new_set_up()
         self._kernel = kernel
         self._resources = resources
         self._policy = policy
@@ -576,6 +586,24 @@ class Connection:
             self._note(What.STOPPED)
         self.keeping.end()
         self.set_up.forget()
+
+    def abandon(self) -> None:
+        """Close what is open and forget the rest, in whatever state an exception has left it.
+
+        What the kernel answers does not count: a replay has no answers here.
+        """
+        with suppress(Exception):
+            self.set_up.free()
+        with suppress(Exception):
+            if self.handle is not None:
+                self._kernel.close(self.handle)
+        self.set_up = self._new_set_up()
+        self._resources.budget.release(self._name)
+        self._resources.unsettled.pop(self._name, None)
+        self.keeping.end()
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
+        self._pauses = False
+        self._note(What.STOPPED)
 
     def _close_orderly(self, handle: Handle) -> Fault | None:
         removed = self._kernel.poll_del(handle)

@@ -112,7 +112,12 @@ class LayerKernel:
             self._work.begin(self._clock())
         self.inner.poll()
         for listener in self._in_turn():
-            listener.poll(self._clock())
+            try:
+                if not listener.has_failed:
+                    listener.poll(self._clock())
+            except Exception as error:
+                listener.has_failed = True
+                self._caught(listener.owner, error)
         for handle, stream in self._streams.items():
             try:
                 if stream.has_backlog or self.inner.readable(handle):

@@ -306,7 +306,7 @@ class SharedListener:
         self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: Party, caught: Caught
     ) -> None:
         self.handle = handle
-        self._caught = caught
+        self._caught, self.has_failed = caught, False
         self._party = party
         self.members: dict[Handle, PortMember] = {}
         self.clients: list[LayeredStream] = []
@@ -331,7 +331,7 @@ class SharedListener:
             try:
                 self._welcome(got, now)
             except Exception as error:
-                self._caught(self._any_member().owner, error)
+                self._caught(self.owner, error)
                 self._kernel.abort(got.handle)
 
     def _keeps_waiting(self) -> bool:
@@ -364,7 +364,7 @@ class SharedListener:
         try:
             self._advance(client, now)
         except Exception as error:
-            self._caught(self._any_member().owner, error)
+            self._caught(self.owner, error)
             client.fail()
             self._drop(client, "an internal error of this program")
 
@@ -375,7 +375,7 @@ class SharedListener:
         else:
             client.pump()
         for remark in session.take_remarks():
-            self._told(LayerNote(self._any_member().owner, IGNORED, str(client.peer), remark))
+            self._told(LayerNote(self.owner, IGNORED, str(client.peer), remark))
         if (asked := choosing(session)) is not None:
             self._give(client, asked)
         elif session.is_up:
@@ -425,6 +425,11 @@ class SharedListener:
         owner = (asked or self._any_member()).owner
         self._told(LayerNote(owner, DROPPED, str(client.peer), why, for_all))
         self._kernel.close(client.handle)
+
+    @property
+    def owner(self) -> str:
+        """Return one CONNECT that listens here."""
+        return self._any_member().owner
 
     def _any_member(self) -> PortMember:
         return next(iter(self.members.values()))

@@ -18,7 +18,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
-from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, Part
+from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, RunPart
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
@@ -153,7 +153,7 @@ class Bench:
         self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
         self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
         is_due = getattr(seam, "has_failed", None)  # of a replay
-        self.containment = Containment(self._record_exception, self._report, self._tell, is_due)
+        self.containment = Containment(self._record_exception, self._report, self._tell, is_due, self._aside)
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
             project,
@@ -270,12 +270,25 @@ class Bench:
 
     def _write(self, note: Note) -> None:
         if isinstance(note, BenchNote | PeerSent):
+            if self._is_replay and isinstance(note, BenchNote) and note.what == INTERNAL_ERROR:
+                self.containment.told(f"{note.subject}: {note.detail}")
             self.runtime.ledger.write(note)
         else:
             self._said(note.connect, What(note.what), note.partner, note.why)
 
-    def _record_exception(self, part: Part, report: Callable[[], str]) -> str | None:
+    def _record_exception(self, part: RunPart, report: Callable[[], str]) -> str | None:
         return self._ask(part[1], EXCEPTION, part[:1], report)
+
+    def _aside(self, do: Callable[[], object]) -> None:
+        """Let calls be made as between two scans: a replay does not ask them again, and has no answers."""
+        is_busy = self._seam is not None and self._seam.is_busy
+        if self._seam is not None:
+            self._seam.is_busy = False
+        try:
+            do()
+        finally:
+            if self._seam is not None:
+                self._seam.is_busy = is_busy
 
     def _report(self, error: BaseException) -> str:
         from trcvtui.rig.error_report import MOST_LINES, report_of  # read when first needed
@@ -603,8 +616,8 @@ class Bench:
 
     def _close(self) -> None:
         self.runtime.close()
-        for peer in self.peers.values():
-            peer.end()
+        for name, peer in self.peers.items():
+            self.containment.attempt(("peer", name), peer.end)
         if not isinstance(self._kernel, SimKernel):
             self._kernel.close_all()
 

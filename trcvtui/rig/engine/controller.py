@@ -119,6 +119,7 @@ def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> s
 
 
 MOST_ANSWERS: Final = 64
+EDITS: Final = (*words.MENDS, words.Create, words.Delete, words.Resize)
 MOST_DATA: Final = (
     65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
 )
@@ -171,7 +172,7 @@ class Controller:
         self._trials = SplitTests()
         self._begin(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
-        self._told = ""
+        self._told = self._edit = ""
         self._edits = ProjectEdits(bench.project)
         self._home_kernel = bench.kernel_name
         self._begun_with = 0  # so many additions stood on the bench before its first scan
@@ -194,10 +195,10 @@ class Controller:
 
     def take(self, number: int, line: str) -> None:
         """Carry out one line; its answer is in the next picture."""
-        self._told, self._asked = "", (number, line)
+        self._told, self._edit, self._asked = "", "", (number, line)
         self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
-        self._answers.append(Answer(number, line, wrong, self._told))
+        self._answers.append(Answer(number, line, wrong, self._told, self._edit))
 
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
@@ -235,6 +236,8 @@ class Controller:
             wrong = self._act(command)
         except UserError as error:  # nobody keeps the run
             return error.lines()[0]
+        if not wrong and isinstance(command, EDITS) and self.player is None:
+            self._edit = line
         if not wrong and not isinstance(command, words.Doctor):
             self.session.note(command, line)
         return wrong

@@ -232,7 +232,7 @@ class EngineDriver:
         self._channel.close()
         self._process.join(LAST_WORDS_S)
         if self._process.is_alive():
-            self._process.terminate()
+            self._process.kill()  # a stopped one hears of no other signal
             self._process.join()
 
 

@@ -148,6 +148,9 @@ class Engine:
                 self._hurry(self._due - SPARE_NS)
                 clock.sleep_until(self._due)
                 self._scan()
+        except Exception:
+            self._pipe.finish()
+            raise
         finally:
             self._bench.close()
             if self._timing_file:

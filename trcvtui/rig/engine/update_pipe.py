@@ -66,6 +66,11 @@ class UpdatePipe:
         while self._unsent and self._write() and clock.now_ns() < until:
             pass
 
+    def finish(self) -> None:
+        """Write the rest of a message that has begun, however long the screen takes: another one follows."""
+        while self._unsent:
+            self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
+
     # -- packing ---------------------------------------------------------------------------------------
 
     def _pack(self, picture: BareUpdate) -> Iterator[bytes]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from contextlib import suppress
 from operator import attrgetter
 from typing import Any, Final
 
@@ -216,13 +216,18 @@ class JobHistory:
         """Read what was written since the last time, up to `until` on the clock; return whether that is all.
 
         The bytes of DATA come first: the next scan may overwrite them. After an exception in one who listens
-        nothing more is read: the bench goes on.
+        the lines up to here count as overwritten: all are told, and nobody guesses.
         """
-        if not self._has_failed:
-            is_all = self._bench.containment.attempt(READER, partial(self._read_on, until))
-            self._has_failed = is_all is None
-            return bool(is_all)
-        return True
+        try:
+            return self._read_on(until)
+        except Exception as error:
+            if not self._has_failed:
+                self._bench.containment.note(READER, error)
+            self._has_failed = True
+            self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
+            with suppress(Exception):
+                self._tell_loss(self._seq)
+            return True
 
     def _read_on(self, until: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners
@@ -257,9 +262,12 @@ class JobHistory:
         first = self._seq - len(self._news) + 1
         if first > before + 1:
             self._contents = {seq: kept for seq, kept in self._contents.items() if seq >= first}
-            self.index.lose()
-            for lost in self.lost:
-                lost(first - 1, *self._at)
+            self._tell_loss(first - 1)
+
+    def _tell_loss(self, seq: int) -> None:
+        self.index.lose()
+        for lost in self.lost:
+            lost(seq, *self._at)
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
         self._drops.clear()

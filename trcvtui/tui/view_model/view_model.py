@@ -141,7 +141,9 @@ class ViewModel:
         self.history = History()
         self.afterglow = Afterglow()
         self.stream_index = new_index()
-        self._containment = Containment(lambda part, report: None, self._report, lambda note: None, None)
+        self._containment = Containment(
+            lambda part, report: None, self._report, lambda note: None, None, lambda do: do()
+        )
         self.waves = WaveformCache()
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""

@@ -12,7 +12,7 @@ from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.plc.commands import SetInput
-from trcvtui.plc.containment import Containment
+from trcvtui.plc.containment import Containment, Raised
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.file import read_project
 from trcvtui.rig import clock
@@ -48,7 +48,11 @@ class ManyReceivers:
         )
         kernel = FaultyKernel(self.kernel, plan)
         containment = Containment(
-            lambda part, report: report(), repr, lambda note: None, None, lambda do: do()
+            lambda part, report: report(),
+            lambda error: Raised(repr(error), False),
+            lambda note: None,
+            None,
+            lambda do: do(),
         )
         self.runtime = Runtime(project, kernel, unlimited, lambda name: None, None, containment)
         self._names = [f"C{i}" for i in range(count)]

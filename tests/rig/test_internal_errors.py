@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
+from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.tcp.compact_blocks import TrcvC
 from trcvtui.cli import main
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.layers.iso_on_tcp import IsoOnTcp
+from trcvtui.net.layers.layered_stream import SharedListener
 from trcvtui.plc.containment import INTERNAL_ERROR, RAISES
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.serial_line_control import PortFeed
@@ -77,8 +79,15 @@ PLACES: dict[str, tuple[str, tuple[str, ...], Callable[[pytest.MonkeyPatch], Non
     "a connection between scans": (
         four("baosky"), SHARING,
         lambda m: raising(m, Connection, "service", lambda c: c.config.name == "C1", 0)),
+    "a connection halfway": (
+        four("baosky"), ("A",),
+        lambda m: raising(m, Connection, "_begin_incarnation", lambda c: c.config.name == "C1", 0)),
     "a layer": (
         four("s7-1500", iso=True), (), lambda m: raising(m, IsoOnTcp, "feed", lambda s: not s._messages)),
+    "the last word of a layer": (
+        four("s7-1500", iso=True), (), lambda m: raising(m, IsoOnTcp, "say_goodbye", lambda s: True, 0)),
+    "a listener": (
+        four("s7-1500", iso=True), (), lambda m: raising(m, SharedListener, "poll", lambda s: True, 30)),
     "a peer": (four("baosky"), (), lambda m: raising(m, Peer, "step", lambda p: p.decl.name == "P1", 20)),
 }  # fmt: skip
 
@@ -230,10 +239,18 @@ def test_a_serial_line_that_raises_is_closed_and_the_tcp_blocks_go_on(
     bench.close()
 
 
-def test_a_command_that_raises_is_an_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_that_raises_is_an_answer_and_in_the_scan_a_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "four.toml").write_text(four("baosky"))
     raising(monkeypatch, Peer, "stall", lambda peer: True, 0)
+    raising(monkeypatch, DataArea, "resize", lambda area: True, 0)
     console = Controller(fresh_bench(load_project(tmp_path / "four.toml"), "sim"))
     console.take(1, "peer P1 stall")
     console.scan()
     assert console._answers[-1].error == INTERNAL_ERROR
+    console.take(2, "resize dA ARRAY[0..3] OF BYTE")
+    console.scan()
+    assert said(console.bench) == ["command", "command"]
+    console.scan()
+    assert console.bench.runtime.scans == 3

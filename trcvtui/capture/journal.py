@@ -165,7 +165,7 @@ NOTHING: Final = type(None)
 ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     STEP: (int,),
     **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NOTHING,)),
-    EXCEPTION: (str,),
+    EXCEPTION: (tuple,),
     "link": (tuple,),
     "is_free": (bool,),
     "grant": (int,),
@@ -209,6 +209,7 @@ INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
     "recv": ((int, WouldBlock, Fault), (bytes,)),
     "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
     "link": ((str,), (str,)),
+    EXCEPTION: ((str,), (bool,)),
 }
 LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str, "port errors": int}
 
@@ -232,7 +233,7 @@ def can_answer(entry: Answered) -> bool:
     inside = INSIDE[call]
     if len(answer) != len(inside) or any(type(a) not in k for a, k in zip(answer, inside, strict=True)):
         return False
-    if call == "link":
+    if call in ("link", EXCEPTION):
         return True
     got, data = cast(tuple[object, bytes], answer)
     size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0

@@ -125,7 +125,7 @@ class Replay:
         if call == READ:
             self.files.take(cast(str, args[0]), cast(bytes | str, answer))
         elif call == GAP + EXCEPTION:
-            self.tell(BenchNote(owner, INTERNAL_ERROR, str(answer)))
+            self.tell(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
         elif call == GAP + "path" and [*map(type, args)] == [int]:
             self._known[owner, "path", args] = answer
 

@@ -14,6 +14,7 @@ from typing import Final, TypeVar
 
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote
+from trcvtui.records import NamedTuple
 
 T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"
@@ -22,6 +23,13 @@ RAISES: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
 MOST_TOLD: Final = 8
 COMMAND: Final = "command", "command"
 RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
+
+
+class Raised(NamedTuple):
+    """An exception with the name of its report; `in_connection`: it left a connection in no known state."""
+
+    why: str
+    in_connection: bool
 
 
 class RecordedException(UserError):
@@ -38,8 +46,8 @@ class Containment:
 
     def __init__(
         self,
-        record: Callable[[RunPart, Callable[[], str]], str | None],
-        report: Callable[[BaseException], str],
+        record: Callable[[RunPart, Callable[[], Raised]], Raised | None],
+        report: Callable[[BaseException], Raised],
         tell: Callable[[BenchNote], None],
         is_due: Callable[[RunPart], bool] | None,
         off_record: Callable[[Callable[[], object]], object],
@@ -55,19 +63,19 @@ class Containment:
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
-    def note(self, part: RunPart, error: Exception) -> str:
-        """Keep an exception and tell the ledger; return it in words."""
+    def note(self, part: RunPart, error: Exception) -> Raised:
+        """Keep an exception and tell the ledger."""
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:
                 raise error
         try:
-            why = self._record(part, lambda: self._report(error)) or self._report(error)
+            raised = self._record(part, lambda: self._report(error)) or self._report(error)
         except UserError as differs:  # the recorded run has not raised here
-            raise differs from RuntimeError(self._report(error))
-        self._tell(BenchNote(part[1], INTERNAL_ERROR, why))
-        self.told(f"{' '.join(part)}: {why}")
-        return why
+            raise differs from RuntimeError(self._report(error).why)
+        self._tell(BenchNote(part[1], INTERNAL_ERROR, raised[0]))
+        self.told(f"{' '.join(part)}: {raised[0]}")
+        return Raised(*raised)
 
     def told(self, what: str) -> None:
         """Take what is to be said of an internal error, MOST_TOLD of them until somebody asks."""
@@ -86,6 +94,7 @@ class Containment:
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
         """Do it and return what it answers; None where it has raised, or is recorded to have."""
         try:
+            self.check(part)  # it has asked nothing before it raised: a command was not carried out
             answer = do()
             self.check(part)
             return answer

@@ -397,10 +397,13 @@ class Runtime:
 
     def _fail(self, instance: Instance, error: Exception) -> bool:
         """Put an instance that has raised out of service; return whether any output differs."""
-        return self._stop_instance(instance, self._containment.note(("instance", instance.name), error))
+        return self._stop_instance(instance, *self._containment.note(("instance", instance.name), error))
 
-    def _stop_instance(self, instance: Instance, why: str) -> bool:
-        """Let an instance show ERROR and hold nothing; close its connection where no other works on it."""
+    def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
+        """Let an instance show ERROR and hold nothing; close its connection where no other works on it.
+
+        One that is in no known state is closed for all: the others build it anew.
+        """
         name, connect = instance.name, instance.decl.connect
         self._containment.aside(("instance", name), partial(instance.detach, INTERNAL_ERROR))
         is_changed = instance.fail(why)
@@ -408,7 +411,7 @@ class Runtime:
         if link is not None:
             for direction in link.directions:
                 direction.release(name)
-            if not any(map(self._works, self._call_order.on((connect,)))):
+            if in_connection or not any(map(self._works, self._call_order.on((connect,)))):
                 self._containment.aside(("CONNECT", connect), link.abandon)
         return is_changed
 

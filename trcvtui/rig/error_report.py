@@ -18,13 +18,15 @@ from typing import Any, Final
 from trcvtui import __version__
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import write_file
+from trcvtui.net import connection
 from trcvtui.paths import state_folder
-from trcvtui.plc.containment import INTERNAL_ERROR
+from trcvtui.plc.containment import INTERNAL_ERROR, Raised
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.project.keys import entries_of, entry_of
 from trcvtui.project.project import Project
 from trcvtui.rig import clock
 
+CONNECTIONS: Final = Path(connection.__file__).parent
 MOST_LINES: Final = 100
 MOST_REPORTS: Final = 20  # of one process: an error that comes again and again fills no disk
 MOST_KEPT: Final = 100  # in the platform's folder
@@ -57,9 +59,11 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
     return _written[key]
 
 
-def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> str:
-    """Write the report of an exception; return that in one line, and the report's name."""
-    return f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
+def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> Raised:
+    """Write the report of an exception."""
+    why = f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
+    files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
+    return Raised(why, CONNECTIONS in files)
 
 
 def words_of(error: BaseException) -> str:

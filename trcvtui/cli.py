@@ -428,7 +428,8 @@ def _run_for(path: Path, args: SimpleNamespace, folder: str) -> list[str]:
     from trcvtui.rig.scenario.record import limits_of, record
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))
-    record(path, out, args.kernel, limits_of(None, None, None, None, None), None, args.time, False, _follow())
+    limits = limits_of(None, None, None, None, None)
+    record(path, out, args.kernel, limits, None, args.time, False, _follow(), is_kept=False)
     return [str(file) for file in sorted(out.iterdir())]
 
 

@@ -235,7 +235,7 @@ class BenchApp(TerminalApp):
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        self.main.end(why)
+        self.main.end(f"{why}; {'' if self._read_only else 'R starts the engine anew, '}q quits")
 
     def action_restart(self) -> None:
         """Record the run, or end its recording; after the engine has ended: start it anew."""

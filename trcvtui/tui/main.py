@@ -331,9 +331,9 @@ class MainScreen(FullScreen[None]):
         return True
 
     def end(self, last_words: str) -> None:
-        """The engine has ended: say so, and leave the last picture standing, its lamps grey."""
+        """The engine has ended: say so with what can be done, and leave the last picture, its lamps grey."""
         self._run(False)
-        self.prompt.complain(f"{last_words}; R starts the engine anew, q quits")
+        self.prompt.complain(last_words)
 
     def restart(self) -> None:
         self._run(True)

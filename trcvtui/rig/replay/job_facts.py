@@ -132,7 +132,7 @@ def _facts_of(
 def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tuple[JobTrouble, ...]:
     """Run it again, and count edges of REQ in a running job, and jobs without a connection."""
     found: dict[tuple[str, str], JobTrouble] = {}
-    sends, asked = set[str](), set[str]()
+    sends, asked, stopped = set[str](), set[str](), set[str]()
     dropped: dict[tuple[str, int], tuple[int, int]] = {}
     streams = {each.name for each in bench.project.connects if not each.is_message_oriented}
     receivers = {each.name for each in bench.project.instances if block_row(each.block).receives}
@@ -162,6 +162,8 @@ def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tup
                         sends.discard(event.instance)
                     case StatusEdge() if event.outputs.error and event.condition == Condition.NOT_CONNECTED:
                         tell("not-connected-request", event.instance, scan, t_ns)
+                    case StatusEdge() if event.condition == Condition.INTERNAL_FAULT:
+                        stopped.add(event.instance)  # what it leaves undone is no fault of the line
                     case InputEdge(instance, "EN_R", value) if value and scan > 1:
                         asked.add(instance)
                     case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
@@ -193,6 +195,7 @@ def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tup
         [
             one
             for one in found.values()
+            if one.instance not in stopped
             if one.times > 1 or one.cause == "datagram-size" or one.instance not in receivers - asked
         ]
     )

@@ -70,8 +70,12 @@ def record(
     duration: str | None,
     has_secrets: bool,
     follow: Callable[[FileSink, str], Sink],
+    is_kept: bool = True,
 ) -> int:
-    """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written."""
+    """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written.
+
+    `is_kept` False: the folder goes again, so that no report of an internal error may stand there.
+    """
     until = NEVER if duration is None else parse_time(duration, "--duration")
     make_folder(out, "--out")
     asked = RecordTo(out, False, has_secrets, limits, follow)
@@ -90,6 +94,7 @@ def record(
         for step in start_steps(project):
             bench.do(step.command)
         recorder.begin(bench, path, (), is_scenario=False)
+        bench.reports = bench.reports if is_kept else None
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
     told = bench.containment.take_newest()

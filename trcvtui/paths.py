@@ -51,5 +51,4 @@ def given_path(text: str) -> Path:
 
 
 def _exactly(name: str) -> str:
-    """Return a pattern that matches this name alone."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)

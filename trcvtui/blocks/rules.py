@@ -161,7 +161,6 @@ class Rules:
         return replace(pin, iec_type=self.types[pin.name]) if pin.name in self.types else pin
 
     def word(self, block: str, condition: Condition) -> int:
-        """Return the STATUS that a condition has on a block."""
         if condition is Condition.INTERNAL_FAULT:
             return self.internal_fault
         own = self.status_of.get(block)

@@ -215,7 +215,6 @@ LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options":
 
 
 def can_answer(entry: Answered) -> bool:
-    """Return whether an answer is one that the call can give."""
     _, call, args, answer = entry
     if call == READ:
         return len(args) == 1 and type(args[0]) is str and type(answer) in (bytes, str)
@@ -364,7 +363,6 @@ class _Cursor:
         return order
 
     def value(self, depth: int = 0) -> object:
-        """Return the next value."""
         block, at = self._block, self.at
         tag = block[at] if at < len(block) else self._number(1)
         self.at = at + 1
@@ -528,7 +526,6 @@ class BlockWriter:
         return len(self._order)
 
     def take(self, entry: Entry) -> None:
-        """Append an entry."""
         try:
             at = self._known.get(entry)
         except TypeError:  # it has a mapping in it
@@ -589,7 +586,6 @@ def entries_of(
 def in_blocks(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Iterator[Entry]]:
-    """Yield the entries of each block."""
     for expected, block in enumerate(found, first):
         cursor = _Cursor(where, block, payloads)
         magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))

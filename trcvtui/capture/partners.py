@@ -90,7 +90,6 @@ class PartnersAgain(Replay):
             self._sockets[one.handle] = self._standing(one)
 
     def _standing(self, one: Standing) -> _Socket:
-        """Return a socket that was there before the file begins."""
         socket = _Socket(one.owner)
         socket.listens = one.use is SocketUse.LISTENS
         socket.is_udp = one.use is SocketUse.DATAGRAMS
@@ -102,7 +101,6 @@ class PartnersAgain(Replay):
         return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Return what a partner, or nobody, answers."""
         if call in TRANSPARENT:
             return do()
         if call == STEP:

@@ -62,7 +62,6 @@ class Partner:
             self.arrived.append((at, size))
 
     def note_end(self, at: CallPlace, fault: Fault | None) -> None:
-        """Note the end, as it was told first."""
         self.fault = self.fault or fault
         self.ended = min(self.ended, at)
 

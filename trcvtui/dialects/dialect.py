@@ -132,7 +132,6 @@ def read_switches(
 
 
 def expected_of(switch: Switch) -> str:
-    """Return what a switch takes, in words."""
     match switch.kind:
         case "choice":
             return " or ".join(switch.values)

@@ -58,7 +58,6 @@ class AgentSettings:
 
 
 def default_name(project: Path) -> str:
-    """Return HOST-PROJECT."""
     return f"{platform.node() or 'host'}-{project.stem}"
 
 
@@ -98,7 +97,6 @@ class Agent:
 
     @property
     def is_up(self) -> bool:
-        """Return whether the broker has taken us."""
         return self._publisher is not None and self._publisher.is_up
 
     @property
@@ -112,7 +110,6 @@ class Agent:
     # -- the loop ----------------------------------------------------------------------------------------
 
     def run(self) -> int:
-        """Run until a signal comes."""
         with ExitStack() as opened:
             ended = opened.enter_context(_signals())
             if self._settings.page is not None:

@@ -64,7 +64,6 @@ class Containment:
             raise RecordedException(())
 
     def note(self, part: RunPart, error: Exception) -> Raised:
-        """Keep an exception and tell the ledger."""
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:

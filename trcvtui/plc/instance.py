@@ -89,7 +89,6 @@ class Instance:
         self._write(pin, value)
 
     def pulse(self, pin: str) -> None:
-        """Make the pin TRUE for the next call alone."""
         if pin in self._fading:
             self._fading.remove(pin)
         if pin not in self._pulsed:

@@ -663,7 +663,6 @@ class Runtime:
 
 
 def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:
-    """Return whether an instance is bound to this."""
     if isinstance(decl, AddrParam):
         return instance.addr == decl.name
     if instance.connect != decl.name:

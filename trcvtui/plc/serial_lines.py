@@ -57,7 +57,6 @@ class SerialLines:
         return self._env.now
 
     def declare(self, decl: ComBufferDecl) -> None:
-        """Take one more ComBuffer."""
         buffer = ComBuffer(decl.name, _size(decl), self._write, self._time)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:

@@ -60,7 +60,6 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
 
 
 def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> Raised:
-    """Write the report of an exception."""
     why = f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
     files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
     return Raised(why, CONNECTIONS in files)

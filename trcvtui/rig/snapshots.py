@@ -191,7 +191,6 @@ class SplitRow:
     same: bool
 
     def span(self) -> str:
-        """Return the cuts of this row."""
         if not self.last:
             return "whole"
         return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
@@ -212,7 +211,6 @@ class TrialSnapshot:
     rows: tuple[SplitRow, ...]
 
     def summary(self) -> str:
-        """Return in one line what it has come to."""
         splits = max(0, self.runs - 1)
         if self.problem:
             return f"{self.state}: {self.problem}"

@@ -107,11 +107,9 @@ class BenchApp(TerminalApp):
         self.call_after_refresh(self.stand)
 
     async def prepare(self) -> None:
-        """Make the fields that can be typed into."""
         await self.main.prepare()
 
     def tell_first(self) -> None:
-        """Say what is to be known of this screen."""
         if self._read_only:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self.problems:
@@ -307,7 +305,6 @@ class BenchApp(TerminalApp):
         self.main.show()
 
     def action_description(self) -> None:
-        """Show the connection description from any pane."""
         if self.screen is self.main:
             self.on_description_wanted()
 
@@ -379,7 +376,6 @@ class BenchApp(TerminalApp):
             self.push_screen(self.card, self._doctor_left)
 
     def _doctor_left(self, place: EvidencePlace | None) -> None:
-        """Go where the card says."""
         self.card = None
         if place is None:
             return
@@ -412,7 +408,6 @@ class BenchApp(TerminalApp):
         self.exit()
 
     def action_picture(self) -> None:
-        """Save the screen as SVG and tell where."""
         from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
 
         if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
@@ -428,7 +423,6 @@ class BenchApp(TerminalApp):
         self.notify(text, markup=False)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """Yield everything that can be done, by name."""
         from trcvtui.tui.palette import PaletteReach, commands  # read when first asked for
 
         above = self.race or self.scenarios or self.lab

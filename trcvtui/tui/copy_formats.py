@@ -262,7 +262,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
         self._list.action_move(rows)
 
     def action_take_chosen(self) -> None:
-        """Yank as the cursor says."""
         self.action_take(LETTERS[self._list.cursor])
 
     def action_take(self, letter: str) -> None:

@@ -200,7 +200,6 @@ class MainScreen(FullScreen[None]):
         self.prompt = Prompt(view_model, self.peer.lines.heard(submit), self._only_looks)
 
     def compose(self) -> Iterator[Widget]:
-        """Compose header, instances, panes, prompt, keys."""
         self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
         self._grid.styles.grid_rows = self._rows = _written(grid_rows(self._sizes, timing=False))
         yield self.header
@@ -279,7 +278,6 @@ class MainScreen(FullScreen[None]):
     # -- what comes in ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         self.set_class(self._view_model.is_frozen, FROZEN)
         if self._instances != len(self._view_model.project.instances):  # more of them leave less to the panes
             self._fit(*self.size)
@@ -349,7 +347,6 @@ class MainScreen(FullScreen[None]):
     # -- what the panes say -------------------------------------------------------------------------
 
     def follow_selected(self) -> None:
-        """Let all panes follow another instance."""
         self.history.forget()
         self.timing.forget()
         self._status_rows.clear()
@@ -360,7 +357,6 @@ class MainScreen(FullScreen[None]):
         self.show()
 
     def on_peer_selected(self) -> None:
-        """Let composer and buttons speak for another peer."""
         self.peer.composer.judge()
         self.peer.show()
 
@@ -390,7 +386,6 @@ class MainScreen(FullScreen[None]):
         self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
-        """Show the bytes of a member."""
         if self.table.past is not None:
             if not self.table.was_thrown_away:
                 self.received.show_field(message.field, goes_there=True)
@@ -427,7 +422,6 @@ class MainScreen(FullScreen[None]):
     # -- actions ------------------------------------------------------------------------------------
 
     def action_pane(self, digit: int) -> None:
-        """Go to a pane."""
         if digit != 1:
             self._open(digit)
         elif self.has_class(ZOOM):
@@ -587,7 +581,6 @@ class MainScreen(FullScreen[None]):
         self.app.push_screen(ChoiceScreen("Change or remove", rows, ""), take)
 
     def change_part(self, part: ProjectPart) -> None:
-        """Open the form that changes a part of the project."""
         from trcvtui.tui.forms.add_screen import ChangeScreen  # read when first asked for
 
         self.app.push_screen(ChangeScreen(lambda: self._view_model.project, part), self._changed)
@@ -611,7 +604,6 @@ class MainScreen(FullScreen[None]):
             self.prompt.complain("no edit of the project is there to be taken back")
 
     def action_mouse(self) -> None:
-        """Let the terminal have the mouse, or take it back."""
         from trcvtui.tui.clipboard_and_files import give_mouse
 
         self.key_line.mouse_is_away = not self.key_line.mouse_is_away
@@ -621,7 +613,6 @@ class MainScreen(FullScreen[None]):
         self._show_keys()
 
     def action_mark(self) -> None:
-        """Begin anew with what a saved scenario will expect."""
         self._submit("mark")
 
     def action_hold(self) -> None:

@@ -68,7 +68,6 @@ def reserve(
 
 
 def _misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
-    """Return what is wrong with DATA and LEN."""
     area, length = env.rules.area, request.length
     limit = env.rules.max_len if request.most is None else request.most
     if data is None:
@@ -128,7 +127,6 @@ def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> O
 
 
 def in_use(other: Claim, asking: Claim) -> Cause:
-    """Return who is in the way."""
     if other.is_orphan:
         name = "an instance that is gone still holds this CONNECT"
         cure = "disconnect or reset frees it"
@@ -157,7 +155,6 @@ def unfit(bound: Binding, needs_datagrams: bool, receives: bool = False) -> Outc
 
 
 def no_target(address: RemoteAddress) -> Outcome | None:
-    """Return why no datagram can go to this ADDR."""
     wrong = wrong_structure(address, TARGETS)
     if wrong is not None:
         return wrong

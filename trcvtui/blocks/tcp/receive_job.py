@@ -253,7 +253,6 @@ class ReceiveJob:
             self._end(done=False, reason=reason, size=self.have)
 
     def _drop(self, kept: int, reason: str) -> None:
-        """Note all collected bytes but the first `kept` as dropped."""
         for offset, size in (*self._spans, (self.span_offset, self.next_offset - self.span_offset)):
             skipped = min(kept, size)
             kept -= skipped

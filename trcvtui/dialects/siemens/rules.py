@@ -206,7 +206,6 @@ BUILDING: Final = frozenset(
 
 
 def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
-    """Return the rules for these switch values on a CPU."""
     return Rules(
         status={},
         status_of=codes_of(STATUS),
@@ -406,7 +405,6 @@ _NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
 
 
 def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
-    """Return lines without what these instructions do not have."""
     for theirs, ours in _REWORDED.items():
         lines = tuple(line.replace(theirs, ours) for line in lines)
     return tuple(line for line in lines if "T_DIAG" not in line)
@@ -436,7 +434,6 @@ LEGACY_STATUS: Final = tuple(sorted(map(_listed, _SHOWN), key=lambda row: row.co
 
 
 def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
-    """Return the rules for these switch values."""
     chosen = {switch.name: switch.default for switch in LEGACY_SWITCHES} | dict(values)
     newer = answer(chosen, LEGACY_CPU)
     return replace(

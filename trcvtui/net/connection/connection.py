@@ -222,7 +222,6 @@ class Connection:
 
     @property
     def sockets(self) -> Iterator[tuple[Handle, SocketUse]]:
-        """Yield the sockets that it has."""
         of = SocketUse.STANDS, SocketUse.CALLS if self.config.active else SocketUse.LISTENS
         found = zip(
             (self.handle, self.set_up.attempt, self.set_up.listener), (*of, SocketUse.LISTENS), strict=True

@@ -337,7 +337,6 @@ class JobQueue:
         self._waiting = 0
 
     def put(self, owner: str) -> Fault | None:
-        """Queue one job for the CONNECT named owner."""
         fault = self._take("queue", owner)
         if fault is not None:
             return fault
@@ -360,7 +359,6 @@ class BufferPool:
         self.used = 0
 
     def acquire(self, owner: str) -> Fault | None:
-        """Take one buffer for a job on the CONNECT named owner."""
         fault = self._take("buffer", owner)
         if fault is not None:
             return fault

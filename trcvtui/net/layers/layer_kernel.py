@@ -352,7 +352,6 @@ class LayerKernel:
         return self.inner.unread(handle) + (stream.session.held if stream else 0)
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away what waits, at most so many bytes of the stack's."""
         stream = self._streams.get(handle)
         dropped = stream.session.drop_data() if stream else 0
         return dropped + self.inner.discard(handle, most)

@@ -75,7 +75,6 @@ class LayeredStream:
         return not self.is_over and self.session.has_backlog
 
     def _may_go_on(self) -> bool:
-        """Return whether this scan has time for one more step."""
         if self.party.left <= 0:
             self.party.wait(str(self.peer))
             return False
@@ -168,7 +167,6 @@ class LayeredStream:
         return not self._output
 
     def flush(self) -> None:
-        """Send what the session has to say."""
         if self.has_failed:
             return
         self._output += self.session.take_output()
@@ -275,9 +273,7 @@ class Choosing(Protocol):
         """Return "" when this CONNECT is the one that is asked for, else why not."""
         ...
 
-    def give_to(self, settings: LayerSettings) -> None:
-        """Go on as a session of this CONNECT."""
-        ...
+    def give_to(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
         """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
@@ -315,7 +311,6 @@ class SharedListener:
         self._polls = polls
 
     def poll(self, now: int) -> None:
-        """Take new clients and go on with the handshakes."""
         for client in tuple(self.clients):  # who has come before goes on before
             self._go_on(client, now)
         while not self._keeps_waiting() and self._kernel.readable(self.handle):

@@ -202,7 +202,6 @@ class Bench:
         return make() if self._seam is None else self._on_seam(self._seam, "PLC", make)
 
     def _tapped(self) -> ReadyKernel:
-        """Return the PLC's kernel at the wire."""
         if self._seam is None:
             return self._faulty
         from trcvtui.capture.seam import wire_kernel
@@ -412,7 +411,6 @@ class Bench:
         self._outside("rest", "", self.step_peers)
 
     def _outside(self, call: str, line: str, do: Callable[[], T]) -> T:
-        """Do what is told between two scans, on record."""
         if self._seam is None or self._seam.is_busy:
             return do()
         self.tell_outputs()
@@ -427,7 +425,6 @@ class Bench:
         return tuple([str(fault) for fault in self.plan.entries()])
 
     def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
-        """Return every peer, and whether its wire is down."""
         return tuple(
             replace(
                 peer.snapshot(),
@@ -454,7 +451,6 @@ class Bench:
         return INTERNAL_ERROR if wrong is None else wrong
 
     def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
-        """Let the PLC's program do what is left of its commands."""
         self._program.leave_out(left_of)
 
     def skip(self, scans: int) -> None:
@@ -577,7 +573,6 @@ class Bench:
         return ""
 
     def set_link(self, command: words.Link) -> str:
-        """Let the wire of a CONNECT go silent, or speak again."""
         wrong, how = self._ask(
             command.connect,
             "link",
@@ -654,7 +649,6 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
 
 
 def _noted(edit: Edit) -> tuple[str, str]:
-    """Return what the ledger says of an edit in the library."""
     is_certificate = edit.kind == "certificate"
     subject = f"certificate {edit.name}" if is_certificate else edit.name
     if edit.after is None:

@@ -59,7 +59,6 @@ def rows(
     of: Moves = Moves.ANYTHING,
     says_why: bool = False,
 ) -> tuple[Rule, ...]:
-    """Return a row for each function."""
     of_these = frozenset((conditions,) if isinstance(conditions, Condition) else conditions)
     return tuple(Rule(of_these, of, tell, says_why) for tell in tells)
 
@@ -479,7 +478,6 @@ class Advice:
 
 
 def advice_on(e: Evidence) -> Advice:
-    """Return what the evidence proves."""
     failed = e.facts.attempt
     words = because(failed.cause, e.block) if failed is not None else ""
     first = _attempt_told(e, words)
@@ -579,7 +577,6 @@ BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ES
 
 
 def _is_building(e: Evidence) -> bool:
-    """Return whether this is shown while a connection is built."""
     is_run = e.condition == Condition.RUNNING and block_row(e.block).runs_as in BUILDING
     return e.condition in BUILDING or is_run
 

@@ -182,7 +182,6 @@ class Controller:
         self._project_number = 0
 
     def _begin(self, bench: Bench) -> None:
-        """Let all who read the ledger read that of this bench."""
         self._received = JobHistory(bench, StreamIndex())
         self._history = HistoryReader(self._received)
         self._trigger_watch = TriggerWatch(bench, self._received)
@@ -335,7 +334,6 @@ class Controller:
         return ""
 
     def _record(self, rest: str) -> str:
-        """Let a file have what is kept and what follows, or end it."""
         box = self._box()
         if rest == "stop":
             self._told = box.stop()

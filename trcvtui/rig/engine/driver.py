@@ -54,9 +54,7 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
         ...
 
-    def restart(self) -> None:
-        """Start the bench anew from its file, after it has ended."""
-        ...
+    def restart(self) -> None: ...
 
     def close(self) -> None: ...
 
@@ -162,13 +160,11 @@ class EngineDriver:
         return self._number
 
     def request(self, request: UpdateRequest) -> None:
-        """Ask for a picture, unless one is on its way."""
         if not self._outstanding:
             self._outstanding = True
             self._send(request)
 
     def wait(self, seconds: float) -> None:
-        """Wait until a picture has arrived, at most so long."""
         self._channel.poll(seconds)
 
     def picture(self) -> BenchUpdate | None:

@@ -47,7 +47,6 @@ class UpdatePipe:
         self._unsent = memoryview(b"")
 
     def is_busy(self) -> bool:
-        """Return whether a picture is still on its way."""
         return self._packing is not None or bool(self._unsent)
 
     def begin(self, picture: BareUpdate) -> None:
@@ -183,7 +182,6 @@ def _line(seq: int, scan: int, t_ns: int, kind: Any, event: Any) -> Line:
 
 
 def _batches(items: Iterable[T], size: int) -> Iterator[list[T]]:
-    """Yield so many items at a time."""
     left = iter(items)
     while some := list(islice(left, size)):
         yield some

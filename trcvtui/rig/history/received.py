@@ -68,7 +68,6 @@ class ReceivedChunk(NamedTuple):
 
     @property
     def span(self) -> JobSpan:
-        """Return it without its bytes."""
         told = self.told
         if isinstance(told, JobSpan):
             return told
@@ -101,7 +100,6 @@ class JobStream:
 
     @property
     def begin(self) -> int:
-        """Return the position of the oldest byte that is kept."""
         return self._chunks[self._first].position if self._first < len(self._chunks) else self.end
 
     def add(self, chunk: ReceivedChunk) -> None:
@@ -109,7 +107,6 @@ class JobStream:
         self.end = chunk[1]
 
     def forget_oldest(self) -> ReceivedChunk:
-        """Drop the oldest chunk."""
         oldest = self._chunks[self._first]
         self._first += 1
         if self._first >= _COMPACT:
@@ -118,7 +115,6 @@ class JobStream:
         return oldest
 
     def from_position(self, position: int) -> Iterator[ReceivedChunk]:
-        """Return the chunk that holds a position and those after it."""
         place = bisect_right(self._chunks, position, lo=self._first, key=_STOP)
         for number in range(place, len(self._chunks)):
             yield self._chunks[number]

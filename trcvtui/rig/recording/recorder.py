@@ -191,7 +191,6 @@ class RunRecorder:
         self.close()
 
     def lines(self) -> list[str]:
-        """Return what is to be said when it has ended."""
         secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
         return [one_line(line) for line in (secrets, self.trouble) if line]
 
@@ -209,7 +208,6 @@ class RunRecorder:
 
 
 def black_box_recorder() -> RunRecorder:
-    """Return what keeps the newest of a run in memory."""
     from trcvtui.rig.recording.black_box import BlackBox
 
     box = BlackBox()

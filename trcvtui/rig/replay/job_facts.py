@@ -54,7 +54,6 @@ class _Stack:
             yield entry
 
     def read(self, connect: str, t_ns: int) -> None:
-        """Take that a job has got bytes."""
         self._read.setdefault(connect, set()).add(t_ns // SECOND)
 
     def floods(self) -> Iterator[tuple[str, int, int]]:

@@ -121,7 +121,6 @@ class _RunChanged(RunAgain):
         self._quiet = self._quiet + 1 if is_quiet else 0
 
     def act(self, command: words.BenchCommand) -> None:
-        """Carry out what is left of a command."""
         left = self._held.left_of(command)
         if left is not None:
             super().act(left)
@@ -344,7 +343,6 @@ class WhatIf:
         return cast(tuple[int, int], tuple(map(sub, self._counted(bench), self._before)))
 
     def record(self) -> dict[str, object]:
-        """Return the last line of JSON lines."""
         was, now = self.sums()
         return {
             "parts_at_scan": self.parts_at,
@@ -354,7 +352,6 @@ class WhatIf:
         }
 
     def summary(self) -> Iterator[str]:
-        """Yield what there is to say in words."""
         was, now = self.sums()
         parts = f"they part at scan {self.parts_at}" if self.parts_at else "STATUS is the same in each scan"
         yield parts

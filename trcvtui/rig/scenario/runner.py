@@ -49,7 +49,6 @@ class Errors:
         self._told: dict[tuple[str, int, str], ErrorTold] = {}
 
     def see(self, scan: int, changed: Iterable[StatusEdge]) -> None:
-        """Take what changed in a scan."""
         for edge in changed:
             if not edge.outputs.error:
                 continue
@@ -64,7 +63,6 @@ class Errors:
         return tuple(self._told.values())
 
     def newest(self) -> tuple[ErrorTold, ...]:
-        """Return the newest ones, the newest last."""
         return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST:])
 
 

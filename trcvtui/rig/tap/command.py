@@ -275,7 +275,6 @@ class _Screen:
         self._voice.let_out()
 
     def wait(self) -> int:
-        """Return with which code it has ended."""
         assert self._process is not None
         return self._process.wait()
 

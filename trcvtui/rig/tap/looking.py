@@ -192,17 +192,14 @@ class LookingOn:
     # -- what shadows show: written with the time of the first packet ------------------------------------
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Write what changed in a scan."""
         self._lines.scan(scan, changed, lacking)
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Write what is said of a conversation."""
         self._lines.note(ns, number, text)
 
     # -- what the tap tells --------------------------------------------------------------------------------
 
     def take(self, event: TapEvent) -> None:
-        """Take one event."""
         match event.kind:
             case TapEventKind.LINE:
                 self._type(event.data)

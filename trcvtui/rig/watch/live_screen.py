@@ -149,7 +149,6 @@ class ServedShadows:
                 self.tell(edge.instance, "? missing in the capture")
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Tell what is said of a conversation."""
         self.tell(f"C{number}", text)
 
     def tell(self, subject: str, text: str) -> None:

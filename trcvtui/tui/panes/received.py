@@ -39,7 +39,6 @@ class JobLine(OneLine):
         self._view_model = view_model
 
     def line(self) -> Row:
-        """Return the line."""
         instance = self._view_model.instance
         if instance is None:
             return EMPTY
@@ -116,7 +115,6 @@ class OriginLine(LineView, can_focus=False):
         return row((clip(texts[y], self.line_width), "strong")) if y < len(texts) else EMPTY
 
     def on_resize(self) -> None:
-        """Take the room that the words need."""
         self.styles.height = self.row_count()
         self.show()
 
@@ -242,11 +240,9 @@ class Received(Vertical):
 
     @property
     def is_past(self) -> bool:
-        """Return whether the stream is shown."""
         return self.has_class(PAST)
 
     def show(self) -> None:
-        """Show the bytes of the selected instance."""
         instance = self._view_model.instance
         self._show_title(instance)
         if instance is None:
@@ -373,7 +369,6 @@ class Received(Vertical):
         return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
 
     def _past_origin(self) -> str:
-        """Return where the selected byte came from."""
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
         values = self.stream.value(), self.stream.before_value()
@@ -471,7 +466,6 @@ class Received(Vertical):
         self.show()
 
     def action_rulers(self) -> None:
-        """Show all rulers, fewer, or none."""
         if not self.is_past:  # by name, from the palette
             self.action_past()
         self.stream.change_rulers()

@@ -68,7 +68,6 @@ class TalkList(LineView):
         return 2 * len(self._view_model.talks) or len(self._view_model.project.taps)
 
     def row_at(self, y: int) -> Row:
-        """Return one direction of a conversation."""
         talks, taps = self._view_model.talks, self._view_model.project.taps
         if not talks and y < len(taps):
             tap = taps[y]
@@ -177,7 +176,6 @@ def _figures(way: WaySnapshot, is_roomy: bool) -> list[Part]:
 
 
 def _spark(talk: TalkSnapshot) -> list[Part]:
-    """Return the bytes of both directions, second by second."""
     shown = talk.seconds[-SPARKS:]
     most = max(shown, default=0)
     bars = "".join(BARS[-(-size * (len(BARS) - 1) // most) if most else 0] for size in shown)
@@ -185,7 +183,6 @@ def _spark(talk: TalkSnapshot) -> list[Part]:
 
 
 def _remarks(way: WaySnapshot) -> list[Part]:
-    """Return what is not as it should be."""
     told: list[Part] = []
     if way.held:
         told.append((f" {way.held} B held", "warn"))

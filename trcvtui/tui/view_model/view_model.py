@@ -44,7 +44,6 @@ class Afterglow:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
 
     def note(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
-        """Take the lamps of one STATUS edge of the ledger."""
         pulse = PinPulse(scan, t_ns, edge.outputs.status, edge.outputs.rcvd_len)
         if edge.outputs.done:
             self._pulses[edge.instance, DONE] = pulse
@@ -92,7 +91,6 @@ class History:
         self._edges[edge.instance].append(line)
 
     def of(self, instance: str) -> deque[Line]:
-        """Return the edges of one instance, oldest first."""
         return self._edges.get(instance) or deque()
 
 
@@ -339,7 +337,6 @@ class ViewModel:
 
     @property
     def shadows(self) -> frozenset[str]:
-        """Return the instances that look on at conversations of others."""
         return self.live.shadows if self.live is not None else frozenset()
 
     @property

@@ -218,7 +218,6 @@ class HelpText(TextView):
         self._focused = focused
 
     def make_rows(self) -> list[Row]:
-        """Return keys, signs and the STATUS table."""
         return [*self._keys(), *self._table()]
 
     def _keys(self) -> list[Row]:

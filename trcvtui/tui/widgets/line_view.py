@@ -153,7 +153,6 @@ class LineView(ScrollView, can_focus=True):
         return self._strips_in_view[1]
 
     def render_line(self, y: int) -> Strip:
-        """Return line `y` of what is in view."""
         number = y + self.scroll_offset.y
         fresh = self._fresh.pop(number, None)
         if fresh is None:
@@ -191,7 +190,6 @@ class LineView(ScrollView, can_focus=True):
         return self._ready_styles[names]
 
     def notify_style_update(self) -> None:
-        """Forget styles made under the old theme."""
         super().notify_style_update()
         self._ready_styles.clear()
         self._strips_in_view = None
@@ -209,7 +207,6 @@ class LineView(ScrollView, can_focus=True):
         self.show()
 
     def on_focus(self) -> None:
-        """Show the cursor."""
         self.show()
 
     def on_blur(self) -> None:
@@ -276,7 +273,6 @@ class TextView(LineView):
         return self._rows
 
     def draw(self) -> None:
-        """Make the rows, and repaint what changed."""
         self._rows = self.make_rows()
         self.resize_rows()  # also while it has no height yet
         self.show()

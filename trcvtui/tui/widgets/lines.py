@@ -53,7 +53,6 @@ class ButtonLine(LineView):
         super().show()
 
     def row_count(self) -> int:
-        """Return in how many lines they fit."""
         return max((line for _, line, _, _ in self._places()), default=0) + 1
 
     def _places(self) -> list[tuple[int, int, int, int]]:
@@ -68,7 +67,6 @@ class ButtonLine(LineView):
         return places
 
     def row_at(self, y: int) -> Row:
-        """Return the buttons of one line."""
         labels = self._labels()
         parts: list[Part] = []
         for index, line, _, _ in self._places():
@@ -115,12 +113,10 @@ class ButtonLine(LineView):
             self.action_press()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """Show which button a click would press."""
         self.hover = self._index_at(event)
         self.show()
 
     def on_leave(self) -> None:
-        """The mouse has gone."""
         self.hover = None
         self.show()
 
@@ -150,7 +146,6 @@ class OutcomeLine(LineView, can_focus=False):
         self._rows = 1
 
     def say(self, words: str, style: str = "dim") -> None:
-        """Show this."""
         self._said = words, style
         self._fit()
         self.show()
@@ -211,7 +206,6 @@ class KeyLine(OneLine):
         self.show_keys(getattr(focused, "KEYS", IN_A_FIELD) if self._types else own, holding)
 
     def show_keys(self, local: Keys, holding: bool) -> None:
-        """Name these keys."""
         self._local, self._holding = local, holding
         if self._actions is ACTIONS:
             self._names = getattr(self.app, "key_names", {})
@@ -261,7 +255,6 @@ class TabLine(OneLine):
         self._open = opened
 
     def take(self, tabs: tuple[tuple[int, str], ...]) -> None:
-        """Have these tabs from now on."""
         self._tabs = tabs
 
     def mark(self, digit: int) -> None:
@@ -269,7 +262,6 @@ class TabLine(OneLine):
         self.show()
 
     def line(self) -> Row:
-        """Return the tabs."""
         parts: list[Part] = []
         for digit, name in self._shown():
             style = "cursor strong" if digit == self._open else "dim"
@@ -287,7 +279,6 @@ class TabLine(OneLine):
         return [(digit, name if fits or digit == self._open else "") for digit, name in self._tabs]
 
     def on_click(self, event: events.Click) -> None:
-        """Open the tab under the mouse."""
         place, left = self.place_of(event), 0
         for digit, name in self._shown():
             width = len(name) + (5 if name else 4)

@@ -98,7 +98,6 @@ class TypedLine(Horizontal):
         self._back = back
 
     def compose(self) -> ComposeResult:
-        """Compose the sign and the field."""
         yield Static(self._sign, markup=False)
         yield self._input
 
@@ -108,7 +107,6 @@ class TypedLine(Horizontal):
         self.screen.set_focus(self._input)
 
     def end(self) -> None:
-        """Give the focus back."""
         self.screen.set_focus(self._back)
         self.display = False
 
@@ -137,14 +135,12 @@ class AskLine(TypedLine):
         self._take = take
 
     def open(self, text: str) -> None:
-        """Let a line be typed that begins like that."""
         if not self.display:
             self._back = self.screen.focused
         self._input.value, self._input.cursor_position = text, len(text)
         self.begin()
 
     def close(self, line: str) -> None:
-        """Close the line, and take what was typed."""
         self.end()
         if line:
             self._take(line)
@@ -191,11 +187,9 @@ class FilterLine(TypedLine):
         self.move = move
 
     def open(self) -> None:
-        """Let the words be typed."""
         self.begin()
 
     def clear(self) -> None:
-        """Show everything again, from outside the line."""
         self._input.value = ""
         self._narrow("")
 
@@ -229,7 +223,6 @@ class FindInput(TypedField):
         self._line.close()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Say what that would look for."""
         self._line.judge()
 
 
@@ -259,12 +252,10 @@ class FindLine(Horizontal):
         self._field.action_select_all()
 
     def close(self) -> None:
-        """Close the line and go back to the bytes."""
         self._left()
         self.display = False
 
     def judge(self) -> None:
-        """Show what the text asks for, or what is wrong with it."""
         text = self._field.value.strip()
         asked = self._read(text) if text else HINT
         self._about.update(Content(plain(asked.about if isinstance(asked, Wanted) else asked)))

@@ -360,10 +360,17 @@ class LayerKernel:
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN, after the session's own last word."""
-        stream = self._streams.get(handle)
-        if stream is not None:
-            stream.goodbye()
+        self._goodbye(handle)
         return self.inner.shutdown(handle, both)
+
+    def _goodbye(self, handle: Handle) -> bool:
+        """Let a session say its last word; its socket is freed whatever that raises."""
+        try:
+            return handle in self._streams and self._streams[handle].goodbye()
+        except Exception as error:
+            self._caught(self._owners.get(handle, ""), error)
+            self._streams[handle].fail()
+            return False
 
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle; a client that has only asked is told no in its own words.
@@ -377,7 +384,7 @@ class LayerKernel:
             asked.refuse(is_known=True)
             stream.flush()
             stream.is_told = True  # by whoever turns it away
-        says_goodbye = stream is not None and asked is None and stream.goodbye() and handle not in self._fixed
+        says_goodbye = asked is None and self._goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None
@@ -387,15 +394,13 @@ class LayerKernel:
 
     def close(self, handle: Handle) -> Fault | None:
         """Free the handle: FIN, or RST when unread data is queued."""
-        stream = self._streams.get(handle)
-        if stream is not None:
-            stream.goodbye()
+        self._goodbye(handle)
         return None if self._forget(handle) else self.inner.close(handle)
 
     def _forget(self, handle: Handle) -> bool:
         """Forget the handle; return whether its socket stays: others still listen on it."""
         stream = self._streams.get(handle)
-        if stream is not None:
+        if stream is not None and not stream.has_failed:
             self._tell(handle, stream)
         for known in (self._owners, self._wanted, self._streams, self._connecting):
             known.pop(handle, None)

@@ -233,6 +233,7 @@ def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(black_box, "POST_NS", 0)
+    monkeypatch.setattr(recorder, "MOST_PERCENT", 100)  # scans without a pause: after 5 s it would give up
     run = Run(tmp_path)
     run.box._most = 150_000
     firsts: list[int] = []

@@ -12,7 +12,7 @@ from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.plc.commands import SetInput
-from trcvtui.plc.containment import Containment, Raised
+from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.file import read_project
 from trcvtui.rig import clock
@@ -49,7 +49,7 @@ class ManyReceivers:
         kernel = FaultyKernel(self.kernel, plan)
         containment = Containment(
             lambda part, report: report(),
-            lambda error: Raised(repr(error), False),
+            lambda error: ExceptionNote(repr(error), False),
             lambda note: None,
             None,
             lambda do: do(),

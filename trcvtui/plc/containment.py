@@ -25,7 +25,7 @@ COMMAND: Final = "command", "command"
 RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
-class Raised(NamedTuple):
+class ExceptionNote(NamedTuple):
     """An exception with the name of its report; `in_connection`: it left a connection in no known state."""
 
     why: str
@@ -46,8 +46,8 @@ class Containment:
 
     def __init__(
         self,
-        record: Callable[[RunPart, Callable[[], Raised]], Raised | None],
-        report: Callable[[BaseException], Raised],
+        record: Callable[[RunPart, Callable[[], ExceptionNote]], ExceptionNote | None],
+        report: Callable[[BaseException], ExceptionNote],
         tell: Callable[[BenchNote], None],
         is_due: Callable[[RunPart], bool] | None,
         off_record: Callable[[Callable[[], object]], object],
@@ -63,7 +63,7 @@ class Containment:
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
-    def note(self, part: RunPart, error: Exception) -> Raised:
+    def note(self, part: RunPart, error: Exception) -> ExceptionNote:
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:
@@ -74,7 +74,7 @@ class Containment:
             raise differs from RuntimeError(self._report(error).why)
         self._tell(BenchNote(part[1], INTERNAL_ERROR, raised[0]))
         self.told(f"{' '.join(part)}: {raised[0]}")
-        return Raised(*raised)
+        return ExceptionNote(*raised)
 
     def told(self, what: str) -> None:
         """Take what is to be said of an internal error, MOST_TOLD of them until somebody asks."""

@@ -20,7 +20,7 @@ from trcvtui.errors import UserError, one_line
 from trcvtui.files import write_file
 from trcvtui.net import connection
 from trcvtui.paths import state_folder
-from trcvtui.plc.containment import INTERNAL_ERROR, Raised
+from trcvtui.plc.containment import INTERNAL_ERROR, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
 from trcvtui.project.keys import entries_of, entry_of
 from trcvtui.project.project import Project
@@ -59,10 +59,12 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
     return _written[key]
 
 
-def report_of(error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None) -> Raised:
+def report_of(
+    error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None
+) -> ExceptionNote:
     why = f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
     files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
-    return Raised(why, CONNECTIONS in files)
+    return ExceptionNote(why, CONNECTIONS in files)
 
 
 def words_of(error: BaseException) -> str:

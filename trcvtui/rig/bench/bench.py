@@ -18,7 +18,7 @@ from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
-from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, Raised, RunPart
+from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, ExceptionNote, RunPart
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
@@ -275,7 +275,7 @@ class Bench:
         else:
             self._said(note.connect, What(note.what), note.partner, note.why)
 
-    def _record_exception(self, part: RunPart, report: Callable[[], Raised]) -> Raised | None:
+    def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
         return self._ask(part[1], EXCEPTION, part[:1], report)
 
     def _aside(self, do: Callable[[], object]) -> None:
@@ -289,7 +289,7 @@ class Bench:
             if self._seam is not None:
                 self._seam.is_busy = is_busy
 
-    def _report(self, error: BaseException) -> Raised:
+    def _report(self, error: BaseException) -> ExceptionNote:
         from trcvtui.rig.error_report import MOST_LINES, report_of  # read when first needed
 
         lines = self.runtime.ledger.since(0, MOST_LINES)

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
-from trcvtui.plc.containment import Containment, Raised
+from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
@@ -215,7 +215,7 @@ class ViewModel:
         if internal:
             self.answers[0] = Answer(0, "", internal)
 
-    def _report(self, error: BaseException) -> Raised:
+    def _report(self, error: BaseException) -> ExceptionNote:
         from trcvtui.rig.error_report import report_of  # read when first needed
 
         return report_of(error, self.project, [*self.lines], None)

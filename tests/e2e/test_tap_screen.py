@@ -80,7 +80,7 @@ def still(sock: socket.socket) -> bool:
 
 
 def is_held(screen: str) -> bool:
-    """Return whether the header says so, and since when."""
+    """Return whether the header shows HELD with its age."""
     return re.search(r"IN THE LINE .* HELD \d+ s", screen) is not None
 
 

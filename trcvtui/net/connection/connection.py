@@ -192,16 +192,8 @@ class Connection:
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        of_set_up = (
-            config,
-            kernel,
-            policy,
-            resolve,
-            resources.connection_ids,
-            self._note_set_up,
-            resources.work,
-        )
-        self._new_set_up = partial(self.SET_UP, *of_set_up)
+        ids, note, work = resources.connection_ids, self._note_set_up, resources.work
+        self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
         self.set_up = self._new_set_up()
         self._kernel = kernel
         self._resources = resources

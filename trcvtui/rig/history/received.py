@@ -212,7 +212,7 @@ class JobHistory:
         """Read what was written since the last time, up to `until` on the clock; return whether that is all.
 
         The bytes of DATA come first: the next scan may overwrite them. After an exception in one who listens
-        the lines up to here count as overwritten: all are told, and nobody guesses.
+        the lines up to here count as overwritten: the listeners are told, and nothing is guessed.
         """
         try:
             return self._read_on(until)

@@ -363,13 +363,13 @@ def _race(args: SimpleNamespace) -> int:
 def _conversations(args: SimpleNamespace) -> int:
     from trcvtui.capture.command import conversations_of
 
-    ports = frozenset[int]()
+    known = None
     if args.project is not None:
         from trcvtui.rig.scenario.scenario import load_bench
-        from trcvtui.rig.watch.shadows import ports_of
+        from trcvtui.rig.watch.shadows import known_ends
 
-        ports = ports_of(load_bench(_path(args.project)))
-    return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format, ports))
+        known = known_ends(load_bench(_path(args.project)))
+    return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format, known))
 
 
 def _doctor(args: SimpleNamespace) -> int:

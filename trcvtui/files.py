@@ -10,10 +10,12 @@ Rule 5: inside `reading_only` names are looked up in what was read before; no na
 from __future__ import annotations
 
 import errno
+import io
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import IO, Final
 
 from trcvtui.errors import UserError, mistake
@@ -49,6 +51,7 @@ class FilesRead:
     ) -> None:
         self.folder, self.contents, self.digests = folder or os.getcwd(), dict(contents), dict(digests)
         self.told: Callable[[str, bytes | str], None] | None = None  # gets what comes later, or is other now
+        self.how_far: Callable[[str, float], None] | None = None  # gets the share of a file that is read
 
     def take(self, path: FileName, content: bytes | str) -> None:
         """Keep a content, or a digest."""
@@ -139,13 +142,27 @@ def read_bytes(path: FileName, most: int) -> bytes:
     return content
 
 
+class _MeasuredFile(io.BufferedReader):
+    """A file that tells before each read which share of it has been read."""
+
+    tell_share: Callable[[float], None]
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return at most so many bytes, b"" at the end."""
+        self.tell_share(self.tell() / (os.fstat(self.fileno()).st_size or 1))
+        return super().read(size)
+
+
 @contextmanager
 def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
     """Give a regular file to read piece by piece; raise OSError or ValueError."""
     _refuse_when_closed()
     # O_NONBLOCK: the open of a FIFO would wait for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with open(handle, "rb") as file:
+    how_far = _noting[-1].how_far if _noting else None
+    with open(handle, "rb") if how_far is None else _MeasuredFile(io.FileIO(handle)) as file:
+        if isinstance(file, _MeasuredFile) and how_far is not None:
+            file.tell_share = partial(how_far, os.fspath(path))
         _refuse_what_is_no_file(os.fstat(handle).st_mode)
         _read.add(os.path.realpath(path))
         yield file

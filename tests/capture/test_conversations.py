@@ -393,7 +393,7 @@ def test_the_json_of_a_conversation(tmp_path: Path, capsys: pytest.CaptureFixtur
             "protocol": "tcp",
             "plc": "10.0.0.5:2000",
             "partner": "10.0.0.9:51000",
-            "plc_guess": {"confidence": 0.6, "why": "it listens: the SYN went there"},
+            "plc_guess": {"confidence": 0.75, "why": "port 2000, usual at PLCs"},
             "t_s": 0.0,
             "duration_s": 0.006,
             "begin": "syn",
@@ -414,10 +414,12 @@ def test_the_plc_end_can_be_given(plc: str, tmp_path: Path, capsys: pytest.Captu
 
 def test_a_vendor_s_mac_tells_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "c.pcapng"
-    path.write_bytes(capture([ethernet(V4, answer(seq=5, flags=SYN))], pcap.ETHERNET))
+    path.write_bytes(
+        capture([ethernet(V4, tcp(flags=SYN, source=("10.0.0.5", 51001), target=PARTNER))], pcap.ETHERNET)
+    )
     (row,) = rows_of(path, capsys=capsys)
     assert row["plc"] == "10.0.0.9:51000"
-    assert row["plc_guess"] == {"confidence": 0.9, "why": "MAC of Siemens"}
+    assert row["plc_guess"] == {"confidence": 0.7, "why": "MAC of Siemens"}
 
 
 def test_the_ports_of_a_project_tell_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -441,7 +443,7 @@ def test_the_text_stays_in_80_columns(tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().out.splitlines() == [
         "ID  PLC END        PARTNER END     AT      FOR     TO PLC  FROM PLC",
         "C1  10.0.0.5:2000  10.0.0.9:51000  0.000s  0.005s  3 B     0 B",
-        "    tcp, syn to open; PLC end 60% sure: it listens: the SYN went there",
+        "    tcp, syn to open; PLC end 75% sure: port 2000, usual at PLCs",
         "    to PLC, bytes of 2 segments: 3 sent again, 6 missing",
     ]
     far = tuple((f"2001:1111:2222:3333:4444:5555:6666:77{n}", 65535) for n in (77, 88))

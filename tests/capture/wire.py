@@ -25,7 +25,7 @@ def ip(source: str, target: str, protocol: int, content: bytes, extra: bytes = b
             + (extra + content)
         )
     total = 20 + len(extra + content)
-    head = struct.pack(">BBHHHBBH", 0x45 + len(extra) // 4, 0, total, 1, 0, 64, protocol, 0)
+    head = struct.pack(">BBHHHBBH", 0x45 + len(extra) // 4, 0, total, 0, 0, 64, protocol, 0)
     return head + one.packed + other.packed + extra + content
 
 

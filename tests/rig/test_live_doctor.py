@@ -19,15 +19,13 @@ from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.diagnosis.doctor import DoctorQuestion
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.recording.asked import FilesJudge
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.recorder import recorder_of
 from trcvtui.rig.replay.driver import SLICE_NS
-from trcvtui.rig.replay.job_facts import recorded_facts
-from trcvtui.rig.replay.judged import found_in, with_lint
+from trcvtui.rig.replay.judged import found_in_run
 from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.scenario.scenario import load_bench
 
@@ -251,7 +249,7 @@ def after_ten_seconds(
         _pass(bench, recorder, scans - bench.runtime.scans)
         recorder.close()  # as a box has it: the run goes on
         bench.close()
-    return with_lint(found_in([str(file)], DoctorQuestion(recorded=recorded_facts)), str(file))
+    return found_in_run(str(file))
 
 
 def _pass(bench: Bench, recorder: Any, scans: int) -> None:

@@ -6,11 +6,17 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush
-from ipaddress import ip_address
 from typing import Any, Final
 
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
-from trcvtui.capture.plc_end import PlcEnd, guess_plc, parse_plc
+from trcvtui.capture.plc_end import (
+    NOTHING_KNOWN,
+    KnownEnds,
+    PlcEnd,
+    address_text,
+    guess_plc,
+    parse_plc,
+)
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
 
@@ -74,7 +80,7 @@ def take_captures(paths: Sequence[str], found: Conversations, troubles: list[Pro
 
 
 def conversations_of(
-    paths: Sequence[str], plc: str | None, form: str, plc_ports: frozenset[int] = frozenset()
+    paths: Sequence[str], plc: str | None, form: str, known: KnownEnds | None = None
 ) -> Iterator[str]:
     """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
     given = None if plc is None else parse_plc(plc)
@@ -82,7 +88,7 @@ def conversations_of(
     take_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
-    rows = (conversation_row(found, one, given, plc_ports) for one in found.all)
+    rows = (conversation_row(found, one, given, known or NOTHING_KNOWN) for one in found.all)
     yield from _as_json(rows) if form == "json" else _as_table(rows)
     for line in capture_notes(found, troubles):
         sys.stderr.write(line + "\n")
@@ -104,10 +110,10 @@ def conversation_row(
     found: Conversations,
     conversation: Conversation,
     given: PlcEnd | None,
-    plc_ports: frozenset[int] = frozenset(),
+    known: KnownEnds = NOTHING_KNOWN,
 ) -> dict[str, Any]:
     """Return what is told of a conversation, as JSON has it."""
-    guess = guess_plc(conversation, given, plc_ports)
+    guess = guess_plc(conversation, given, known)
     partner = guess.says.other
     end = "open"
     if conversation.end is not None:
@@ -135,14 +141,6 @@ def _counts(direction: WireDirection) -> dict[str, int]:
         "retransmitted": direction.retransmitted,
         "missing": direction.missing,
     }
-
-
-def address_text(end: tuple[bytes, int]) -> str:
-    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`, of a serial line as `serial:NAME`."""
-    if end[1] < 0:
-        return f"serial:{end[0].decode(errors='replace')}"
-    address = ip_address(end[0])
-    return f"{address}:{end[1]}" if address.version == 4 else f"[{address}]:{end[1]}"
 
 
 def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:

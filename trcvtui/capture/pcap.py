@@ -39,7 +39,9 @@ SECTION: Final = 0x0A0D0D0A
 
 TLS_KEY_LOG: Final = 0x544C534B
 COMMENT: Final = 1  # option code
-NAME: Final = 2
+NAME: Final = 2  # of an interface
+FLAGS: Final = 2  # of a packet
+INBOUND, OUTBOUND = 1, 2  # the two lowest bits of its flags
 TIME_RESOLUTION: Final = 9
 TIME_OFFSET: Final = 14
 
@@ -73,7 +75,11 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet; `length` is what the wire had, `data` may be shorter; `at`: its byte in the file."""
+    """One packet; `length` is what the wire had, `data` may be shorter; `at`: its byte in the file.
+
+    `sent`: by the PLC, or to it; None: nobody has told. Only a recording of ours (an interface of USER0)
+    knows: the flags of others tell of the host that captured.
+    """
 
     ns: int
     interface: int  # index of `CaptureReader.interfaces`
@@ -81,6 +87,7 @@ class Packet(NamedTuple):
     length: int
     comments: tuple[str, ...]
     at: int
+    sent: bool | None = None
 
 
 class CaptureReader:
@@ -184,7 +191,7 @@ class CaptureReader:
                     return self._cut(0)
             ns = seconds * 1_000_000_000 + parts * scale
             data = buffer[data_at:after]
-            yield make(Packet, (ns, 0, data, length if length > kept else kept, (), start + at))
+            yield make(Packet, (ns, 0, data, length if length > kept else kept, (), start + at, None))
             at = after
 
     def _pcapng(self) -> Iterator[Packet]:
@@ -223,6 +230,7 @@ class CaptureReader:
             if unpack_one(buffer, after - 4)[0] != size:
                 return self._stop(at, "a block with two lengths", f"{size} at both ends")
             comments: tuple[str, ...] = ()
+            sent = None
             if kind in (ENHANCED_PACKET, OLD_PACKET):
                 if kind == OLD_PACKET:
                     interface = struct.unpack_from(order + "H", buffer, at + 8)[0]
@@ -234,11 +242,10 @@ class CaptureReader:
                 numerator, denominator, offset = clocks[interface]
                 ns = (high << 32 | low) * numerator // denominator + offset
                 if options + 4 < after:
-                    comments = tuple(
-                        _text(value)
-                        for code, value in options_of(buffer, options, after - 4, order)
-                        if code == COMMENT
-                    )
+                    some = [*options_of(buffer, options, after - 4, order)]
+                    comments = tuple([_text(value) for code, value in some if code == COMMENT])
+                    if USER0 in self.link_types:
+                        sent = is_sent(dict(some).get(FLAGS), order)
                 data = buffer[at + 28 : at + 28 + kept]
             elif kind == SIMPLE_PACKET:
                 if not clocks or size < 16:
@@ -260,7 +267,7 @@ class CaptureReader:
                 continue
             if length < kept:
                 length = kept
-            yield make(Packet, (ns, base + interface, data, length, comments, start + at))
+            yield make(Packet, (ns, base + interface, data, length, comments, start + at, sent))
             at = after
 
 
@@ -296,6 +303,12 @@ def options_of(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[i
             return
         yield code, buffer[at : at + size]
         at += (size + 3) & ~3
+
+
+def is_sent(flags: bytes | None, order: str) -> bool | None:
+    """Return which way the flags of a packet tell; None: they do not."""
+    bits = int.from_bytes(flags or b"", "little" if order == "<" else "big") & (INBOUND | OUTBOUND)
+    return {INBOUND: False, OUTBOUND: True}.get(bits)
 
 
 def _text(value: bytes) -> str:
@@ -351,17 +364,24 @@ def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), s
 
 
 def packet_block(
-    interface: int, ns: int, data: bytes, comments: tuple[str, ...] = (), length: int | None = None
+    interface: int,
+    ns: int,
+    data: bytes,
+    comments: tuple[str, ...] = (),
+    length: int | None = None,
+    sent: bool | None = None,
 ) -> bytes:
-    """Return a packet; `length` is what the wire had, where `data` is not all of it."""
+    """Return a packet; `length` is what the wire had, where `data` is not all of it; `sent` as in Packet."""
     size = len(data)
     if not comments:
         padding = -size & 3
-        total = 32 + size + padding
+        options = _SENT[sent]
+        total = 32 + size + padding + len(options)
         head = _HEAD(ENHANCED_PACKET, total, interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-        return b"".join((head, data, _ZEROS[padding], total.to_bytes(4, "little")))
+        return b"".join((head, data, _ZEROS[padding], options, total.to_bytes(4, "little")))
     head = struct.pack("<IIIII", interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-    return block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3], _comments(comments))
+    options = b"".join(_comments(comments)) + (_SENT[sent] or _END)
+    return block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3] + options)
 
 
 def secrets_block(key_log: bytes) -> bytes:
@@ -371,6 +391,12 @@ def secrets_block(key_log: bytes) -> bytes:
 
 _HEAD: Final = struct.Struct("<IIIIIII").pack
 _ZEROS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
+_END: Final = b"\0\0\0\0"  # of options
+_SENT: Final = {
+    None: b"",
+    False: struct.pack("<HHI", FLAGS, 4, INBOUND) + _END,
+    True: struct.pack("<HHI", FLAGS, 4, OUTBOUND) + _END,
+}
 
 
 def _comments(comments: tuple[str, ...]) -> list[bytes]:
@@ -386,7 +412,7 @@ def block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
     """Return a block of any type; `body` is what stands before its options."""
     parts = [body, _ZEROS[-len(body) & 3]]
     if options:
-        parts += [*options, b"\0\0\0\0"]
+        parts += [*options, _END]
     content = b"".join(parts)
     size = struct.pack("<I", len(content) + 12)
     return b"".join((struct.pack("<I", kind), size, content, size))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from ipaddress import ip_address
 from typing import Final
 
 from trcvtui.capture.reassembly import SENT_END, Conversation, WireDirection
@@ -25,6 +27,9 @@ _MACS: Final = {
     "WAGO": "0030DE",
 }
 VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
+
+# ISO-on-TCP, Modbus, TRCV_C as manuals show it, IEC 104, OPC UA, FINS, DNP3, EtherNet/IP, ADS.
+USUAL_PORTS: Final = frozenset({102, 502, 2000, 2404, 4840, 9600, 20000, 44818, 48898})
 
 
 class PlcEnd(NamedTuple):
@@ -50,10 +55,48 @@ def parse_plc(text: str) -> PlcEnd:
     return PlcEnd(*found)
 
 
+class KnownEnds(NamedTuple):
+    """What is known of the ends of a PLC: of a project, of a run of ours.
+
+    Ports on which it listens, and that it calls; addresses of its own, and of its partners. `connects`: which
+    CONNECT of a run had a port of the PLC and a partner, as text.
+    """
+
+    listens: frozenset[int] = frozenset()
+    calls: frozenset[int] = frozenset()
+    own: frozenset[bytes] = frozenset()
+    partners: frozenset[bytes] = frozenset()
+    connects: Mapping[tuple[int, str], str] = {}
+
+    def connect_of(self, plc: WireDirection) -> str:
+        """Return the CONNECT of a run to which a conversation belongs, "" where none is known."""
+        port, partner = plc.address[1], address_text(plc.other.address)
+        pairs = ((port, partner), (port, ""), (0, partner))
+        return next((self.connects[pair] for pair in pairs if pair in self.connects), "")
+
+    def guess(self, conversation: Conversation) -> PlcGuess | None:
+        """Return the PLC end where exactly one end is known."""
+        ends, listener = (conversation.there, conversation.back), conversation.listener
+        for some, confidence, why in (
+            ([end for end in ends if self.connect_of(end)], 0.95, "the run had it"),
+            ([end for end in ends if end.address[0] in self.own], 0.85, "the address of the project"),
+            ([end for end in ends if end.other.address[0] in self.partners], 0.85, "the project's partner"),
+            ([end for end in ends if end.address[1] in self.listens], 0.8, "port {} of the project"),
+        ):
+            if len(some) == 1:
+                return PlcGuess(some[0], confidence, why.format(some[0].address[1]))
+        if listener is not None and listener.address[1] in self.calls:
+            return PlcGuess(listener.other, 0.8, f"port {listener.address[1]}: the project calls it")
+        return None
+
+
+NOTHING_KNOWN: Final = KnownEnds()
+
+
 def guess_plc(
-    conversation: Conversation, given: PlcEnd | None = None, plc_ports: frozenset[int] = frozenset()
+    conversation: Conversation, given: PlcEnd | None = None, known: KnownEnds = NOTHING_KNOWN
 ) -> PlcGuess:
-    """Return the PLC end: as given, by a vendor's MAC, by the project's ports, or the listening end."""
+    """Return the PLC end: as given, as a recording of ours or a project has it, or as the packets look."""
     ends = (conversation.there, conversation.back)
     if given is not None:
         fits = [
@@ -64,15 +107,28 @@ def guess_plc(
     if conversation.protocol == "serial":
         sends = next(end for end in ends if end.address[1] == SENT_END)
         return PlcGuess(sends, 0.6, "who captured has sent this")
-    vendors = [end for end in ends if end.mac[:3] in VENDORS]
+    if conversation.sent is not None:
+        return PlcGuess(ends[not conversation.sent], 1.0, "it is the recording's PLC")
+    found = known.guess(conversation)
+    if found is not None:
+        return found
+    usual = [end for end in ends if end.address[1] in USUAL_PORTS]
+    if len(usual) == 1:
+        return PlcGuess(usual[0], 0.75, f"port {usual[0].address[1]}, usual at PLCs")
+    vendors = [end for end in ends if end.mac[:3] in VENDORS]  # devices of many kinds have them
     if len(vendors) == 1:
-        return PlcGuess(vendors[0], 0.9, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
-    listening = [end for end in ends if end.address[1] in plc_ports]
-    if len(listening) == 1:
-        return PlcGuess(listening[0], 0.8, f"port {listening[0].address[1]} of the project")
+        return PlcGuess(vendors[0], 0.7, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
     if conversation.listener is not None:
         return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
     lower = min(ends, key=lambda end: end.address[1])
     if ends[0].address[1] == ends[1].address[1]:
         return PlcGuess(conversation.back, 0.2, "the first packet went there")
     return PlcGuess(lower, 0.3, "the lower port: it may listen there")
+
+
+def address_text(end: tuple[bytes, int]) -> str:
+    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`, of a serial line as `serial:NAME`."""
+    if end[1] < 0:
+        return f"serial:{end[0].decode(errors='replace')}"
+    address = ip_address(end[0])
+    return f"{address}:{end[1]}" if address.version == 4 else f"[{address}]:{end[1]}"

@@ -151,13 +151,14 @@ class Conversation:
     """What two ends said to each other; `there` is what the sender of the first packet said."""
 
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "is_established", "last_ns", "listener",
-                 "number", "protocol", "there")  # fmt: skip
+                 "number", "protocol", "sent", "there")  # fmt: skip
 
     def __init__(self, number: int, protocol: str, ns: int) -> None:
         self.number = number
         self.protocol = protocol
         self.first_ns = self.last_ns = ns
         self.begins_with_syn = self.is_established = False
+        self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
         self.listener: WireDirection | None = None
         self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
         self.there: WireDirection
@@ -205,7 +206,7 @@ class Conversations:
         is_detailed = self._is_detailed
         for packet in packets:
             self.packets += 1
-            ns, interface, data, _, _, _ = packet
+            ns, interface, data, _, _, _, _ = packet
             if link_types[interface] != ETHERNET:
                 self._take_unusual(packet, link_types[interface])
                 continue
@@ -389,6 +390,7 @@ class Conversations:
         ends = (source, int.from_bytes(ports[:2], "big")), (target, int.from_bytes(ports[2:], "big"))
         there = self._made(packet.ns, name, ends, macs_of(link_type, packet.data))
         if there is not None:
+            there.conversation.sent = packet.sent
             self._flows[key] = there
             kind = b"" if name == "tcp" else b"U"
             self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = there.other

@@ -192,7 +192,7 @@ class RecordingWriter:
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
             interface = self._lines[packet.line] if packet.line else WIRE
             comments = tuple(self._comments.get(number, ()))
-            written.append(pcap.packet_block(interface, packet.ns, packet.data, comments))
+            written.append(pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent))
         packets = b"".join(written)
         journal = self._journal_packets(self._block.block())
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)

@@ -101,10 +101,11 @@ class _Copy:
             self._clear_ip(data)
         elif self._out.payload:
             data[SERIAL_HEADER:] = bytes(max(0, len(data) - SERIAL_HEADER))
-        options = pcap.options_of(body, _PACKET_HEAD + size + (-size & 3), len(body), "<")
+        options = [*pcap.options_of(body, _PACKET_HEAD + size + (-size & 3), len(body), "<")]
         comments = [value.decode("utf-8", "replace") for code, value in options if code == pcap.COMMENT]
+        sent = pcap.is_sent(dict(options).get(pcap.FLAGS), "<")
         said = tuple(map(self._nameless, comments)) if self._out.names else tuple(comments)
-        yield pcap.packet_block(interface, high << 32 | low, bytes(data), said)
+        yield pcap.packet_block(interface, high << 32 | low, bytes(data), said, sent=sent)
 
     def _clear_ip(self, data: bytearray) -> None:
         """Take payload and addresses out of an IPv4 packet of ours, in place, with its checksums."""

@@ -34,7 +34,8 @@ _SERIAL: Final = struct.Struct(">IIBBH").pack
 class WirePacket(NamedTuple):
     """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
 
-    `owners`: the CONNECT or ComBuffer that it is of; two, where CONNECTs talk with each other.
+    `owners`: the CONNECT or ComBuffer that it is of; two, where CONNECTs talk with each other: then the PLC
+    has both sent and received it. `sent`: by the PLC, or to it; None: both, or a serial line.
     """
 
     owners: tuple[str, ...]
@@ -42,6 +43,7 @@ class WirePacket(NamedTuple):
     ns: int
     data: bytes
     payload: int
+    sent: bool | None = None
 
 
 class _TcpStream:
@@ -53,6 +55,7 @@ class _TcpStream:
         self.sent = [0, 0]  # sequence numbers of both
         self.has_ended = [False, False]  # FIN or RST
         self.stands = False
+        self.is_own = False  # both ends are the PLC's
 
 
 class WirePackets:
@@ -110,6 +113,11 @@ class WirePackets:
             self._bound[call.handle] = call.answer
         return iter(())
 
+    def _is_own(self, end: Endpoint) -> bool:
+        """Return whether a socket of this PLC has that end: then it talks with itself."""
+        addresses = (end.address, ANY_ADDRESS)
+        return any(each.port == end.port and each.address in addresses for each in self._bound.values())
+
     def _own_end(self, handle: int, other: Endpoint) -> Endpoint:
         end = self._bound.get(handle, Endpoint(ANY_ADDRESS, 0))
         port = end.port
@@ -136,6 +144,7 @@ class WirePackets:
         there = call.args[0] if call.args else None
         if isinstance(there, Endpoint) and octets(there.address):
             stream = _TcpStream(call.owner, self._own_end(call.handle, there), there)
+            stream.is_own = self._is_own(there)
             self._streams[call.handle] = stream
             yield self._segment(call, stream, 0, SYN)
             yield from self._refused(call, stream, call.answer)
@@ -227,24 +236,27 @@ class WirePackets:
         head = _TCP(
             source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, WINDOW, 0, 0
         )
-        return self._ip(call, stream.owners, TCP, source, target, head, 16, payload)
+        sent = None if stream.is_own else who == 0
+        return self._ip(call, stream.owners, TCP, source, target, head, 16, payload, sent)
 
     # -- UDP --------------------------------------------------------------------------------------------
 
     def _datagram_in(self, call: WireCall) -> Iterator[WirePacket]:
         if isinstance(call.answer, Datagram):
             source = call.answer.source
-            yield self._datagram(call, source, self._own_end(call.handle, source))
+            sent = None if self._is_own(source) else False
+            yield self._datagram(call, source, self._own_end(call.handle, source), sent)
 
     def _datagram_out(self, call: WireCall) -> Iterator[WirePacket]:
         target = call.args[-1] if call.args else None
         if isinstance(target, Endpoint) and octets(target.address) and isinstance(call.answer, int):
-            yield self._datagram(call, self._own_end(call.handle, target), target)
+            sent = None if self._is_own(target) else True
+            yield self._datagram(call, self._own_end(call.handle, target), target, sent)
 
-    def _datagram(self, call: WireCall, source: Endpoint, target: Endpoint) -> WirePacket:
+    def _datagram(self, call: WireCall, source: Endpoint, target: Endpoint, sent: bool | None) -> WirePacket:
         payload = call.data[:MOST_DATAGRAM]
         head = _UDP(source.port, target.port, 8 + len(payload), 0)
-        return self._ip(call, (call.owner,), UDP, source, target, head, 6, payload)
+        return self._ip(call, (call.owner,), UDP, source, target, head, 6, payload, sent)
 
     def _ip(
         self,
@@ -256,6 +268,7 @@ class WirePackets:
         head: bytes,
         sum_at: int,
         payload: bytes,
+        sent: bool | None,
     ) -> WirePacket:
         """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
         ends = bytes(octets(source.address) or (0, 0, 0, 0)) + bytes(octets(target.address) or (0, 0, 0, 0))
@@ -268,7 +281,7 @@ class WirePackets:
         fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
         outer = checksum(_IP(*fields, 0, ends[:4], ends[4:]))
         data = _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
-        return WirePacket(owners, "", self._wall_ns + call.at, data, len(payload))
+        return WirePacket(owners, "", self._wall_ns + call.at, data, len(payload), sent)
 
     # -- serial lines -----------------------------------------------------------------------------------
 

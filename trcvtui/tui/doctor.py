@@ -59,14 +59,16 @@ class FindingList(TextView):
     def make_rows(self) -> list[Row]:
         """Return the findings, then what there is to say of the chosen one."""
         seen, found, chosen = self.seen, self.findings, self.chosen
-        rows = [row((clip(plain(self._said()), self._width), "warn" if seen.trouble else "dim"))]
+        looks = f" · again, {_in_short(seen.progress)}" if seen.looks and seen.progress else ""
+        said = clip(plain(self._said()), self._width - len(looks)) + looks
+        rows = [row((clip(said, self._width), "warn" if seen.trouble else "dim"))]
         rows += [self._finding(number, one) for number, one in enumerate(found)]
         return [*rows, *self._details(chosen)] if chosen is not None else rows
 
     def _said(self) -> str:
         seen = self.seen
         if not seen.looks:
-            return "the doctor looks …"
+            return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
         if seen.trouble:
             return seen.trouble
         picture = self._view_model.live
@@ -167,6 +169,12 @@ class FindingList(TextView):
         self.draw()
 
 
+def _in_short(progress: str) -> str:
+    """Return since when it looks, and the number alone that tells how far it is."""
+    since, _, told = progress.partition(": ")
+    return ": ".join(filter(None, (since, told.rpartition(": ")[2])))
+
+
 class DoctorScreen(ListDialog[EvidencePlace | None]):
     """Answers with where to go; while it is open the doctor looks again and again."""
 
@@ -194,11 +202,11 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
         self.show()
 
     def on_unmount(self) -> None:
-        """Let him rest."""
+        """Let it rest."""
         self._view_model.doctor_wanted = False
 
     def show(self) -> None:
-        """Show what he has found since, and the keys that lead somewhere."""
+        """Show what it has found since, and the keys that lead somewhere."""
         shown = self.list
         shown.set_title(None, "Doctor", "all" if shown.of_all else plain(self._view_model.selected))
         keys = {

@@ -11,7 +11,8 @@ import pytest
 from trcvtui.capture.pcap import RAW_IP, interface_block, section_block
 from trcvtui.cli import main
 
-SCENARIOS = Path(__file__).parents[3] / "configs" / "scenarios"
+ROOT = Path(__file__).parents[3]
+SCENARIOS, DEMO = ROOT / "configs" / "scenarios", ROOT / "trcvtui" / "rig" / "demo.toml"
 
 
 def judged(scenario: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
@@ -52,9 +53,21 @@ def test_a_recording_of_a_good_run_is_healthy(
     assert all(one["healthy"] for one in judged(scenario, tmp_path, capsys))
 
 
-def test_a_plc_that_calls_is_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (one, *_) = judged("baosky/80a0-refused.toml", tmp_path, capsys)
-    assert one["findings"][0]["where"]["direction"] == "to-plc"
+def test_the_demo_is_healthy_and_its_recording_knows_the_plc_end_of_each_conversation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """C1 listens, C2 calls; a copy without payload knows it, too."""
+    demo = ["--kernel", "sim", "--duration", "T#4s"]
+    assert main(["record", str(DEMO), "--out", str(tmp_path / "demo"), *demo]) == 0
+    (file,) = map(str, (tmp_path / "demo").iterdir())
+    assert main(["doctor", file]) == 0
+    assert main(["doctor", str(DEMO), "--for", "T#4s", "--kernel", "sim"]) == 0
+    assert main(["recording", "strip", file, str(tmp_path / "bare.pcapng"), "--no-payload"]) == 0
+    capsys.readouterr()
+    for each in (file, str(tmp_path / "bare.pcapng")):
+        assert main(["conversations", each, "--format", "json"]) == 0
+        guesses = [one["plc_guess"] for one in json.loads(capsys.readouterr().out)]
+        assert [one["confidence"] for one in guesses] == [1.0, 1.0]
 
 
 def test_a_fault_of_a_program_names_scan_and_instance(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
+from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.commands.words import Doctor
 from trcvtui.rig.snapshots import Answer, DoctorSnapshot, FindingSnapshot
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from trcvtui.rig.bench.bench import Bench
 
 AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
-SHARE: Final = 5  # he rests so many times as long as he looked
+TICK_NS: Final = 500_000_000  # of the time that it has looked, as it is told
+SHARE: Final = 5  # it rests so many times as long as it looked
 HEALTHY: Final = "healthy"
 NOBODY_KEEPS: Final = "nobody keeps this run: [options] black_box on, or `--record`, lets him look at it"
 
@@ -29,6 +31,7 @@ class Judge(Protocol):
     """A process that looks at the run; `judged` has what it has found, as JSON."""
 
     judged: bytes
+    progress: str  # in plain words, "": it has told nothing yet
     looks_again: bool  # at a run that goes on
 
     @property
@@ -77,6 +80,10 @@ class BenchDoctor:
             judge.go_on()
             if not judge.is_judging:
                 self._take(judge.judged, bench)
+            else:
+                seconds = (clock.now_ns() - self._began_ns) // TICK_NS / 2
+                progress = f"{seconds:.1f} s" + (f": {judge.progress}" if judge.progress else "")
+                self.snapshot = replace(self.snapshot, progress=progress)
         if is_wanted and not self._looks and self._is_due(judge):
             self._begin(judge, bench)
         if self._looks or not self._waiting:

@@ -696,18 +696,25 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
     """Return who takes the messages of a conversation; tell the facts how much a job of it reads."""
     found = next((one for one in receivers if one.fits(line)), None)
     if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
-        found = only
+        found = only if not only.connect or only.has_address_of(line) else None
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found
 
 
 def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) -> Receiver | None:
-    """Return the only receiver of a project whose ports no conversation has: it is meant all the same."""
+    """Return the only receiver of a project whose ports no conversation has.
+
+    It is meant all the same where a foreign capture has one of its addresses; without its name where it holds
+    what two ends said to each other, and nothing else.
+    """
     known = [one for one in receivers if not one.is_serial]
-    if len(known) != 1 or any(known[0].fits(line) for line in lines):
+    if len(known) != 1 or any(known[0].fits(line) or line.connect is not None for line in lines):
         return None
-    return known[0]
+    if any(known[0].has_address_of(line) for line in lines):
+        return known[0]
+    is_one = len({_between(line) for line in lines}) == 1
+    return known[0]._replace(instance="", connect="") if is_one else None
 
 
 _Ends = tuple[str, bytes, tuple[bytes, int]]

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import NotRead
-from trcvtui.capture.plc_end import parse_plc
+from trcvtui.capture.plc_end import KnownEnds, parse_plc
 from trcvtui.errors import UserError, one_line
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.causes import RULES, LineCase, LineFinding, cases_of, findings_of
 from trcvtui.rig.diagnosis.frame_causes import Receiver
-from trcvtui.rig.diagnosis.line_facts import CaptureFacts, KnownHosts, LineFacts, facts_of
+from trcvtui.rig.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.rig.diagnosis.sayings import Mend, Said
 from trcvtui.rig.wording import count, times
 
@@ -89,15 +89,17 @@ class JobTrouble(NamedTuple):
 
 
 class RecordedFacts(NamedTuple):
-    """What a recording of ours knows beside its packets; `calls`: its PLC calls, and nobody calls it.
+    """What a recording of ours knows beside its packets; `connects` as of KnownEnds.
 
-    `until_ns`: UTC of its last scan; silence up to then is a fact.
+    `until_ns`: UTC of its last scan; silence up to then is a fact. `lint`: what is wrong with its project as
+    its pins are at the end.
     """
 
     receivers: tuple[Receiver, ...]
-    calls: bool
+    connects: Mapping[tuple[int, str], str]
     troubles: tuple[JobTrouble, ...]
     until_ns: int = 0
+    lint: tuple[LineFinding, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
@@ -110,16 +112,15 @@ class DoctorQuestion(NamedTuple):
     receivers: tuple[Receiver, ...] = ()
     recorded: Callable[[str], RecordedFacts | None] | None = None
 
-    def ports(self, calls: bool) -> frozenset[int]:
-        """Return the ports that the PLC calls, or listens on."""
-        known = [one for one in self.receivers if one.connect and one.active == calls]
-        return frozenset(one.remote_port if calls else one.local_port for one in known) - {0}
-
-    def hosts(self) -> KnownHosts:
-        """Return the addresses of the PLC and of its partners."""
-        known = self.receivers
-        own, partners = {one.own_address for one in known}, {one.partner_address for one in known}
-        return KnownHosts(frozenset(own) - {b""}, frozenset(partners) - {b""})
+    def known_ends(self) -> KnownEnds:
+        """Return the ports and addresses of the PLC and of its partners."""
+        some = [one for one in self.receivers if one.connect]
+        listens, calls = (
+            frozenset(one.local_port for one in some if not one.active) - {0},
+            frozenset(one.remote_port for one in some if one.active) - {0},
+        )
+        own, partners = {one.own_address for one in some}, {one.partner_address for one in some}
+        return KnownEnds(listens, calls, frozenset(own) - {b""}, frozenset(partners) - {b""})
 
 
 def receiver_of_type(layout: Layout) -> Receiver:
@@ -138,11 +139,11 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     known = None if asked.recorded is None else asked.recorded(path)
     if known is not None and not asked.receivers:
         asked = asked._replace(receivers=known.receivers)
-    always = known is not None and known.calls
+    ends, until_ns = asked.known_ends(), 0
+    if known is not None:
+        ends, until_ns = ends._replace(connects=known.connects), known.until_ns
     receives = any(not one.connect for one in asked.receivers)
-    ports = asked.ports(calls=False), asked.ports(calls=True)
-    until_ns = 0 if known is None else known.until_ns
-    facts = facts_of([path], given, *ports, always, receives, until_ns, asked.hosts())
+    facts = facts_of([path], given, ends, receives, until_ns)
     if facts.troubles and not facts.found.packets:
         raise UserError(facts.troubles)
     if known is not None:
@@ -168,7 +169,7 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
         row = TROUBLES[one.cause]
         mend = tuple([_for_instance(each, one.instance) for each in row.mend or MENDS[one.cause]])
         said = Said(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=mend)
-        made = _finding(None, LineFinding(one.cause, row.confidence, said, said.mend))
+        made = finding_row(None, LineFinding(one.cause, row.confidence, said, said.mend))
         made["t_s"] = None if line is None else line.seconds(one.ns)
         made["where"]["scan"] = one.scan
         found.setdefault(NOBODY if line is None else line.number, []).append(made)
@@ -202,7 +203,7 @@ def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> V
 def _verdict(
     path: str, ends: dict[str, str] | None, found: Sequence[LineFinding], line: LineFacts | None
 ) -> Verdict:
-    findings = [_finding(line, one) for one in found]
+    findings = [finding_row(line, one) for one in found]
     return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings}
 
 
@@ -218,7 +219,7 @@ def _for_instance(mend: Mend, instance: str) -> Mend:
     return Mend(text or "", command, set_)
 
 
-def _finding(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
+def finding_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
     said = found.said
     at = said.at
     return {

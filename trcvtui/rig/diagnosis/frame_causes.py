@@ -62,9 +62,16 @@ class Receiver(NamedTuple):
             return False
         if self.connect == "":
             return True
+        if line.connect is not None:
+            return self.connect == line.connect
         if self.active or line.plc_calls:
             return (self.remote_port or None) in (line.partner_end[1], None)
         return self.local_port in (line.plc_end[1], 0)
+
+    def has_address_of(self, line: LineFacts) -> bool:
+        """Return whether one end of the conversation is at an address of its CONNECT."""
+        addresses = {line.plc_end[0], line.partner_end[0]} - {b""}
+        return self.own_address in addresses or self.partner_address in addresses
 
 
 class FrameRule(NamedTuple):

@@ -12,9 +12,9 @@ from functools import cached_property
 from math import log
 from typing import Final
 
-from trcvtui.capture.command import address_text, take_captures
+from trcvtui.capture.command import take_captures
 from trcvtui.capture.packets import NotRead
-from trcvtui.capture.plc_end import PlcEnd, PlcGuess, guess_plc
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
 from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
@@ -194,6 +194,7 @@ class LineFacts:
         conversation = talk.conversation
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
+        self.connect: str | None = None  # of a run of ours, "": none; None: nobody knows
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
         self.plc_end, self.partner_end = guess.says.address, guess.says.other.address
@@ -459,41 +460,17 @@ def line_of_writes(protocol: str, writes: Sequence[SaidBytes], content: bytes) -
     return LineFacts(talk, PlcGuess(back, 1.0, "project"), 0, True)
 
 
-class KnownHosts(NamedTuple):
-    """Addresses that a project names: of the PLC, of its partners."""
-
-    own: frozenset[bytes] = frozenset()
-    partners: frozenset[bytes] = frozenset()
-
-    def guess(self, conversation: Conversation) -> PlcGuess | None:
-        """Return the PLC end where one of both ends alone has such an address."""
-        ends = (conversation.there, conversation.back)
-        own = [end for end in ends if end.address[0] in self.own]
-        if len(own) == 1:
-            return PlcGuess(own[0], 0.85, "the address of the project")
-        partner = [end for end in ends if end.address[0] in self.partners]
-        return PlcGuess(partner[0].other, 0.85, "the partner of the project") if len(partner) == 1 else None
-
-
-ANY_HOSTS: Final = KnownHosts()
-
-
 def facts_of(
     paths: Sequence[str],
     given: PlcEnd | None = None,
-    listens: frozenset[int] = frozenset(),
-    calls: frozenset[int] = frozenset(),
-    always_calls: bool = False,
+    known: KnownEnds = NOTHING_KNOWN,
     receives: bool = False,
     until_ns: int = 0,
-    hosts: KnownHosts = ANY_HOSTS,
 ) -> CaptureFacts:
-    """Return the facts of one capture; what is known of the PLC names its end.
+    """Return the facts of one capture; what is `known` of the PLC names its end.
 
-    `listens`, `calls`: ports of the PLC, and those that it calls; `hosts`: addresses, which count before.
-    `always_calls`: each CONNECT calls. `receives`: somebody knows what the PLC receives; where one end alone
-    says anything, it is the other one. `until_ns`: so long somebody looked on: a conversation without an end
-    is silent until then.
+    `receives`: it is known what the PLC receives; where one end alone says anything, it is the other one.
+    `until_ns`: the capture goes on so long: a conversation without an end is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
@@ -506,13 +483,7 @@ def facts_of(
     lines = []
     for talk in collector.talks:
         conversation = talk.conversation
-        guess = guess_plc(conversation, given, listens)
-        listener = conversation.listener
-        guess = (hosts.guess(conversation) if guess.confidence <= 0.8 else None) or guess
-        if guess.confidence < 0.8 and listener is not None and listener.address[1] in calls:
-            guess = PlcGuess(listener.other, 0.8, f"port {listener.address[1]}: the project calls it")
-        elif always_calls and guess.confidence < 0.8 and listener is not None:
-            guess = PlcGuess(listener.other, 0.9, "each CONNECT of the recording calls")
+        guess = guess_plc(conversation, given, known)
         says = [one for one in (conversation.there, conversation.back) if one.bytes]
         if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:
             guess = PlcGuess(says[0].other, 0.65, "it receives alone")
@@ -521,6 +492,7 @@ def facts_of(
             _heard(facts, None)
             facts.unacked = left if left < 1 << 31 and direction.has_base else 0
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
+        lines[-1].connect = known.connect_of(guess.says) if known.connects else None
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)
     if not is_recording and any(line.is_wire for line in lines):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final
 
@@ -25,6 +25,7 @@ from trcvtui.udt.types import Struct
 if TYPE_CHECKING:
     from trcvtui.project.project import InstanceDecl, PeerDecl, Project
 
+Pins = dict[str, PinValue]
 HeldPins = frozenset[tuple[str, str]]  # instance and input
 NO_PINS: Final[HeldPins] = frozenset()
 SAMPLES: Final = 8  # messages of a peer that are judged
@@ -34,12 +35,14 @@ LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
 # -- what instances expect -----------------------------------------------------------------------------------
 
 
-def receivers_of(project: Project, held: HeldPins = NO_PINS) -> tuple[Receiver, ...]:
+def receivers_of(
+    project: Project, held: HeldPins = NO_PINS, pins: Mapping[str, Pins] | None = None
+) -> tuple[Receiver, ...]:
     """Return what receives from a network in a project, `start` and `program` included.
 
-    `held`: inputs that no command changes.
+    `held`: inputs that no command changes. `pins`: the inputs of each instance now, where it runs.
     """
-    project, bytes_of = _as_started(project, held)
+    project, bytes_of = _as_started(project, held, pins)
     found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
     if len(found) == 1:
         found = [found[0]._replace(is_only=True)]
@@ -47,14 +50,16 @@ def receivers_of(project: Project, held: HeldPins = NO_PINS) -> tuple[Receiver, 
     return (*found, *_on_lines(project, bytes_of))
 
 
-def _as_started(project: Project, held: HeldPins = NO_PINS) -> tuple[Project, dict[str, bytes]]:
-    """Return the project with the pins that its commands set for good, and the bytes that they write."""
+def _as_started(
+    project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
+) -> tuple[Project, dict[str, bytes]]:
+    """Return the project with the pins of now or those that commands set for good, and what they write."""
     steps = [
         step
         for text, place in ((project.start, "start"), (project.program, "program"))
         for step in parse_script(text, project, f"{project.path}: {place}")
     ]
-    pins: dict[str, dict[str, PinValue]] = {}
+    pins: dict[str, Pins] = {}
     written: dict[str, bytes] = {}
     for step in steps:
         if isinstance(step.command, words.Set):
@@ -66,7 +71,7 @@ def _as_started(project: Project, held: HeldPins = NO_PINS) -> tuple[Project, di
             written[step.command.data] = step.command.payload
     instances = tuple(
         [
-            replace(each, inputs=tuple({**dict(each.inputs), **pins.get(each.name, {})}.items()))
+            replace(each, inputs=tuple({**dict(each.inputs), **(now or pins).get(each.name, {})}.items()))
             for each in project.instances
         ]
     )
@@ -149,15 +154,15 @@ class LintRule(NamedTuple):
     judge: Callable[[Project], Iterator[Said]]
 
 
-def lint(project: Project) -> tuple[LineFinding, ...]:
-    """Return what is wrong with a project before it runs, the surest first."""
-    started, _ = _as_started(project)
+def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
+    """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
+    started = replace(_as_started(project, now=pins)[0], start="", program="")
     found = [
         LineFinding(rule.cause, said.confidence, said, said.mend)
         for rule in LINT_RULES
         for said in rule.judge(started)
     ]
-    found += _of_samples(project)
+    found += _of_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
@@ -290,10 +295,10 @@ LINT_RULES: Final = (
 # -- the partner's sample bytes ------------------------------------------------------------------------------
 
 
-def _of_samples(project: Project) -> Iterator[LineFinding]:
+def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[LineFinding]:
     """Yield what the rules of messages say of what peers say by themselves."""
     routines = read_routines(project)
-    for receiver in receivers_of(project):
+    for receiver in receivers_of(project, pins=pins):
         peer = _peer_of(project, receiver)
         routine = routines.get(peer.name) if peer is not None else None
         if routine is None or not routine.says or receiver.is_whole:

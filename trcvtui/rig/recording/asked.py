@@ -1,6 +1,7 @@
 """Processes that are asked once: the last state of a run, a verdict on it or on files.
 
-Rule: nobody waits for an answer; it is there when the process is over.
+Rule: no scan waits for an answer; it is there when the process is over. Until then the first line of its file
+tells how far the process is; no line: it has told nothing new.
 """
 
 from __future__ import annotations
@@ -10,16 +11,20 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Final
 
 from trcvtui.files import unnamed
 from trcvtui.rig.recording.files import SUFFIX, RecordTo
 from trcvtui.rig.recording.writer import JUDGE_FILES, WriterProcess
+
+MOST_TOLD: Final = 1024  # bytes of the line that tells how far a process is
 
 
 class AnswerOnItsWay:
     """A process that makes something of what is put into it: an answer, when it is over."""
 
     def __init__(self, main: tuple[str, str]) -> None:
+        self.progress = ""
         self._opened = ExitStack()
         self._file, name = self._opened.enter_context(unnamed())
         path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
@@ -29,6 +34,8 @@ class AnswerOnItsWay:
         """Let what waits cross; return the answer when the process is over, None before."""
         self.process.go_on()
         if not (self.process.is_over or self.process.trouble):
+            told, is_whole, _ = os.pread(self._file, MOST_TOLD, 0).partition(b"\n")
+            self.progress = told.decode(errors="replace") if is_whole else self.progress
             return None
         content = os.pread(self._file, os.fstat(self._file).st_size, 0)
         self.close()
@@ -47,7 +54,7 @@ def newest_in(path: Path) -> list[str]:
 
 
 class FilesJudge:
-    """Judges captures and recordings: `files` gives their names when somebody asks."""
+    """Judges captures and recordings: `files` gives their names when it is asked."""
 
     def __init__(
         self,
@@ -56,7 +63,7 @@ class FilesJudge:
         project: Path | None = None,
         looks_again: bool = False,
     ) -> None:
-        self.judged = b""
+        self.judged, self.progress = b"", ""
         self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
         self.looks_again = looks_again
         self._files, self._plc = files, plc
@@ -72,12 +79,14 @@ class FilesJudge:
         """Let a process look."""
         if self._answer is None:
             self._answer = AnswerOnItsWay(JUDGE_FILES)
-            asked = [*self._files()], self._plc, self._project, self.begins_ns
+            asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
             self._answer.process.put(json.dumps(asked).encode())
             self._answer.process.finish()
 
     def go_on(self) -> None:
         """Find out whether it has ended."""
-        content = self._answer.go_on() if self._answer is not None else None
+        if self._answer is None:
+            return
+        content, self.progress = self._answer.go_on(), self._answer.progress
         if content is not None:
             self.judged, self._answer = content, None

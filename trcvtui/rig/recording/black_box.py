@@ -60,7 +60,7 @@ class BlackBox:
         self._state: AnswerOnItsWay | None = None
         self._state_from = 0  # scans before those of which it is
         self._judging: AnswerOnItsWay | None = None
-        self.judged = b""  # what the doctor has found last
+        self.judged, self.progress = b"", ""  # what the doctor has found last; how far it is
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -132,7 +132,7 @@ class BlackBox:
                 self._frames += self._frame_of(content)
                 self._state = None
         if self._judging is not None:
-            content = self._judging.go_on()
+            content, self.progress = self._judging.go_on(), self._judging.progress
             if content is not None:
                 self.judged, self._judging = content, None
         for writer in tuple(self._ending):

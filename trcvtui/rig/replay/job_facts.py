@@ -13,13 +13,13 @@ from trcvtui.blocks.table import block_row
 from trcvtui.capture.journal import GAP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
-from trcvtui.net.events import BytesDropped, BytesReceived
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged
 from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
-from trcvtui.rig.diagnosis.lint import NO_PINS, HeldPins, receivers_of
+from trcvtui.rig.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain, restored_state
 from trcvtui.rig.replay.what_if import WhatIf
@@ -98,10 +98,11 @@ def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
         yield best[1], best[0]
 
 
-def recorded_facts(path: str, sets: Sequence[str] = ()) -> RecordedFacts | None:
+def recorded_facts(path: str, sets: Sequence[str] = (), is_running: bool = False) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
-    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong.
+    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
+    that goes on the pins of now count: a remedy that was applied is no fault any more.
     """
     try:
         keyframes = Keyframes(Recording(Path(path)), path)
@@ -114,21 +115,47 @@ def recorded_facts(path: str, sets: Sequence[str] = ()) -> RecordedFacts | None:
     try:
         run = keyframes.begin()
         with restored_state(run.is_restored, path):
-            return _facts_of(run, run.bench, run.scan, run.bench.project)
+            return _facts_of(run, run.bench, run.scan, run.bench.project, is_running=is_running)
     except UserError:
         return None
 
 
 def _facts_of(
-    run: RunAgain, bench: Bench, scan: Callable[[], bool], project: Project, held: HeldPins = NO_PINS
+    run: RunAgain,
+    bench: Bench,
+    scan: Callable[[], bool],
+    project: Project,
+    held: HeldPins = NO_PINS,
+    is_running: bool = False,
 ) -> RecordedFacts:
-    connects = [each for each in project.connects if not each.is_datagram]
-    calls = bool(connects) and all(each.active for each in connects)
-    troubles = _troubles(run, bench, scan)  # until it ends
-    return RecordedFacts(receivers_of(project, held), calls, troubles, run.begins.wall_ns + bench.now)
+    connects = _Connects(bench)
+    troubles = _troubles(run, bench, scan, connects)  # until it ends
+    now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
+    pins = now if is_running else None
+    until_ns = run.begins.wall_ns + bench.now
+    receivers = receivers_of(project, held, pins)
+    return RecordedFacts(receivers, connects.by_ends, troubles, until_ns, lint(project, pins))
 
 
-def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tuple[JobTrouble, ...]:
+class _Connects:
+    """The CONNECTs of a run, by the ends that their sockets had: as KnownEnds has them."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.by_ends: dict[tuple[int, str], str] = {}
+        for link in bench.runtime.snapshot().connections:  # of a run that was on its way already
+            self.take(link.name, link.local, link.remote)
+
+    def take(self, connect: str, local: str, peer: str) -> None:
+        """Take the ends of a socket, "" where one is not known."""
+        port = int(local.rpartition(":")[2] or 0)
+        for pair in ((port, peer), (port, ""), (0, peer)):
+            if pair != (0, ""):
+                self.by_ends.setdefault(pair, connect)
+
+
+def _troubles(
+    run: RunAgain, bench: Bench, pass_scan: Callable[[], bool], connects: _Connects
+) -> tuple[JobTrouble, ...]:
     """Run it again, and count edges of REQ in a running job, and jobs without a connection."""
     found: dict[tuple[str, str], JobTrouble] = {}
     sends, asked, stopped = set[str](), set[str](), set[str]()
@@ -153,6 +180,8 @@ def _troubles(run: RunAgain, bench: Bench, pass_scan: Callable[[], bool]) -> tup
                 match event:
                     case InputEdge(instance, "REQ", value) if value and instance in sends:
                         tell("request-too-fast", instance, scan, t_ns)
+                    case ConnectionChanged():
+                        connects.take(event.connection, event.local, event.peer)
                     case BytesReceived():
                         stack.read(event.connection, t_ns)
                     case SendStarted():

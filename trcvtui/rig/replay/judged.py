@@ -9,21 +9,24 @@ import json
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.capture.journal import RunBegins, entries_of
 from trcvtui.capture.pcap import open_capture
 from trcvtui.capture.recording import Recording, RecordingWriter
-from trcvtui.errors import UserError
-from trcvtui.files import unnamed
-from trcvtui.rig.diagnosis.doctor import DoctorQuestion, judge, verdict_on_project
+from trcvtui.errors import UserError, one_line
+from trcvtui.files import FilesRead, noting_reads, unnamed
+from trcvtui.rig import clock
+from trcvtui.rig.diagnosis.doctor import DoctorQuestion, finding_row, judge
 from trcvtui.rig.recording.writer import write_all
 from trcvtui.rig.replay.job_facts import recorded_facts
-from trcvtui.rig.replay.keyframes import Keyframes
+from trcvtui.rig.wording import size_text
 
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
+TELL_NS: Final = 200_000_000  # between two lines that tell how far it is
 Found = dict[str, Any]
 
 
@@ -45,15 +48,14 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     return {"conversations": conversations, "findings": findings[:MOST_FINDINGS], "trouble": ""}
 
 
-def with_lint(found: Found, path: str) -> Found:
-    """Return it with what is wrong with the project of a recording, where the traffic does not show it."""
+def found_in_run(path: str) -> Found:
+    """Return what is found in a run so far, and in its project where the traffic does not show it."""
+    facts = recorded_facts(path, is_running=True)
+    found = found_in([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one["cause"] for one in found["findings"]}
-    try:
-        project = Keyframes(Recording(path), path).begin().bench.project
-    except UserError:  # no scan has passed yet
-        return found
-    more = [one for one in verdict_on_project(project)["findings"] if one["cause"] not in known]
-    findings = [*found["findings"], *({**one, "ends": None, "t_ns": None} for one in more)]
+    lint = [finding_row(None, one) for one in (facts.lint if facts is not None else ())]
+    more = [{**one, "ends": None, "t_ns": None} for one in lint if one["cause"] not in known]
+    findings = [*found["findings"], *more]
     return {**found, "findings": sorted(findings, key=lambda one: -one["confidence"])[:MOST_FINDINGS]}
 
 
@@ -75,9 +77,13 @@ class _ToBeJudged:
     """Takes all that is to be judged, and at the end of it writes what is found."""
 
     trouble = ""
+    name = ""  # of what is judged, "": that of its file
 
     def __init__(self, path: str) -> None:
         self._path = path
+        self._stage, self._told_at = "", 0
+        self._reads = FilesRead()
+        self._reads.how_far = self._tell_read
 
     def take_block(self, block: bytes) -> None:
         """Take the names of the captures."""
@@ -90,38 +96,59 @@ class _ToBeJudged:
     def close(self) -> None:
         """Judge, and write what is found."""
         try:
-            found = self._found()
+            with noting_reads(self._reads):
+                found = self._found()
         except UserError as wrong:
             found = {"conversations": 0, "findings": [], "trouble": wrong.lines()[0][:MOST_TEXT]}
         Path(self._path).write_text(json.dumps(found))
+
+    def _tell(self, stage: str, *of: object) -> None:
+        """Write how far it is where the answer will stand: a new stage at once, the rest now and then."""
+        now = clock.now_ns()
+        if stage != self._stage or now > self._told_at + TELL_NS:
+            self._stage, self._told_at = stage, now
+            with open(self._path, "r+b", 0) as file:
+                file.write(one_line(stage.format(*of)).encode(errors="replace")[:MOST_TEXT] + b"\n")
+
+    def _tell_read(self, path: str, share: float) -> None:
+        name = self.name or os.path.basename(path)
+        self._tell("reads {}: {:.0%}" if share < 1 else "judges {}", name, share)
+
+    def _tell_scan(self, scan: int, last: int) -> None:
+        self._tell("runs it again, scan {} of {}: {:.0%}", scan, max(scan, last), scan / max(scan, last, 1))
 
     def _found(self) -> Found:
         from trcvtui.rig.diagnosis.lint import receivers_of
         from trcvtui.rig.scenario.scenario import load_bench
 
-        files, plc, project, begins_ns = self._asked
+        files, plc, project, begins_ns, is_running = self._asked
         receivers = () if project is None else receivers_of(load_bench(Path(project)))
-        return found_in(files, DoctorQuestion(plc, receivers, recorded_facts), begins_ns)
+        recorded = partial(recorded_facts, is_running=is_running)
+        return found_in(files, DoctorQuestion(plc, receivers, recorded), begins_ns)
 
 
 class _JudgedRun(_ToBeJudged):
     """The journal of a run, as far as it is kept."""
 
+    name = "the run"
+
     def __init__(self, path: str) -> None:
         super().__init__(path)
-        self._opened = ExitStack()
+        self._opened, self._bytes = ExitStack(), 0
         handle, self._name = self._opened.enter_context(unnamed())
         file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
         self._writer = RecordingWriter(self._name, file=file)
 
     def take_block(self, block: bytes) -> None:
         """Take entries."""
+        self._bytes += len(block)
+        self._tell("gets the run: {}", size_text(self._bytes))
         self._writer.take(entries_of([block], self._name))
 
     def _found(self) -> Found:
         self._writer.close()
         with self._opened:
-            return with_lint(found_in([self._name], DoctorQuestion(recorded=recorded_facts)), self._name)
+            return found_in_run(self._name)
 
 
 def run_main(path: str, asked: str) -> None:

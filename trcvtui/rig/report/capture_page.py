@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.capture.command import capture_notes, conversation_row
-from trcvtui.capture.plc_end import PlcEnd, parse_plc
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.history.records import Moment
@@ -15,7 +15,7 @@ from trcvtui.rig.report.page import ReportSource
 from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.watch.capture_player import CapturePlayer, plan_capture
 from trcvtui.rig.watch.command import MISSING
-from trcvtui.rig.watch.shadows import ShadowPlan, ports_of
+from trcvtui.rig.watch.shadows import ShadowPlan, known_ends
 from trcvtui.rig.wording import count
 
 MOST_CONVERSATIONS: Final = 500
@@ -62,7 +62,7 @@ def capture_page(
     notes.end()
     player.close()
     project, plc, _ = shadows
-    ports = frozenset[int]() if project is None else ports_of(plan.project)
+    known = NOTHING_KNOWN if project is None else known_ends(plan.project)
     given = None if plc is None else parse_plc(plc)
     source = ReportSource(
         path.name,
@@ -73,16 +73,16 @@ def capture_page(
         f"{file}, {count(found.packets, 'packet')}",
         digest,
         conversations=tuple(
-            _conversation(one, found, plan, given, ports) for one in found.all[:MOST_CONVERSATIONS]
+            _conversation(one, found, plan, given, known) for one in found.all[:MOST_CONVERSATIONS]
         ),
     )
     return source, notes, [*plan.notes, *capture_notes(found, troubles)]
 
 
 def _conversation(
-    one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, ports: frozenset[int]
+    one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, known: KnownEnds
 ) -> tuple[str, ...]:
-    told: dict[str, Any] = conversation_row(found, one, given, ports)
+    told: dict[str, Any] = conversation_row(found, one, given, known)
     ends = [told[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
     to, back = told["to_plc"], told["from_plc"]
     sizes = [str(size) for size in (to["bytes"], back["bytes"], to["missing"] + back["missing"])]

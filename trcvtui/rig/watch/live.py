@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
-from trcvtui.capture.command import address_text, capture_notes
+from trcvtui.capture.command import capture_notes
 from trcvtui.capture.pcap import (
     STATISTICS,
     CaptureReader,
@@ -26,7 +26,7 @@ from trcvtui.capture.pcap import (
     packet_block,
     section_block,
 )
-from trcvtui.capture.plc_end import PlcEnd, PlcGuess, parse_plc
+from trcvtui.capture.plc_end import PlcEnd, PlcGuess, address_text, parse_plc
 from trcvtui.capture.reassembly import (
     SILENCE_NS,
     Conversation,

@@ -13,7 +13,7 @@ from typing import Final, TypeVar, cast
 
 from trcvtui.blocks.pins import Direction, PinValue
 from trcvtui.blocks.table import block_row
-from trcvtui.capture.plc_end import PlcEnd, PlcGuess, guess_plc, parse_plc
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, guess_plc, parse_plc
 from trcvtui.capture.reassembly import Conversation, WireDirection
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
@@ -75,12 +75,12 @@ def _plc_listens(conversation: Conversation, guess: PlcGuess) -> bool:
 
 
 def _guesses(
-    found: Iterable[Conversation], given: PlcEnd | None, ports: frozenset[int], why_not: dict[int, str]
+    found: Iterable[Conversation], given: PlcEnd | None, known: KnownEnds, why_not: dict[int, str]
 ) -> dict[int, tuple[Conversation, PlcGuess]]:
     """Return the conversations that can be played, with their PLC ends."""
     usable = {}
     for each in found:
-        guess = guess_plc(each, given, ports)
+        guess = guess_plc(each, given, known)
         if given is not None and guess.why != "--plc" and each.protocol != "serial":
             why_not[each.number] = "it is not of this PLC"
         else:
@@ -97,7 +97,7 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
         {"dialect": dialect, "data": [{"name": "bytes", "type": AD_HOC_TYPE}]}, "--dialect", Path()
     )
     unassigned: dict[int, str] = {}
-    usable = _guesses(found, None if plc is None else parse_plc(plc), frozenset(), unassigned)
+    usable = _guesses(found, None if plc is None else parse_plc(plc), NOTHING_KNOWN, unassigned)
     names: dict[tuple[object, ...], str] = {}
     parts: dict[int, tuple[Part, ...]] = {}
     connects: list[ConnectConfig] = []
@@ -232,19 +232,18 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 # -- of a project --------------------------------------------------------------------------------------------
 
 
-def ports_of(project: Project) -> frozenset[int]:
+def known_ends(project: Project) -> KnownEnds:
     """Return the ports on which the PLC of a project listens."""
     listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
-    return frozenset(each.local.port for each in listening if each.local.port)
+    return KnownEnds(frozenset(each.local.port for each in listening if each.local.port))
 
 
 def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
     """Return a plan with the links of a project: those of its [[watch]] rows, else the one that fits."""
-    ports = ports_of(project)
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
-    usable = _guesses(found, given, ports, unassigned)
+    usable = _guesses(found, given, known_ends(project), unassigned)
     parts: dict[int, tuple[Part, ...]] = {}
     taken: dict[str, Link] = {}
     ends: set[tuple[bytes, int]] = set()  # of the PLC, that have a link

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from trcvtui.capture.command import address_text
+from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind
 from trcvtui.rig.snapshots import TalkSnapshot, WaySnapshot
 

@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 COMPARED := $(VENV)/.compared
 
-.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas tables clean
+.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas tables doctor-corpus clean
 
 # Compiled tests are kept: each of the processes that run them would compile them again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -80,6 +80,10 @@ $(READY): $(INSTALLED)
 # What the benchmarks compare with; without a network they say what they could not measure.
 $(COMPARED): $(READY)
 	-$(BIN)/python -m pip install --disable-pip-version-check --editable '.[bench]' && touch $@
+
+# How often the doctor is right, on captures of others and our own: half a minute, no test.
+doctor-corpus: $(READY)
+	@$(BIN)/python -m tests.rig.diagnosis.corpus
 
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py

@@ -15,7 +15,6 @@ import os
 import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import IO, Final
 
 from trcvtui.errors import UserError, mistake
@@ -145,11 +144,11 @@ def read_bytes(path: FileName, most: int) -> bytes:
 class _MeasuredFile(io.BufferedReader):
     """A file that tells before each read which share of it has been read."""
 
-    tell_share: Callable[[float], None]
-
     def read(self, size: int | None = -1, /) -> bytes:
         """Return at most so many bytes, b"" at the end."""
-        self.tell_share(self.tell() / (os.fstat(self.fileno()).st_size or 1))
+        how_far = _noting[-1].how_far if _noting else None
+        if how_far is not None:
+            how_far(self.name, self.tell() / (os.fstat(self.fileno()).st_size or 1))
         return super().read(size)
 
 
@@ -159,10 +158,7 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
     _refuse_when_closed()
     # O_NONBLOCK: the open of a FIFO would wait for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    how_far = _noting[-1].how_far if _noting else None
-    with open(handle, "rb") if how_far is None else _MeasuredFile(io.FileIO(handle)) as file:
-        if isinstance(file, _MeasuredFile) and how_far is not None:
-            file.tell_share = partial(how_far, os.fspath(path))
+    with _MeasuredFile(io.FileIO(path, opener=lambda *_: handle)) as file:
         _refuse_what_is_no_file(os.fstat(handle).st_mode)
         _read.add(os.path.realpath(path))
         yield file

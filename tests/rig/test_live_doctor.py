@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -16,16 +17,18 @@ from trcvtui.cli import main
 from trcvtui.files import noting_reads
 from trcvtui.net.serial_line import SimSerialPort
 from trcvtui.rig import clock
+from trcvtui.rig.bench.asked_doctor import found
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.recording.asked import FilesJudge
+from trcvtui.rig.recording.asked import AnswerOnItsWay, FilesJudge
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.recorder import recorder_of
+from trcvtui.rig.recording.writer import JUDGE_FILES
 from trcvtui.rig.replay.driver import SLICE_NS
-from trcvtui.rig.replay.judged import found_in_run
+from trcvtui.rig.replay.judged import _ToBeJudged, found_in_run
 from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.scenario.scenario import load_bench
 
@@ -409,6 +412,36 @@ def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> 
     while judge.is_judging:
         judge.go_on()
     assert json.loads(judge.judged)["findings"][0]["cause"] == "frame-short"
+
+
+def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    told: list[str] = []
+    monkeypatch.setattr(_ToBeJudged, "_tell", lambda _, text, at_once=False: told.append(text))
+    judged = _ToBeJudged(str(tmp_path / "answer"))
+    judged.take_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
+    judged.close()
+    assert told[0].startswith("runs it again, scan 0 of ")
+    assert told.index("reads run.pcapng: 0%") < told.index("judges run.pcapng")
+
+
+def test_a_process_that_ends_half_way_has_found_nothing() -> None:
+    answer = AnswerOnItsWay(JUDGE_FILES)
+    line = "reads a.pcap: 4%"
+    for written, told in (
+        (line.encode()[:9], ""),
+        (line.encode() + b"\n", line),
+        (b'{"conversations"', line),
+    ):
+        os.ftruncate(answer._file, 0)
+        os.pwrite(answer._file, written, 0)
+        assert answer.go_on() is None and answer.progress == told
+    answer.process._process.kill()
+    answer.process.finish()
+    while (content := answer.go_on()) is None:
+        pass
+    project = load_bench(CONFIGS / "stories" / "four_bytes_short.toml")
+    assert found(content, project, (), 1, 9).trouble == "the doctor's process has ended"
 
 
 def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:

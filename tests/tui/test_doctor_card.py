@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
+
+import pytest
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
@@ -50,6 +53,7 @@ class Told:
 
     looks_again = True
     is_judging = is_recording = False
+    progress = ""
 
     def __init__(self, *findings: dict[str, Any], trouble: str = "") -> None:
         self.judged = json.dumps({"conversations": 1, "findings": findings, "trouble": trouble}).encode()
@@ -60,6 +64,16 @@ class Told:
 
     def go_on(self) -> None:
         pass
+
+
+class Looking(Told):
+    """A judge that looks until it is let go."""
+
+    progress = "runs it again, scan 3000 of 12000: 25%"
+
+    def judge(self) -> None:
+        super().judge()
+        self.is_judging = True
 
 
 @asynccontextmanager
@@ -84,6 +98,26 @@ async def test_the_card_has_the_findings_of_the_instance_the_surest_first(size: 
         assert "▸ 1 frame-short TRCV_C_1 90% sure 2 shifted TRCV_C_1 70% sure" in told
         assert "refused" not in told
         assert "it is frame-short" in told and "enter types `set TRCV_C_1 LEN=20`" in told
+
+
+@BOTH
+async def test_the_first_line_tells_how_far_it_is_at_every_look(
+    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.AGAIN_NS", 0)
+    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.SHARE", 0)
+    judge = Looking(FOUND[2])
+    async with card(judge, size) as (newcomer, _screen):
+        await newcomer.look(1)
+        told = read(newcomer)
+        assert re.fullmatch(r"the doctor looks, \d+\.\d s: runs it again, scan 3000 of 12000: 25%", told)
+        judge.is_judging = False
+        await newcomer.look(2)
+        assert judge.looks == 2
+        await newcomer.look(1)
+        told = read(newcomer)
+        assert re.search(r"^healthy: 1 conversation looked at, up to .* · again, \d+\.\d s: 25%$", told)
+        assert len(told) <= newcomer.app.screen.query_one(FindingList).line_width
 
 
 async def test_s_goes_to_the_scan_and_b_to_the_byte() -> None:
@@ -135,7 +169,7 @@ async def test_the_doctor_rests_when_the_card_is_closed() -> None:
         assert judge.looks == 1 and not newcomer.app.view_model.doctor_wanted
 
 
-async def test_a_line_at_the_prompt_is_answered_when_he_has_looked() -> None:
+async def test_a_line_at_the_prompt_is_answered_when_it_has_looked() -> None:
     async with opened("four_bytes_short", (100, 30), 80) as newcomer:
         newcomer.bench.console.black_box = Told(*FOUND)  # type: ignore[assignment]
         await newcomer.press("colon")

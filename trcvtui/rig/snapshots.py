@@ -254,17 +254,14 @@ class FindingSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class DoctorSnapshot:
-    """What the doctor has found, the surest first; it looked so often, last at the run up to `scan`.
-
-    `progress`: since when it looks and how far it is, "4.5 s: reads night.pcapng: 40%", "" while it does not.
-    """
+    """What the doctor has found, the surest first; it looked so often, last at the run up to `scan`."""
 
     looks: int = 0
     scan: int = 0
     conversations: int = 0
     findings: tuple[FindingSnapshot, ...] = ()
     trouble: str = ""
-    progress: str = ""
+    progress: str = ""  # while it looks: "4.5 s: reads night.pcapng: 40%"
 
 
 CANNOT: Final = "a recording cannot be changed: W tries another value"

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from trcvtui.rig.bench.asked_doctor import HEALTHY, findings_of
 from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.rig.wording import count
-from trcvtui.tui.formatting import clip, moment, pad, plain, wrapped
+from trcvtui.tui.formatting import cells, clip, moment, pad, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
@@ -59,9 +59,10 @@ class FindingList(TextView):
     def make_rows(self) -> list[Row]:
         """Return the findings, then what there is to say of the chosen one."""
         seen, found, chosen = self.seen, self.findings, self.chosen
-        looks = f" · again, {_in_short(seen.progress)}" if seen.looks and seen.progress else ""
-        said = clip(plain(self._said()), self._width - len(looks)) + looks
-        rows = [row((clip(said, self._width), "warn" if seen.trouble else "dim"))]
+        since, _, told = seen.progress.partition(": ")
+        again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
+        said = clip(clip(plain(self._said()), self._width - cells(again)) + again, self._width)
+        rows = [row((said, "warn" if seen.trouble else "dim"))]
         rows += [self._finding(number, one) for number, one in enumerate(found)]
         return [*rows, *self._details(chosen)] if chosen is not None else rows
 
@@ -167,12 +168,6 @@ class FindingList(TextView):
         self.cursor = max(0, min(len(self.findings) - 1, self.cursor + rows))
         self.scroll_to(y=0, animate=False)
         self.draw()
-
-
-def _in_short(progress: str) -> str:
-    """Return since when it looks, and the number alone that tells how far it is."""
-    since, _, told = progress.partition(": ")
-    return ": ".join(filter(None, (since, told.rpartition(": ")[2])))
 
 
 class DoctorScreen(ListDialog[EvidencePlace | None]):

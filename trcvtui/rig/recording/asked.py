@@ -1,7 +1,7 @@
 """Processes that are asked once: the last state of a run, a verdict on it or on files.
 
-Rule: no scan waits for an answer; it is there when the process is over. Until then the first line of its file
-tells how far the process is; no line: it has told nothing new.
+Rule: no scan waits for an answer; it is there when the process is over. Before, a line
+in its place tells how far the process is.
 """
 
 from __future__ import annotations
@@ -11,13 +11,10 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
 
 from trcvtui.files import unnamed
 from trcvtui.rig.recording.files import SUFFIX, RecordTo
 from trcvtui.rig.recording.writer import JUDGE_FILES, WriterProcess
-
-MOST_TOLD: Final = 1024  # bytes of the line that tells how far a process is
 
 
 class AnswerOnItsWay:
@@ -34,8 +31,8 @@ class AnswerOnItsWay:
         """Let what waits cross; return the answer when the process is over, None before."""
         self.process.go_on()
         if not (self.process.is_over or self.process.trouble):
-            told, is_whole, _ = os.pread(self._file, MOST_TOLD, 0).partition(b"\n")
-            self.progress = told.decode(errors="replace") if is_whole else self.progress
+            told, line_end, _ = os.pread(self._file, 1024, 0).partition(b"\n")
+            self.progress = told.decode(errors="replace") if line_end else self.progress
             return None
         content = os.pread(self._file, os.fstat(self._file).st_size, 0)
         self.close()
@@ -53,7 +50,26 @@ def newest_in(path: Path) -> list[str]:
     return [str(file) for file in files[-1:]]
 
 
-class FilesJudge:
+class ProcessJudge:
+    """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
+
+    judged, progress = b"", ""
+    _answer: AnswerOnItsWay | None = None
+
+    @property
+    def is_judging(self) -> bool:
+        """Return whether it looks."""
+        return self._answer is not None
+
+    def go_on(self) -> None:
+        """Find out whether it has ended, or how far it is."""
+        if self._answer is not None:
+            content, self.progress = self._answer.go_on(), self._answer.progress
+            if content is not None:
+                self.judged, self._answer = content, None
+
+
+class FilesJudge(ProcessJudge):
     """Judges captures and recordings: `files` gives their names when it is asked."""
 
     def __init__(
@@ -63,17 +79,10 @@ class FilesJudge:
         project: Path | None = None,
         looks_again: bool = False,
     ) -> None:
-        self.judged, self.progress = b"", ""
         self.begins_ns: int | None = None  # UTC of the run, where that is not the first packet's time
         self.looks_again = looks_again
         self._files, self._plc = files, plc
         self._project = None if project is None else str(project)
-        self._answer: AnswerOnItsWay | None = None
-
-    @property
-    def is_judging(self) -> bool:
-        """Return whether it looks."""
-        return self._answer is not None
 
     def judge(self) -> None:
         """Let a process look."""
@@ -82,11 +91,3 @@ class FilesJudge:
             asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again
             self._answer.process.put(json.dumps(asked).encode())
             self._answer.process.finish()
-
-    def go_on(self) -> None:
-        """Find out whether it has ended."""
-        if self._answer is None:
-            return
-        content, self.progress = self._answer.go_on(), self._answer.progress
-        if content is not None:
-            self.judged, self._answer = content, None

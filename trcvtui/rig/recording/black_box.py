@@ -1,4 +1,4 @@
-"""The newest of a run, always kept in memory: a file gets it, and what follows, when somebody asks.
+"""The newest of a run, always kept in memory: a file gets it, and what follows, when it is asked for.
 
 Rule 1: at most MOST_BYTES are kept; what goes is counted. Each time half as much has come, a process runs
 again what is kept and gives the last state: a file that begins in the middle has it as its keyframe.
@@ -28,7 +28,7 @@ from trcvtui.capture.journal import (
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.rig import clock
-from trcvtui.rig.recording.asked import AnswerOnItsWay
+from trcvtui.rig.recording.asked import AnswerOnItsWay, ProcessJudge
 from trcvtui.rig.recording.files import SUFFIX, OldBlock, RecordTo
 from trcvtui.rig.recording.writer import JUDGE_RUN, POST_NS, STATE, WriterProcess
 from trcvtui.rig.wording import size_text
@@ -39,7 +39,7 @@ GAVE_UP: Final = "no black box: it would have taken more than 2 % of the time"
 BEGINS_LATER: Final = "the black box keeps the newest 64 MiB"
 
 
-class BlackBox:
+class BlackBox(ProcessJudge):
     """A sink that keeps the newest blocks of a run."""
 
     trouble = ""  # of a run; a file that cannot be written leaves the run alone
@@ -59,8 +59,6 @@ class BlackBox:
         self._since = 0  # bytes that have come since the last state was asked for
         self._state: AnswerOnItsWay | None = None
         self._state_from = 0  # scans before those of which it is
-        self._judging: AnswerOnItsWay | None = None
-        self.judged, self.progress = b"", ""  # what the doctor has found last; how far it is
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
@@ -131,10 +129,7 @@ class BlackBox:
                 self._frames = [one for one in self._frames if one.scan > self._passed_scans]
                 self._frames += self._frame_of(content)
                 self._state = None
-        if self._judging is not None:
-            content, self.progress = self._judging.go_on(), self._judging.progress
-            if content is not None:
-                self.judged, self._judging = content, None
+        super().go_on()
         for writer in tuple(self._ending):
             writer.go_on()
             if writer.is_over:
@@ -149,26 +144,21 @@ class BlackBox:
                 return [found._replace(steps=found.steps + self._state_from)]
         return []
 
-    @property
-    def is_judging(self) -> bool:
-        """Return whether the doctor looks at the run."""
-        return self._judging is not None
-
     def judge(self) -> None:
         """Let a process judge what is kept; `judged` has what it finds. Raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
-        if self._judging is None:
+        if self._answer is None:
             self._post()
-            self._judging = AnswerOnItsWay(JUDGE_RUN)
-            self._put_all(self._judging.process)
-            self._judging.process.finish()
+            self._answer = AnswerOnItsWay(JUDGE_RUN)
+            self._put_all(self._answer.process)
+            self._answer.process.finish()
 
     def _tell(self, text: str) -> None:
         self._told, self._told_at = text, clock.now_ns()
 
     def _writer(self, path: Path) -> WriterProcess:
-        """Return who writes a new file, which has got all that is kept; raise UserError."""
+        """Return the writer of a new file, which gets all that is kept; raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, which keeps all")
         if os.path.lexists(path):
@@ -244,7 +234,7 @@ class BlackBox:
             self._recording = None
         for writer in self._ending:
             writer.close()
-        for other in filter(None, (self._state, self._judging)):
+        for other in filter(None, (self._state, self._answer)):
             other.close()
         self._ending.clear()
         self._kept.clear()

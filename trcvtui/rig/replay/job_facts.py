@@ -30,6 +30,7 @@ SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
+TellScan = Callable[[int, int], None]
 
 
 class _Stack:
@@ -98,14 +99,18 @@ def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
         yield best[1], best[0]
 
 
-def recorded_facts(path: str, sets: Sequence[str] = (), is_running: bool = False) -> RecordedFacts | None:
+def recorded_facts(
+    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
+) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
     `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
-    that goes on the pins of now count: a remedy that was applied is no fault any more.
+    that goes on the pins of now count: a remedy that was applied is no fault any more. `tell` gets, before
+    each scan, the one before it and the last one.
     """
     try:
-        keyframes = Keyframes(Recording(Path(path)), path)
+        recording = Recording(Path(path))
+        keyframes = Keyframes(recording, path)
     except UserError:
         return None
     if sets:
@@ -114,8 +119,15 @@ def recorded_facts(path: str, sets: Sequence[str] = (), is_running: bool = False
         return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
     try:
         run = keyframes.begin()
+        last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
+
+        def scan() -> bool:
+            if tell is not None:
+                tell(run.bench.runtime.scans, last)
+            return run.scan()
+
         with restored_state(run.is_restored, path):
-            return _facts_of(run, run.bench, run.scan, run.bench.project, is_running=is_running)
+            return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:
         return None
 

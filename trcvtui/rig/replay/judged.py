@@ -21,8 +21,7 @@ from trcvtui.files import FilesRead, noting_reads, unnamed
 from trcvtui.rig import clock
 from trcvtui.rig.diagnosis.doctor import DoctorQuestion, finding_row, judge
 from trcvtui.rig.recording.writer import write_all
-from trcvtui.rig.replay.job_facts import recorded_facts
-from trcvtui.rig.wording import size_text
+from trcvtui.rig.replay.job_facts import TellScan, recorded_facts
 
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
@@ -48,9 +47,9 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     return {"conversations": conversations, "findings": findings[:MOST_FINDINGS], "trouble": ""}
 
 
-def found_in_run(path: str) -> Found:
+def found_in_run(path: str, tell: TellScan | None = None) -> Found:
     """Return what is found in a run so far, and in its project where the traffic does not show it."""
-    facts = recorded_facts(path, is_running=True)
+    facts = recorded_facts(path, is_running=True, tell=tell)
     found = found_in([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one["cause"] for one in found["findings"]}
     lint = [finding_row(None, one) for one in (facts.lint if facts is not None else ())]
@@ -80,9 +79,7 @@ class _ToBeJudged:
     name = ""  # of what is judged, "": that of its file
 
     def __init__(self, path: str) -> None:
-        self._path = path
-        self._stage, self._told_at = "", 0
-        self._reads = FilesRead()
+        self._path, self._told_at, self._reads = path, 0, FilesRead()
         self._reads.how_far = self._tell_read
 
     def take_block(self, block: bytes) -> None:
@@ -102,20 +99,21 @@ class _ToBeJudged:
             found = {"conversations": 0, "findings": [], "trouble": wrong.lines()[0][:MOST_TEXT]}
         Path(self._path).write_text(json.dumps(found))
 
-    def _tell(self, stage: str, *of: object) -> None:
-        """Write how far it is where the answer will stand: a new stage at once, the rest now and then."""
+    def _tell(self, text: str, at_once: bool = False) -> None:
+        """Write how far it is where the answer will stand."""
         now = clock.now_ns()
-        if stage != self._stage or now > self._told_at + TELL_NS:
-            self._stage, self._told_at = stage, now
+        if at_once or now > self._told_at + TELL_NS:
+            self._told_at = now
             with open(self._path, "r+b", 0) as file:
-                file.write(one_line(stage.format(*of)).encode(errors="replace")[:MOST_TEXT] + b"\n")
+                file.write(one_line(text).encode(errors="replace")[:MOST_TEXT] + b"\n")
 
     def _tell_read(self, path: str, share: float) -> None:
         name = self.name or os.path.basename(path)
-        self._tell("reads {}: {:.0%}" if share < 1 else "judges {}", name, share)
+        self._tell(f"reads {name}: {share:.0%}" if share < 1 else f"judges {name}", at_once=share == 1)
 
     def _tell_scan(self, scan: int, last: int) -> None:
-        self._tell("runs it again, scan {} of {}: {:.0%}", scan, max(scan, last), scan / max(scan, last, 1))
+        last = max(last, scan, 1)
+        self._tell(f"runs it again, scan {scan} of {last}: {scan / last:.0%}")
 
     def _found(self) -> Found:
         from trcvtui.rig.diagnosis.lint import receivers_of
@@ -123,7 +121,7 @@ class _ToBeJudged:
 
         files, plc, project, begins_ns, is_running = self._asked
         receivers = () if project is None else receivers_of(load_bench(Path(project)))
-        recorded = partial(recorded_facts, is_running=is_running)
+        recorded = partial(recorded_facts, is_running=is_running, tell=self._tell_scan)
         return found_in(files, DoctorQuestion(plc, receivers, recorded), begins_ns)
 
 
@@ -142,13 +140,13 @@ class _JudgedRun(_ToBeJudged):
     def take_block(self, block: bytes) -> None:
         """Take entries."""
         self._bytes += len(block)
-        self._tell("gets the run: {}", size_text(self._bytes))
+        self._tell(f"gets the run: {self._bytes / 1e6:.1f} MB")
         self._writer.take(entries_of([block], self._name))
 
     def _found(self) -> Found:
         self._writer.close()
         with self._opened:
-            return found_in_run(self._name)
+            return found_in_run(self._name, self._tell_scan)
 
 
 def run_main(path: str, asked: str) -> None:

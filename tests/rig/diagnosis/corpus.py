@@ -1,7 +1,7 @@
 """How often the doctor is right, as one table: `make doctor-corpus`.
 
 Public captures, with and without a fault added to them; our own projects and scenarios, each against
-expected.toml; the captures of the tests. Below the table stands a line for each file that went wrong.
+expected.toml; the captures of the tests. Below the table stands a line for each false alarm and each miss.
 """
 
 from __future__ import annotations
@@ -10,17 +10,15 @@ import io
 import json
 import os
 import re
-import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
 
-from tests.properties.test_doctor_figures import SEEDS, false_alarms, shares
+from tests.properties.test_doctor_figures import SEEDS, findings_at
 from tests.rig.diagnosis.doctor_cases import faults, healthy
 from tests.rig.diagnosis.mutations import JUMPED, MUTATIONS, Mutation, Subject, subject_of, write_capture
 from tests.rig.diagnosis.test_real_stacks import ARCHIVE, CASES, label
@@ -31,25 +29,16 @@ ROOT = Path(__file__).parents[3]
 GIVEN = Path(os.environ.get("TRCVTUI_CAPTURE_CORPUS", ROOT / "../shared/corpus/captures"))
 ABSENT = f"no captures in {GIVEN} (TRCVTUI_CAPTURE_CORPUS names another folder)"
 DEMO = ROOT / "trcvtui" / "rig" / "demo.toml"
-EXPECTED = Path(__file__).with_name("expected.toml")
 ONE_RUN = "opendnp3"  # the captures of one conformance run: much alike, so they count apart
 MOST_MUTATED = 40
-MOST_NUMBER = 1 << 30  # of a text: the half circle of sequence numbers
-# False alarms and what was missed in commit 945c0bb, which knew no quality of a capture.
+MOST_NUMBER = 1 << 30  # in a text: the half circle of sequence numbers
+# False alarms and misses of commit 945c0bb, which knew no quality of a capture; of all other sets none.
 BEFORE: Final = {
-    "public captures": (26, 0),
-    "packets dropped after the tap": (0, 2),
-    "cut by RST in mid message": (1, 9),
-    "all packets twice": (16, 40),
-    "snaplen 96": (1, 26),
-    "snaplen 54": (24, 40),
-    "one direction removed": (11, 40),
-    "equal stamps": (0, 40),
-    "clock goes back": (0, 40),
-    JUMPED: (38, 0),
-    "own projects": (55, 5),
-}  # of all others: none
-Verdicts = list[dict[str, Any]]
+    "public captures": (26, 0), "packets dropped after the tap": (0, 2), "cut by RST in mid message": (1, 9),
+    "all packets twice": (16, 40), "snaplen 96": (1, 26), "snaplen 54": (24, 40), "equal stamps": (0, 40),
+    "one direction removed": (11, 40), "clock goes back": (0, 40), JUMPED: (38, 0), "own projects": (55, 5),
+}  # fmt: skip
+Found = list[dict[str, Any]]  # findings, as JSON has them
 
 
 class Outcome(NamedTuple):
@@ -57,95 +46,55 @@ class Outcome(NamedTuple):
 
     name: str
     false: Sequence[str]
-    missed: Sequence[str] = ()
-    is_due: bool = False
+    missed: Sequence[str]
+    is_due: bool
 
 
-@dataclass
-class Row:
-    """One line of the table: counts, and what went wrong."""
-
-    name: str
-    files: int = 0
-    false: int = 0
-    missed: int = 0
-    due: int = 0
-    wrong: list[str] = field(default_factory=list)
-
-    def text(self) -> str:
-        """Return the line; a set that is absent says so."""
-        if not self.files:
-            return f"{self.name:32} {' '.join(self.wrong)}"
-        missed = f"{self.missed} of {self.due}" if self.due else "-"
-        false, lost = BEFORE.get(self.name, (0, 0))
-        return f"{self.name:32} {self.files:5} {self.false:13} {missed:>11} {false:13} {lost:7}"
-
-
-def row(name: str, outcomes: Iterable[Outcome]) -> Row:
-    """Count the files of one set."""
-    made = Row(name)
-    for one in outcomes:
-        made.files += 1
-        made.false += bool(one.false)
-        made.missed += bool(one.missed)
-        made.due += one.is_due
-        made.wrong += [f"{one.name}: false alarm {text}" for text in dict.fromkeys(one.false)]
-        made.wrong += [f"{one.name}: missed {text}" for text in one.missed]
-    return made
-
-
-# -- public captures -----------------------------------------------------------------------------------------
+def texts(found: Found) -> list[str]:
+    """Return a line for each cause, with the evidence of its first finding."""
+    first = {one["cause"]: "; ".join(one["evidence"]) for one in reversed(found)}
+    return [f"{cause}: {evidence}" for cause, evidence in first.items()]
 
 
 class Given(NamedTuple):
-    """A public capture, and the causes that are no false alarm there; "*": any."""
+    """A public capture; `may_find`: causes that it has; `allowed`: those that are no false alarm."""
 
     path: Path
-    may_find: Sequence[str]
-    not_counted: Sequence[str]
+    may_find: frozenset[str]
+    allowed: frozenset[str]
 
-    def allows(self, cause: str) -> bool:
-        """Return whether a finding is no false alarm."""
-        return "*" in self.may_find or cause in self.may_find or cause in self.not_counted
+    def wrong(self, found: Found) -> Found:
+        """Return the false alarms; "*" allows all."""
+        return [] if "*" in self.allowed else [one for one in found if one["cause"] not in self.allowed]
 
 
-def given_captures() -> tuple[Given, ...]:
-    """Return them, in the order of their list; none where the folder is not there."""
+def given_captures() -> list[Given]:
+    """Return them in the order of their list, the conformance run last; none where they are not there."""
     if not GIVEN.is_dir():
-        return ()
+        return []
     told = json.loads((GIVEN / "MANIFEST.json").read_text(encoding="utf-8"))
-    rows = told["captures"]
-    return tuple([Given(GIVEN / one["file"], one["may_find"], told["not_counted"]) for one in rows])
+    rows = [(GIVEN / one["file"], frozenset(one["may_find"])) for one in told["captures"]]
+    made = [Given(path, may_find, may_find | {*told["not_counted"]}) for path, may_find in rows]
+    return sorted(made, key=lambda one: ONE_RUN in one.path.name)
 
 
-def findings_of(path: Path) -> tuple[list[dict[str, Any]], Verdicts]:
-    """Return all findings in a capture, and its verdicts."""
-    verdicts, _, _ = judge(str(path), DoctorQuestion())
-    return [finding for one in verdicts for finding in one["findings"]], verdicts
-
-
-def texts(found: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a line for each cause, with the evidence of its first finding."""
-    first = {one["cause"]: one["evidence"] for one in reversed(found)}
-    return [f"{cause}: {'; '.join(evidence)}" for cause, evidence in first.items()]
+def findings_of(path: Path) -> Found:
+    """Return all findings in a capture."""
+    return [finding for one in judge(str(path), DoctorQuestion())[0] for finding in one["findings"]]
 
 
 def outcome_of_given(given: Given) -> Outcome:
     """Judge a public capture; one of the causes that it has is to be found."""
-    found, _ = findings_of(given.path)
-    wrong = texts([one for one in found if not given.allows(one["cause"])])
-    hits = [one for one in found if "*" in given.may_find or one["cause"] in given.may_find]
-    missed = [" or ".join(given.may_find)] if given.may_find and not hits else []
-    return Outcome(given.path.name, wrong, missed, bool(given.may_find))
-
-
-# -- mutations of them ---------------------------------------------------------------------------------------
+    found = findings_of(given.path)
+    is_found = any(given.may_find & {one["cause"], "*"} for one in found)
+    missed = [" or ".join(given.may_find)] if given.may_find and not is_found else []
+    return Outcome(given.path.name, texts(given.wrong(found)), missed, bool(given.may_find))
 
 
 def subjects(most: int = MOST_MUTATED) -> Iterator[tuple[Given, Subject]]:
-    """Yield the captures that a fault can be added to, the conformance run last."""
+    """Yield the captures that a fault can be added to."""
     number = 0
-    for given in sorted(given_captures(), key=lambda one: ONE_RUN in one.path.name):
+    for given in given_captures():
         subject = subject_of(given.path, number) if number < most else None
         if subject is not None:
             number += 1
@@ -156,126 +105,119 @@ def outcome_of_mutation(given: Given, subject: Subject, mutation: Mutation, fold
     """Judge a capture with a fault added: it should say that, and nothing that the original does not say."""
     path = folder / "mutated.pcap"
     write_capture(path, subject.link_type, mutation.change(subject))
-    (before, _), (found, verdicts) = findings_of(given.path), findings_of(path)
-    allowed = {one["cause"] for one in before} | {mutation.cause}
+    verdicts = judge(str(path), DoctorQuestion())[0]
+    found = [finding for one in verdicts for finding in one["findings"]]
+    same = {one["cause"] for one in findings_of(given.path)} | {mutation.cause}
     if mutation.quality == "one-direction":
-        allowed = set()  # half of a conversation proves nothing
-    false = texts([one for one in found if not (one["cause"] in allowed or given.allows(one["cause"]))])
-    ends, due, is_told = subject.ends(), mutation.is_due(subject), False
+        same = set()  # half of a conversation proves nothing
+    false = texts([one for one in given.wrong(found) if one["cause"] not in same])
+    said = set()
     for one in verdicts:
-        talk = one["conversation"]
-        if talk is not None and ends == {talk["plc"], talk["partner"]}:
-            causes = {finding["cause"] for finding in one["findings"]}
-            is_told |= mutation.cause in causes or mutation.quality in one.get("quality", [])
+        if one["conversation"] and subject.ends() == {one["conversation"][end] for end in ("plc", "partner")}:
+            said |= {*one.get("quality", []), *[finding["cause"] for finding in one["findings"]]}
     if mutation.name == JUMPED:
         text = json.dumps([[one["findings"], one.get("remarks")] for one in verdicts]).replace(",", "")
-        false = [number for number in re.findall(r"\d{10,}", text) if int(number) > MOST_NUMBER]
-    missed = [mutation.cause or mutation.quality] if due and not is_told else []
-    return Outcome(given.path.name, false, missed, due)
+        false = [
+            number for number in re.findall(r"\d{10,}|[\d.]+e\+\d+", text) if float(number) > MOST_NUMBER
+        ]
+    due = {mutation.cause or mutation.quality} if mutation.is_due(subject) else set()
+    return Outcome(given.path.name, false, [*due - said], bool(due))
 
 
-# -- our own projects ----------------------------------------------------------------------------------------
+def told_by(words: Sequence[str]) -> Found | None:
+    """Return the findings of `trcvtui doctor`; None where it has read nothing."""
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()):
+        if main(["doctor", *words, "--format", "json"]) > 1:
+            return None
+    return [finding for one in json.loads(out.getvalue()) for finding in one["findings"]]
 
 
-def told_by(words: Sequence[str]) -> tuple[Verdicts | None, str]:
-    """Return the verdicts of `trcvtui doctor`; None, and why, where it has read nothing."""
-    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
-        code = main(["doctor", *words, "--format", "json"])
-    return (None, err.getvalue()) if code > 1 else (json.loads(out.getvalue()), "")
+def own_projects() -> list[Path]:
+    """Return the demo and all projects, stories and scenarios."""
+    patterns = "*.toml", "stories/*.toml", "scenarios/**/*.toml"
+    return [DEMO, *[path for one in patterns for path in sorted((ROOT / "configs").glob(one))]]
 
 
-def name_of(path: Path) -> str:
-    """Return how expected.toml calls a project."""
-    if path == DEMO:
-        return "demo"
-    return str(path.relative_to(ROOT / "configs").with_suffix("")).removeprefix("scenarios/")
+def expected() -> dict[str, dict[str, list[str]]]:
+    """Return the names of projects, by "must" or "may" and by cause."""
+    return tomllib.loads(Path(__file__).with_name("expected.toml").read_text(encoding="utf-8"))
 
 
-def outcome_of_project(path: Path, folder: Path, expected: dict[str, dict[str, list[str]]]) -> Outcome:
+def outcome_of_project(path: Path, folder: Path) -> Outcome:
     """Judge a project, by itself and by ten seconds of its traffic, or a scenario by its recording."""
-    name = name_of(path)
-    recording = folder / "run.pcapng"
     words = [str(path), "--for", "T#10s", "--kernel", "sim"]
     if "scenarios" in path.parts:
-        words = [str(recording)]
+        words = [str(folder / "run.pcapng")]
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            main(["scenario", str(path), "--record", str(recording), "--overwrite"])
-    verdicts, trouble = told_by(words)
+            main(["scenario", str(path), "--record", *words, "--overwrite"])
     must, may = [
-        {cause for cause, names in expected[one].items() if name in names} for one in ("must", "may")
+        {cause for cause, names in expected()[one].items() if path.stem in names} for one in ("must", "may")
     ]
-    if verdicts is None:
-        return Outcome(name, [], [f"everything: {trouble}"], True)
-    found = [one for verdict in verdicts for one in verdict["findings"]]
+    found = told_by(words)
+    if found is None:
+        return Outcome(path.stem, [], ["everything: it was not read"], True)
     false = texts([one for one in found if one["cause"] not in must | may])
-    return Outcome(name, false, sorted(must - {one["cause"] for one in found}), bool(must))
+    return Outcome(path.stem, false, sorted(must - {one["cause"] for one in found}), bool(must))
 
 
-def own_projects() -> Iterator[Path]:
-    """Yield the demo and all projects, stories and scenarios."""
-    yield DEMO
-    for pattern in ("*.toml", "stories/*.toml", "scenarios/**/*.toml"):
-        yield from sorted((ROOT / "configs").glob(pattern))
-
-
-def outcome_of_real(case: str, folder: Path) -> Outcome:
-    """Judge a capture of real programs: its cause should be the surest."""
-    project, capture = folder / f"{case}.toml", folder / f"{case}.pcapng.gz"
-    verdicts, _ = told_by([str(capture), *(["--project", str(project)] if project.exists() else [])])
-    found = [finding for one in verdicts or () for finding in one["findings"]]
-    causes = [one["cause"] for one in sorted(found, key=lambda one: -one["confidence"])]
-    due = label(case)
+def outcome_of_first(name: str, due: str, causes: Sequence[str]) -> Outcome:
+    """Compare causes, the surest first, with the one that is right, or "healthy"."""
     if due == "healthy":
-        return Outcome(case, causes)
-    return Outcome(case, [], [] if causes[:1] == [due] else [f"{due}, said {causes}"], True)
+        return Outcome(name, causes, [], False)
+    return Outcome(name, [], [] if causes[:1] == [due] else [f"{due}, said {causes}"], True)
 
 
-# -- the table -----------------------------------------------------------------------------------------------
-
-
-def generated(folder: Path) -> Iterator[Row]:
-    """Yield the figures of the generated captures, as tests/properties counts them."""
-    with_fault, without = list(faults(SEEDS)), list(healthy(SEEDS))
-    first, _ = shares("one fault", with_fault, folder / "c.pcapng")
-    total = len(with_fault)
-    yield Row("generated: right cause first", total, 0, round(total * (1 - first)), total)
-    false = false_alarms("healthy", without, folder / "c.pcapng")
-    yield Row("generated: healthy", len(without), round(len(without) * false))
-
-
-def rows(folder: Path) -> Iterator[Row]:
-    """Yield the lines of the table, each as soon as it is counted."""
-    given = given_captures()
-    if not given:
-        yield Row("public captures", wrong=[ABSENT])
-    else:
-        one_run = [one for one in given if ONE_RUN in one.path.name]
-        yield row("public captures", map(outcome_of_given, [one for one in given if one not in one_run]))
-        yield row("public captures, one run", map(outcome_of_given, one_run))
-        chosen = list(subjects())
-        for each in MUTATIONS:
-            yield row(each.name, [outcome_of_mutation(*pair, each, folder) for pair in chosen])
-    expected = tomllib.loads(EXPECTED.read_text(encoding="utf-8"))
-    yield row("own projects", [outcome_of_project(path, folder, expected) for path in own_projects()])
+def real_stacks(folder: Path) -> Iterator[Outcome]:
+    """Judge the captures of real programs."""
     with ZipFile(ARCHIVE) as archive:
         archive.extractall(folder)
-    real = [outcome_of_real(case, folder) for case in CASES]
-    yield row("real stacks: right cause first", [one for one in real if one.is_due])
-    yield row("real stacks: healthy", [one for one in real if not one.is_due])
-    yield from generated(folder)
+    for case in CASES:
+        project = folder / f"{case}.toml"
+        beside = ["--project", str(project)] if project.exists() else []
+        found = told_by([str(folder / f"{case}.pcapng.gz"), *beside]) or []
+        found.sort(key=lambda one: -one["confidence"])
+        yield outcome_of_first(case, label(case), [one["cause"] for one in found])
+
+
+def generated(folder: Path) -> Iterator[Outcome]:
+    """Judge captures made from seeds, as tests/properties does."""
+    for made in (*faults(SEEDS), *healthy(SEEDS)):
+        causes = [cause for _, cause in findings_at(made, folder / "c.pcapng")]
+        yield outcome_of_first(made.what or made.cause, made.cause or "healthy", causes)
+
+
+def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
+    """Yield the sets of captures, each as soon as it is judged."""
+    given = given_captures()
+    for is_one_run, name in enumerate(("public captures", "public captures, one run")):
+        chosen = [one for one in given if (ONE_RUN in one.path.name) == bool(is_one_run)]
+        yield name, [outcome_of_given(one) for one in chosen]
+    mutable = list(subjects())
+    for each in MUTATIONS:
+        yield each.name, [outcome_of_mutation(*one, each, folder) for one in mutable]
+    yield "own projects", [outcome_of_project(one, folder) for one in own_projects()]
+    for name, both in (("real stacks", real_stacks(folder)), ("generated", generated(folder))):
+        outcomes = list(both)
+        yield f"{name}: right cause first", [one for one in outcomes if one.is_due]
+        yield f"{name}: healthy", [one for one in outcomes if not one.is_due]
 
 
 def print_table() -> None:
-    """Print the table, then what went wrong."""
-    wrong = []
-    print(f"{'':32} files  false alarms      missed   at 945c0bb:   missed")
+    """Print a line for each set, then what went wrong."""
+    print(f"{'':32} files  false alarms       missed   at 945c0bb: false, missed")
+    wrong = [] if GIVEN.is_dir() else [ABSENT]
     with TemporaryDirectory() as folder:
-        for one in rows(Path(folder)):
-            print(one.text(), flush=True)
-            wrong += [f"{one.name}: {text}" for text in one.wrong if one.files]
-    print(*["", *wrong] if wrong else (), sep="\n")
+        for name, outcomes in sets(Path(folder)):
+            false, missed, due = [
+                sum(map(bool, column)) for column in [*zip(*outcomes, strict=True)][1:]
+            ] or (0, 0, 0)
+            before = "{:>17} {:>7}".format(*BEFORE.get(name, (0, 0)))
+            print(f"{name:32} {len(outcomes):5} {false:13} {missed:5} of {due:3} {before}", flush=True)
+            for one in outcomes:
+                wrong += [f"{name}: {one.name}: false alarm {text}" for text in one.false]
+                wrong += [f"{name}: {one.name}: missed {text}" for text in one.missed]
+    print("", *wrong, sep="\n")
 
 
 if __name__ == "__main__":
     print_table()
-    sys.exit(0)

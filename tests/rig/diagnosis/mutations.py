@@ -41,47 +41,36 @@ class Segment(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """A capture, its conversations, and the one that gets the fault.
-
-    `fresh`: its segments with new bytes, unacknowledged when they pass; each with whether the receiver had
-    acknowledged bytes before.
-    """
+    """A capture, its conversations, and the one that gets the fault; `fresh`: its segments with new bytes."""
 
     number: int
     link_type: int
     packets: Sequence[Packet]
     talks: Sequence[Sequence[Segment]]
     talk: Sequence[Segment]
-    fresh: Sequence[tuple[Segment, bool]]
+    fresh: Sequence[Segment]
 
     def ends(self) -> set[str]:
         """Return both ends of the conversation with the fault, as verdicts name them."""
-        ends = self.talk[0].source, self.talk[0].target
-        return {f"{'.'.join(map(str, host))}:{port}" for host, port in ends}
-
-    def longest(self) -> int:
-        """Return the length of the longest packet of the conversation."""
-        return max(self.packets[one.place].length for one in self.talk)
+        return {f"{'.'.join(map(str, host))}:{port}" for host, port in self.talk[0][1:3]}
 
 
 class Mutation(NamedTuple):
-    """A change, and the quality and the cause that tell of it."""
+    """A change, and the quality and the cause that tell of it; `most`: bytes that are kept of a packet."""
 
     name: str
     change: Callable[[Subject], Sequence[Packet]]
     quality: str = ""
     cause: str = ""
-    most: int = 0  # bytes that are kept of a packet
+    most: int = 0
 
     def is_due(self, subject: Subject) -> bool:
         """Return whether there is something to tell: a capture of short packets is not cut."""
-        return bool(self.quality or self.cause) and subject.longest() > self.most
+        longest = max(subject.packets[one.place].length for one in subject.talk)
+        return bool(self.quality or self.cause) and longest > self.most
 
 
-# -- reading and writing -------------------------------------------------------------------------------------
-
-
-def _segment(link_type: int, index: int, data: bytes) -> Segment | None:
+def _segment(link_type: int, place: int, data: bytes) -> Segment | None:
     ip = ip_start(link_type, data)
     if ip < 0 or len(data) < ip + 40 or data[ip] >> 4 != 4 or data[ip + 9] != 6:
         return None
@@ -90,20 +79,21 @@ def _segment(link_type: int, index: int, data: bytes) -> Segment | None:
     source, target, seq, ack, offset, flags = struct.unpack_from(">HHIIBB", data, tcp)
     ends = (data[ip + 12 : ip + 16], source), (data[ip + 16 : ip + 20], target)
     size = length - (tcp - ip) - (offset >> 4) * 4
-    return None if fragment & 0x3FFF else Segment(index, *ends, seq, ack, flags, size, ip, tcp)
+    return None if fragment & 0x3FFF else Segment(place, *ends, seq, ack, flags, size, ip, tcp)
 
 
 def _is_up_to(seq: int, most: int) -> bool:
     return (most - seq) % CIRCLE < CIRCLE // 2
 
 
-def _fresh(talk: Sequence[Segment]) -> list[tuple[Segment, bool]]:
-    first = {one.source: (one.seq + 1) % CIRCLE for one in talk if one.flags & SYN}
-    following, acked, found = dict(first), dict(first), []
+def _fresh(talk: Sequence[Segment]) -> list[Segment]:
+    """Return the segments with new bytes that are not acknowledged when they pass."""
+    following = {one.source: (one.seq + 1) % CIRCLE for one in talk if one.flags & SYN}
+    acked, found = dict(following), []
     for one in talk:
         if one.size > 1 and following[one.source] == one.seq and not one.flags & (SYN | FIN | RST):
             if _is_up_to(acked[one.source], one.seq):
-                found.append((one, acked[one.source] != first[one.source]))
+                found.append(one)
             following[one.source] = (one.seq + one.size) % CIRCLE
         if one.flags & ACK and _is_up_to(acked[one.target], one.ack):
             acked[one.target] = one.ack
@@ -111,31 +101,32 @@ def _fresh(talk: Sequence[Segment]) -> list[tuple[Segment, bool]]:
 
 
 def _is_whole(talk: Sequence[Segment]) -> bool:
+    """Return whether it is there from SYN and SYN-ACK on, and what both ends say is acknowledged."""
     syns = {(one.source, one.seq, one.flags & ACK) for one in talk if one.flags & SYN}
     is_built = bool(talk[0].flags & SYN) and sorted(ack for *_, ack in syns) == [0, ACK]
     data = [one.source for one in talk if one.size > 0]
-    return is_built and len({source for source, *_ in syns} & {*data}) == 2 and len(data) >= LEAST_DATA
+    acks = [end for end, _ in {(one.source, one.ack) for one in talk if one.flags & (SYN | ACK) == ACK}]
+    return (
+        is_built and len(data) >= LEAST_DATA and all(acks.count(end) > 1 and end in data for end, *_ in syns)
+    )
 
 
 def subject_of(path: Path, number: int) -> Subject | None:
-    """Return a capture and its largest conversation that is there from SYN on; None: it has none."""
+    """Return a capture and its largest whole conversation; None: it has none."""
     with open_capture(path) as reader:
-        packets = list(reader)
-        links = set(reader.link_types)
+        packets, links = list(reader), set(reader.link_types)
     if len(links) != 1 or any(late.ns < soon.ns for soon, late in pairwise(packets)):
         return None
     (link_type,) = links
     parted: dict[frozenset[End], list[Segment]] = defaultdict(list)
-    for index, packet in enumerate(packets):
-        segment = _segment(link_type, index, packet.data)
+    for place, packet in enumerate(packets):
+        segment = _segment(link_type, place, packet.data)
         if segment is not None:
             parted[frozenset((segment.source, segment.target))].append(segment)
-    talks = list(parted.values())
-    talk = max(filter(_is_whole, talks), key=lambda one: len(_fresh(one)), default=None)
-    fresh = [] if talk is None else _fresh(talk)
-    if talk is None or len(fresh) < LEAST_DATA // 2 or not any(acked for _, acked in fresh[:-1]):
-        return None
-    return Subject(number, link_type, packets, talks, talk, fresh)
+    whole = [(talk, _fresh(talk)) for talk in parted.values() if _is_whole(talk)]
+    talk, fresh = max(whole, key=lambda one: len(one[1]), default=((), ()))
+    is_enough = len(fresh) >= LEAST_DATA // 2
+    return Subject(number, link_type, packets, list(parted.values()), talk, fresh) if is_enough else None
 
 
 def write_capture(path: Path, link_type: int, packets: Sequence[Packet]) -> None:
@@ -147,7 +138,7 @@ def write_capture(path: Path, link_type: int, packets: Sequence[Packet]) -> None
     path.write_bytes(b"".join(parts))
 
 
-def _patched(packet: Packet, at: int, value: int, size: int) -> Packet:
+def _patched(packet: Packet, at: int, value: int, size: int = 4) -> Packet:
     new = (value % (1 << 8 * size)).to_bytes(size, "big")
     return packet._replace(data=packet.data[:at] + new + packet.data[at + size :])
 
@@ -162,31 +153,26 @@ def _by_time(packets: Sequence[Packet]) -> list[Packet]:
     return sorted(packets, key=lambda one: one.ns)
 
 
-# -- the mutations -------------------------------------------------------------------------------------------
-
-
 def _lose(subject: Subject) -> list[Packet]:
     """Send segments of one end again, as if they had been lost: all that follows waits for that."""
-    sources = [one.source for one, _ in subject.fresh]
+    sources = [one.source for one in subject.fresh]
     sender = max(sorted(set(sources)), key=sources.count)
-    of_one = [one for one, _ in subject.fresh if one.source == sender]
+    of_one = [one for one in subject.fresh if one.source == sender]
     number = min(len(of_one), max(3, -(-len(subject.talk) // 50)))
     evenly = [of_one[(2 * n + 1) * len(of_one) // (2 * number)] for n in range(number)]
     lost = {one.place: one for one in evenly}
     packets, late_ns = [], 0
-    for index, packet in enumerate(subject.packets):
+    for place, packet in enumerate(subject.packets):
         packets.append(packet._replace(ns=packet.ns + late_ns))
-        if index in lost:
+        if place in lost:
             late_ns += WAIT_NS[subject.number % 2]
-            packets.append(_numbered(packet._replace(ns=packet.ns + late_ns), lost[index].ip, 0x4001))
+            packets.append(_numbered(packet._replace(ns=packet.ns + late_ns), lost[place].ip, 0x4001))
     return packets
 
 
 def _reset(subject: Subject) -> list[Packet]:
-    """End the conversation in its second half: the receiver of a segment answers it by RST."""
-    able = [one for one, acked in subject.fresh[:-1] if acked]
-    middle = subject.talk[len(subject.talk) // 2].place
-    last = next((one for one in able if one.place >= middle), able[-1])
+    """End the conversation in its middle: the receiver of a segment answers it by RST."""
+    last = subject.fresh[len(subject.fresh) // 2]
     model = next(
         one for one in reversed(subject.talk) if one.place < last.place and one.source == last.target
     )
@@ -194,7 +180,7 @@ def _reset(subject: Subject) -> list[Packet]:
     reset = subject.packets[last.place]._replace(data=data, length=len(data))
     reset = reset._replace(ns=reset.ns + 1_000_000)
     reset = _patched(_numbered(reset, model.ip, 1), model.ip + 2, len(data) - model.ip, 2)
-    reset = _patched(reset, model.tcp + 4, model.seq + model.size + bool(model.flags & SYN), 4)
+    reset = _patched(reset, model.tcp + 4, model.seq + model.size + bool(model.flags & SYN))
     reset = _patched(reset, model.tcp + 12, 0x5000 | RST | ACK, 2)
     dropped = {one.place for one in subject.talk if one.place > last.place}
     return _by_time([*[one for at, one in enumerate(subject.packets) if at not in dropped], reset])
@@ -213,7 +199,7 @@ def _one_way(subject: Subject) -> list[Packet]:
     for talk in subject.talks:
         caller = next((one.source for one in talk if one.flags & (SYN | ACK) == SYN), talk[0].source)
         dropped |= {one.place for one in talk if (one.source == caller) == bool(subject.number % 2)}
-    return [one for index, one in enumerate(subject.packets) if index not in dropped]
+    return [one for place, one in enumerate(subject.packets) if place not in dropped]
 
 
 def _stop_clock(subject: Subject) -> list[Packet]:
@@ -222,21 +208,19 @@ def _stop_clock(subject: Subject) -> list[Packet]:
 
 def _turn_clock_back(subject: Subject) -> list[Packet]:
     steps = [subject.talk[len(subject.talk) * third // 3].place for third in (1, 2)]
-    return [
-        one._replace(ns=one.ns + STEP_NS * sum(index < step for step in steps))
-        for index, one in enumerate(subject.packets)
-    ]
+    left = [sum(place < step for step in steps) for place in range(len(subject.packets))]
+    return [one._replace(ns=one.ns + STEP_NS * n) for one, n in zip(subject.packets, left, strict=True)]
 
 
 def _jump(subject: Subject) -> list[Packet]:
     """Let the numbers of one end jump in the middle; in every second capture the other acknowledges that."""
-    middle, _ = subject.fresh[len(subject.fresh) // 2]
+    middle = subject.fresh[len(subject.fresh) // 2]
     packets = list(subject.packets)
-    for one in subject.talk:
-        if one.place >= middle.place and one.source == middle.source:
-            packets[one.place] = _patched(packets[one.place], one.tcp + 4, one.seq + JUMP, 4)
-        elif one.place >= middle.place and subject.number % 2:
-            packets[one.place] = _patched(packets[one.place], one.tcp + 8, one.ack + JUMP, 4)
+    for one in [one for one in subject.talk if one.place >= middle.place]:
+        if one.source == middle.source:
+            packets[one.place] = _patched(packets[one.place], one.tcp + 4, one.seq + JUMP)
+        elif subject.number % 2:
+            packets[one.place] = _patched(packets[one.place], one.tcp + 8, one.ack + JUMP)
     return packets
 
 
@@ -244,11 +228,11 @@ JUMPED: Final = "sequence jump of 1.5 GiB"
 MUTATIONS: Final = (
     Mutation("packets dropped after the tap", _lose, cause="loss"),
     Mutation("cut by RST in mid message", _reset, cause="resets"),
-    Mutation("all packets twice", _double, quality="duplicated"),
-    Mutation("snaplen 96", _cut_at(96), quality="snaplen", most=96),
-    Mutation("snaplen 54", _cut_at(54), quality="snaplen", most=54),
-    Mutation("one direction removed", _one_way, quality="one-direction"),
-    Mutation("equal stamps", _stop_clock, quality="clock"),
-    Mutation("clock goes back", _turn_clock_back, quality="clock"),
+    Mutation("all packets twice", _double, "duplicated"),
+    Mutation("snaplen 96", _cut_at(96), "snaplen", most=96),
+    Mutation("snaplen 54", _cut_at(54), "snaplen", most=54),
+    Mutation("one direction removed", _one_way, "one-direction"),
+    Mutation("equal stamps", _stop_clock, "clock"),
+    Mutation("clock goes back", _turn_clock_back, "clock"),
     Mutation(JUMPED, _jump),
 )

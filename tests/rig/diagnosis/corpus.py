@@ -35,8 +35,9 @@ MOST_NUMBER = 1 << 30  # in a text: the half circle of sequence numbers
 # False alarms and misses of commit 945c0bb, which knew no quality of a capture; of all other sets none.
 BEFORE: Final = {
     "public captures": (26, 0), "packets dropped after the tap": (0, 2), "cut by RST in mid message": (1, 9),
-    "all packets twice": (16, 40), "snaplen 96": (1, 26), "snaplen 54": (24, 40), "equal stamps": (0, 40),
-    "one direction removed": (11, 40), "clock goes back": (0, 40), JUMPED: (38, 0), "own projects": (55, 5),
+    "all packets twice": (16, 40), "all packets twice, unnumbered": (16, 0), "snaplen 96": (1, 26),
+    "snaplen 54": (24, 40), "one direction removed": (11, 40), "equal stamps": (0, 40),
+    "clock goes back": (0, 40), JUMPED: (38, 0), "own projects": (55, 5),
 }  # fmt: skip
 Found = list[dict[str, Any]]  # findings, as JSON has them
 

@@ -190,6 +190,13 @@ def _double(subject: Subject) -> list[Packet]:
     return _by_time([*subject.packets, *[one._replace(ns=one.ns + COPY_NS) for one in subject.packets]])
 
 
+def _double_unnumbered(subject: Subject) -> list[Packet]:
+    packets = list(subject.packets)
+    for one in [one for talk in subject.talks for one in talk]:
+        packets[one.place] = _patched(packets[one.place], one.ip + 4, 0, 2)
+    return _double(subject._replace(packets=packets))
+
+
 def _cut_at(most: int) -> Callable[[Subject], list[Packet]]:
     return lambda subject: [one._replace(data=one.data[:most]) for one in subject.packets]
 
@@ -207,7 +214,9 @@ def _stop_clock(subject: Subject) -> list[Packet]:
 
 
 def _turn_clock_back(subject: Subject) -> list[Packet]:
-    steps = [subject.talk[len(subject.talk) * third // 3].place for third in (1, 2)]
+    times = [subject.packets[one.place].ns for one in subject.talk]
+    nearest = sorted(range(1, len(times)), key=lambda n: times[n] - times[n - 1])[:2]
+    steps = [subject.talk[n].place for n in nearest]
     left = [sum(place < step for step in steps) for place in range(len(subject.packets))]
     return [one._replace(ns=one.ns + STEP_NS * n) for one, n in zip(subject.packets, left, strict=True)]
 
@@ -229,6 +238,7 @@ MUTATIONS: Final = (
     Mutation("packets dropped after the tap", _lose, cause="loss"),
     Mutation("cut by RST in mid message", _reset, cause="resets"),
     Mutation("all packets twice", _double, "duplicated"),
+    Mutation("all packets twice, unnumbered", _double_unnumbered),
     Mutation("snaplen 96", _cut_at(96), "snaplen", most=96),
     Mutation("snaplen 54", _cut_at(54), "snaplen", most=54),
     Mutation("one direction removed", _one_way, "one-direction"),

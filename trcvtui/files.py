@@ -145,9 +145,7 @@ class _MeasuredFile(io.BufferedReader):
     """A file that tells before each read which share of it has been read."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return at most so many bytes, b"" at the end."""
-        how_far = _noting[-1].how_far if _noting else None
-        if how_far is not None:
+        if _noting and (how_far := _noting[-1].how_far) is not None:
             how_far(self.name, self.tell() / (os.fstat(self.fileno()).st_size or 1))
         return super().read(size)
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from trcvtui.rig.bench.bench import Bench
 
 AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
-HALF_S: Final = 500_000_000
 SHARE: Final = 5  # it rests so many times as long as it looked
 HEALTHY: Final = "healthy"
 NOBODY_KEEPS: Final = "nobody keeps this run: [options] black_box on, or `--record`, lets him look at it"
@@ -78,9 +77,8 @@ class BenchDoctor:
             return ()
         if self._looks:
             judge.go_on()
-            seconds = (clock.now_ns() - self._began_ns) // HALF_S / 2
-            told = f"{seconds:.1f} s: {judge.progress}".rstrip(": ")
-            self.snapshot = replace(self.snapshot, progress=told)
+            seconds = (clock.now_ns() - self._began_ns) // 500_000_000 / 2
+            self.snapshot = replace(self.snapshot, progress=f"{seconds:.1f} s: {judge.progress}".rstrip(": "))
             if not judge.is_judging:
                 self._take(judge.judged, bench)
         if is_wanted and not self._looks and self._is_due(judge):

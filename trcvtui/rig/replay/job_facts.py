@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -30,7 +31,7 @@ SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
-TellScan = Callable[[int, int], None]
+PassScan = Callable[[RunAgain, int], bool]
 
 
 class _Stack:
@@ -100,13 +101,13 @@ def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 
 def recorded_facts(
-    path: str, sets: Sequence[str] = (), is_running: bool = False, tell: TellScan | None = None
+    path: str, sets: Sequence[str] = (), is_running: bool = False, pass_scan: PassScan | None = None
 ) -> RecordedFacts | None:
     """Return what a recording of ours knows; None: it is none, or it cannot run.
 
     `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
-    that goes on the pins of now count: a remedy that was applied is no fault any more. `tell` gets, before
-    each scan, the one before it and the last one.
+    that goes on the pins of now count: a remedy that was applied is no fault any more. `pass_scan`
+    lets a scan pass, and is told the last one.
     """
     try:
         recording = Recording(Path(path))
@@ -120,12 +121,7 @@ def recorded_facts(
     try:
         run = keyframes.begin()
         last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
-
-        def scan() -> bool:
-            if tell is not None:
-                tell(run.bench.runtime.scans, last)
-            return run.scan()
-
+        scan = run.scan if pass_scan is None else partial(pass_scan, run, last)
         with restored_state(run.is_restored, path):
             return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:

@@ -20,12 +20,12 @@ from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, noting_reads, unnamed
 from trcvtui.rig import clock
 from trcvtui.rig.diagnosis.doctor import DoctorQuestion, finding_row, judge
-from trcvtui.rig.recording.writer import write_all
-from trcvtui.rig.replay.job_facts import TellScan, recorded_facts
+from trcvtui.rig.recording.writer import POST_NS, write_all
+from trcvtui.rig.replay.job_facts import PassScan, recorded_facts
+from trcvtui.rig.replay.run_again import RunAgain
 
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
-TELL_NS: Final = 200_000_000  # between two lines that tell how far it is
 Found = dict[str, Any]
 
 
@@ -47,9 +47,9 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
     return {"conversations": conversations, "findings": findings[:MOST_FINDINGS], "trouble": ""}
 
 
-def found_in_run(path: str, tell: TellScan | None = None) -> Found:
+def found_in_run(path: str, pass_scan: PassScan | None = None) -> Found:
     """Return what is found in a run so far, and in its project where the traffic does not show it."""
-    facts = recorded_facts(path, is_running=True, tell=tell)
+    facts = recorded_facts(path, is_running=True, pass_scan=pass_scan)
     found = found_in([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one["cause"] for one in found["findings"]}
     lint = [finding_row(None, one) for one in (facts.lint if facts is not None else ())]
@@ -76,10 +76,9 @@ class _ToBeJudged:
     """Takes all that is to be judged, and at the end of it writes what is found."""
 
     trouble = ""
-    name = ""  # of what is judged, "": that of its file
 
     def __init__(self, path: str) -> None:
-        self._path, self._told_at, self._reads = path, 0, FilesRead()
+        self._path, self._name, self._told_at, self._reads = path, "", 0, FilesRead()
         self._reads.how_far = self._tell_read
 
     def take_block(self, block: bytes) -> None:
@@ -102,18 +101,19 @@ class _ToBeJudged:
     def _tell(self, text: str, at_once: bool = False) -> None:
         """Write how far it is where the answer will stand."""
         now = clock.now_ns()
-        if at_once or now > self._told_at + TELL_NS:
+        if at_once or now > self._told_at + POST_NS:
             self._told_at = now
             with open(self._path, "r+b", 0) as file:
                 file.write(one_line(text).encode(errors="replace")[:MOST_TEXT] + b"\n")
 
     def _tell_read(self, path: str, share: float) -> None:
-        name = self.name or os.path.basename(path)
+        name = "the run" if path == self._name else os.path.basename(path)
         self._tell(f"reads {name}: {share:.0%}" if share < 1 else f"judges {name}", at_once=share == 1)
 
-    def _tell_scan(self, scan: int, last: int) -> None:
-        last = max(last, scan, 1)
+    def _pass_scan(self, run: RunAgain, last: int) -> bool:
+        scan, last = run.bench.runtime.scans, max(run.bench.runtime.scans, last, 1)
         self._tell(f"runs it again, scan {scan} of {last}: {scan / last:.0%}")
+        return run.scan()
 
     def _found(self) -> Found:
         from trcvtui.rig.diagnosis.lint import receivers_of
@@ -121,14 +121,12 @@ class _ToBeJudged:
 
         files, plc, project, begins_ns, is_running = self._asked
         receivers = () if project is None else receivers_of(load_bench(Path(project)))
-        recorded = partial(recorded_facts, is_running=is_running, tell=self._tell_scan)
+        recorded = partial(recorded_facts, is_running=is_running, pass_scan=self._pass_scan)
         return found_in(files, DoctorQuestion(plc, receivers, recorded), begins_ns)
 
 
 class _JudgedRun(_ToBeJudged):
     """The journal of a run, as far as it is kept."""
-
-    name = "the run"
 
     def __init__(self, path: str) -> None:
         super().__init__(path)
@@ -146,7 +144,7 @@ class _JudgedRun(_ToBeJudged):
     def _found(self) -> Found:
         self._writer.close()
         with self._opened:
-            return found_in_run(self._name, self._tell_scan)
+            return found_in_run(self._name, self._pass_scan)
 
 
 def run_main(path: str, asked: str) -> None:

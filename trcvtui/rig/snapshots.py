@@ -237,6 +237,8 @@ class FindingSnapshot:
 
     `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
     the direction, None: unknown. `mends`: text, bench command, `--set` of a what-if, "": there is none.
+    `title`: the cause in plain words; `status`: STATUS words that it leads to; `packets`: their numbers in the
+    capture, `filter`: a display filter of Wireshark that shows them. A remark is such a finding, too.
     """
 
     cause: str
@@ -250,6 +252,10 @@ class FindingSnapshot:
     byte: int | None
     evidence: tuple[str, ...]
     mends: tuple[tuple[str, str, str], ...]
+    title: str = ""
+    status: tuple[str, ...] = ()
+    packets: tuple[int, ...] = ()
+    filter: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,6 +268,8 @@ class DoctorSnapshot:
     findings: tuple[FindingSnapshot, ...] = ()
     trouble: str = ""
     progress: str = ""  # while it looks: "4.5 s: reads night.pcapng: 40%"
+    remarks: tuple[FindingSnapshot, ...] = ()  # worth knowing, and no fault
+    qualities: tuple[str, ...] = ()  # what the captures lack, as it is shown
 
 
 CANNOT: Final = "a recording cannot be changed: W tries another value"

@@ -237,8 +237,8 @@ class FindingSnapshot:
 
     `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
     the direction, None: unknown. `mends`: text, bench command, `--set` of a what-if, "": there is none.
-    `title`: the cause in plain words; `status`: STATUS words that it leads to; `packets`: numbers in the capture,
-    `filter`: a display filter of Wireshark. A remark is such a finding, too.
+    `title`: the cause in plain words; `status`: STATUS words that it leads to; `packets`: numbers in the
+    capture, `filter`: a display filter of Wireshark. A remark is such a finding, too.
     """
 
     cause: str

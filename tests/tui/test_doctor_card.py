@@ -12,6 +12,8 @@ import pytest
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
+from trcvtui.records import replace
+from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.tui.doctor import DoctorScreen, FindingList
 
 
@@ -154,6 +156,43 @@ async def test_a_shows_those_of_all_and_arrows_choose() -> None:
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
     async with card(Told(FOUND[2])) as (newcomer, _screen):
         assert "healthy: 1 conversation looked at, up to scan 80; 1 finding of others: a" in read(newcomer)
+
+
+def seen_finding(cause: str, instance: str, **more: Any) -> FindingSnapshot:
+    why = ("PLC has 8 bytes, a job wants 12, in 40 of 40 messages",) * 20
+    return FindingSnapshot(cause, 0.9, "C1", instance, "", "to-plc", 510_000_000, None, 4, why, (), **more)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (100, 30), (140, 45)])
+async def test_remarks_stand_last_and_leave_the_verdict_alone(
+    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = seen_finding(
+        "frame-short", "TRCV_C_1", title="Frames are shorter than LEN",
+        status=("80C5", "7006"), packets=tuple(range(1, 40)), filter="tcp.stream eq 3 && tcp.len == 8",
+    )  # fmt: skip
+    remarks = seen_finding("idle", "TRCV_C_1", title="Nothing for long " * 9), seen_finding("idle", "OTHER")
+    seen = DoctorSnapshot(1, 80, 1, (short,), remarks=remarks, qualities=("3 gaps " * 40, "cut"))
+    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.found", lambda *_: seen)
+    async with card(Told(), size) as (newcomer, screen):
+        told = read(newcomer)
+        assert re.search(
+            r"up to scan 80 3 gaps .*… ▸ 1 frame-short .* Frames are shorter than LEN ── evid", told
+        )
+        assert "STATUS 80C5, 7006 packets 1, 2, 3, 4, 5, 6, 7, 8 … · tcp.stream eq 3 && tcp.len == 8" in told
+        assert re.search(r"── remarks ─+ Nothing for long [^▸]*…$", told) and "OTHER" not in told
+        rows = [screen.list.row_at(y) for y in range(screen.list.row_count())]
+        assert max(sum(len(text) for text, _ in each.parts) for each in rows) <= screen.list.line_width
+        await newcomer.press("down")
+        assert screen.list.chosen == short
+        await newcomer.press("pagedown")
+        assert screen.list.scroll_offset.y == max(0, len(rows) - screen.list.size.height)
+        await newcomer.press("a")
+        assert "TRCV_C_1: Nothing" in read(newcomer) and "OTHER: idle" in read(newcomer)
+    seen = replace(seen, findings=())
+    async with card(Told(), size) as (newcomer, screen):
+        assert read(newcomer).startswith("healthy: 1 conversation") and "── remarks" in read(newcomer)
+        assert screen.list.chosen is None
 
 
 async def test_a_run_that_nobody_keeps_says_so() -> None:

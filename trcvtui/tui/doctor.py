@@ -17,6 +17,7 @@ from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
 
 LABEL: Final = 9
 SURE: Final = 0.85
+MOST_PACKETS: Final = 8
 WAYS: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
 
 
@@ -47,8 +48,11 @@ class FindingList(TextView):
     @property
     def findings(self) -> tuple[FindingSnapshot, ...]:
         """Return those of the selected instance, or of all."""
+        return self._of_selected(self.seen.findings)
+
+    def _of_selected(self, some: tuple[FindingSnapshot, ...]) -> tuple[FindingSnapshot, ...]:
         name = "" if self.of_all else self._view_model.selected
-        return findings_of(name, self.seen.findings, self._view_model.project)
+        return findings_of(name, some, self._view_model.project)
 
     @property
     def chosen(self) -> FindingSnapshot | None:
@@ -63,8 +67,18 @@ class FindingList(TextView):
         again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
         said = clip(clip(plain(self._said()), self._width - cells(again)) + again, self._width)
         rows = [row((said, "warn" if seen.trouble else "dim"))]
+        if seen.qualities:
+            rows.append(row((clip(plain(" · ".join(seen.qualities)), self._width), "dim")))
         rows += [self._finding(number, one) for number, one in enumerate(found)]
-        return [*rows, *self._details(chosen)] if chosen is not None else rows
+        rows += self._details(chosen) if chosen is not None else []
+        remarks = self._of_selected(seen.remarks)
+        rows += [ruled(self._width, ("── remarks ", "dim"))] if remarks else []
+        return [*rows, *(self._remark(one) for one in remarks)]
+
+    def _remark(self, one: FindingSnapshot) -> Row:
+        whose = one.instance or one.connect if self.of_all else ""
+        text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
+        return row((clip(plain(text), self._width), "dim"))
 
     def _said(self) -> str:
         seen = self.seen
@@ -99,11 +113,16 @@ class FindingList(TextView):
         return row(*parts, style="cursor" if is_chosen else "")
 
     def _details(self, one: FindingSnapshot) -> list[Row]:
-        rows = [ruled(self._width, ("── evidence ", "dim"))]
+        rows = self._told("", one.title, "strong") if one.title else []
+        rows.append(ruled(self._width, ("── evidence ", "dim")))
         for text in one.evidence:
             rows += self._told("", text, "")
         where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
         rows += self._told("line", where, "dim") if where else []
+        rows += self._told("STATUS", ", ".join(one.status), "") if one.status else []
+        numbers = ", ".join(map(str, one.packets[:MOST_PACKETS])) + " …" * (len(one.packets) > MOST_PACKETS)
+        shown = " · ".join(filter(None, (numbers, one.filter)))
+        rows += self._told("packets", shown, "dim") if shown else []
         place, stream = self.place(), self.place(of_byte=True)
         if place is not None:
             when = "" if one.t_ns is None else f", {moment(one.t_ns)} s"
@@ -162,6 +181,10 @@ class FindingList(TextView):
         if picture.position is not None:
             return next((f"if {change}" for _, _, change in one.mends if change), "")
         return next((command for _, command, _ in one.mends if command), "")
+
+    def action_page(self, pages: int) -> None:
+        """Show what is above or below."""
+        self.scroll_relative(y=pages * (self.size.height - 1), animate=False)
 
     def action_move(self, rows: int) -> None:
         """Choose another finding."""

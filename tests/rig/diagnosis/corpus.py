@@ -79,15 +79,18 @@ def given_captures() -> list[Given]:
     return sorted(made, key=lambda one: ONE_RUN in one.path.name)
 
 
-def findings_of(path: Path) -> Found:
-    """Return all findings in a capture."""
-    return [finding for one in judge(str(path), DoctorQuestion())[0] for finding in one["findings"]]
+def told_in(path: Path) -> tuple[Found, Found, list[dict[str, Any]]]:
+    """Return all findings in a capture, all remarks, and its verdicts."""
+    verdicts = judge(str(path), DoctorQuestion())[0]
+    findings, remarks = [[one for each in verdicts for one in each[key]] for key in ("findings", "remarks")]
+    return findings, remarks, verdicts
 
 
 def outcome_of_given(given: Given) -> Outcome:
-    """Judge a public capture; one of the causes that it has is to be found."""
-    found = findings_of(given.path)
-    is_found = any(given.may_find & {one["cause"], "*"} for one in found)
+    """Judge a public capture; one of the causes that it has is to be found, "*" to be found or explained."""
+    found, remarks, _ = told_in(given.path)
+    is_found = any(one["cause"] in given.may_find for one in found)
+    is_found = is_found or ("*" in given.may_find and bool(found or remarks))
     missed = [" or ".join(given.may_find)] if given.may_find and not is_found else []
     return Outcome(given.path.name, texts(given.wrong(found)), missed, bool(given.may_find))
 
@@ -106,21 +109,19 @@ def outcome_of_mutation(given: Given, subject: Subject, mutation: Mutation, fold
     """Judge a capture with a fault added: it should say that, and nothing that the original does not say."""
     path = folder / "mutated.pcap"
     write_capture(path, subject.link_type, mutation.change(subject))
-    verdicts = judge(str(path), DoctorQuestion())[0]
-    found = [finding for one in verdicts for finding in one["findings"]]
-    same = {one["cause"] for one in findings_of(given.path)} | {mutation.cause}
+    found, remarks, verdicts = told_in(path)
+    same = {one["cause"] for part in told_in(given.path)[:2] for one in part} | {mutation.cause}
     if mutation.quality == "one-direction":
         same = set()  # half of a conversation proves nothing
     false = texts([one for one in given.wrong(found) if one["cause"] not in same])
     said = set()
     for one in verdicts:
         if one["conversation"] and subject.ends() == {one["conversation"][end] for end in ("plc", "partner")}:
-            said |= {*one.get("quality", []), *[finding["cause"] for finding in one["findings"]]}
+            said |= {*one["quality"], *[finding["cause"] for finding in one["findings"]]}
     if mutation.name == JUMPED:
-        text = json.dumps([[one["findings"], one.get("remarks")] for one in verdicts]).replace(",", "")
-        false = [
-            number for number in re.findall(r"\d{10,}|[\d.]+e\+\d+", text) if float(number) > MOST_NUMBER
-        ]
+        text = " ".join(texts(found) + texts(remarks)).replace(",", "")
+        numbers = re.findall(r"\d{10,}|[\d.]+e\+\d+", text)
+        false = [number for number in numbers if float(number) > MOST_NUMBER]
     due = {mutation.cause or mutation.quality} if mutation.is_due(subject) else set()
     return Outcome(given.path.name, false, [*due - said], bool(due))
 

@@ -171,7 +171,7 @@ def _lose(subject: Subject) -> list[Packet]:
 
 
 def _reset(subject: Subject) -> list[Packet]:
-    """End the conversation in its middle: the receiver of a segment answers it by RST."""
+    """End the conversation about its middle: the receiver of a segment answers it by RST."""
     last = subject.fresh[len(subject.fresh) // 2]
     model = next(
         one for one in reversed(subject.talk) if one.place < last.place and one.source == last.target

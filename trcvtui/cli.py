@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from trcvtui.net.tap import Route
     from trcvtui.project.project import Project
     from trcvtui.rig.diagnosis.doctor import RecordedFacts
-    from trcvtui.rig.diagnosis.frame_causes import Receiver
+    from trcvtui.rig.diagnosis.receiver import Receiver
     from trcvtui.rig.engine.driver import EngineDriver
     from trcvtui.rig.recording.files import FileSink, RecordTo, Sink
 

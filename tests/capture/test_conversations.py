@@ -398,8 +398,9 @@ def test_the_json_of_a_conversation(tmp_path: Path, capsys: pytest.CaptureFixtur
             "duration_s": 0.006,
             "begin": "syn",
             "end": "rst-plc",
-            "to_plc": {"bytes": 3, "segments": 2, "retransmitted": 3, "missing": 0},
-            "from_plc": {"bytes": 2, "segments": 1, "retransmitted": 0, "missing": 0},
+            "to_plc": {"bytes": 3, "segments": 2, "retransmitted": 3, "missing": 0, "copies": 0},
+            "from_plc": {"bytes": 2, "segments": 1, "retransmitted": 0, "missing": 0, "copies": 0},
+            "quality": [],
         }
     ]
 
@@ -445,6 +446,7 @@ def test_the_text_stays_in_80_columns(tmp_path: Path, capsys: pytest.CaptureFixt
         "C1  10.0.0.5:2000  10.0.0.9:51000  0.000s  0.005s  3 B     0 B",
         "    tcp, syn to open; PLC end 75% sure: port 2000, usual at PLCs",
         "    to PLC, bytes of 2 segments: 3 sent again, 6 missing",
+        "    quality: gaps, ends-early",
     ]
     far = tuple((f"2001:1111:2222:3333:4444:5555:6666:77{n}", 65535) for n in (77, 88))
     whole = tcp(bytes(1400), 1, 1, source=far[0], target=far[1])
@@ -470,6 +472,7 @@ def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:
         "segments": 9,
         "retransmitted": 0,
         "missing": 0,
+        "copies": 0,
     }
 
 

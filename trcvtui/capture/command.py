@@ -17,6 +17,7 @@ from trcvtui.capture.plc_end import (
     guess_plc,
     parse_plc,
 )
+from trcvtui.capture.quality import qualities_of
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
 
@@ -71,11 +72,13 @@ def take_captures(paths: Sequence[str], found: Conversations, troubles: list[Pro
         with open_capture(paths[0]) as reader:
             found.names = reader.name_of
             found.take_all(reader, reader.link_types)
+            found.drops = reader.drops
             troubles += [reader.trouble] if reader.trouble else []
     else:
         for packet, reader in in_time_order(paths, troubles):
             found.names = reader.name_of
             found.take(packet, reader.link_types[packet.interface])
+            found.drops = max(found.drops, reader.drops)
     found.close()
 
 
@@ -131,6 +134,7 @@ def conversation_row(
         "end": end,
         "to_plc": _counts(partner),
         "from_plc": _counts(guess.says),
+        "quality": [*qualities_of(conversation, found.drops)],
     }
 
 
@@ -140,6 +144,7 @@ def _counts(direction: WireDirection) -> dict[str, int]:
         "segments": direction.segments,
         "retransmitted": direction.retransmitted,
         "missing": direction.missing,
+        "copies": direction.copies,
     }
 
 
@@ -189,4 +194,8 @@ def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
                 f"    {way}, bytes of {counts['segments']} segments: "
                 f"{counts['retransmitted']} sent again, {counts['missing']} missing"
             )
+        if counts["copies"]:
+            told.append(f"    {way}: {counts['copies']} packets twice, as a mirror port shows them")
+    if row["quality"]:
+        told.append(f"    quality: {', '.join(row['quality'])}")
     return tuple(told)

@@ -39,11 +39,13 @@ SECTION: Final = 0x0A0D0D0A
 
 TLS_KEY_LOG: Final = 0x544C534B
 COMMENT: Final = 1  # option code
+OURS: Final = "trcvtui: "  # begins the comment of a packet that a tap of ours has changed or made
 NAME: Final = 2  # of an interface
 FLAGS: Final = 2  # of a packet
 INBOUND, OUTBOUND = 1, 2  # the two lowest bits of its flags
 TIME_RESOLUTION: Final = 9
 TIME_OFFSET: Final = 14
+DROPPED: Final = (5, 7)  # of statistics: packets that interface and system did not pass on
 
 MOST_BLOCK: Final = 16 << 20  # what Wireshark takes
 MOST_INTERFACES: Final = 65_536
@@ -107,6 +109,7 @@ class CaptureReader:
         self.name = name
         self.interfaces: list[Interface] = []  # of all sections, one after the other
         self.link_types: list[int] = []  # of the interfaces
+        self._dropped: dict[tuple[bytes, int], int] = {}  # by interface and counter
         self.trouble: Problem | None = None
         self.last_ns = 0  # of the newest packet that was taken, as of the last `read`
         self._other = other
@@ -151,6 +154,16 @@ class CaptureReader:
             has += len(part)
         self._buffer = b"".join(parts)
         return self._buffer
+
+    @property
+    def drops(self) -> int:
+        """Return how many packets interfaces and system did not pass on, as far as statistics tell."""
+        return sum(self._dropped.values())
+
+    def _see_drops(self, body: bytes, order: str) -> None:
+        for code, value in options_of(body, 12, len(body), order):
+            if code in DROPPED and len(value) == 8:
+                self._dropped[body[:4], code] = int.from_bytes(value, "little" if order == "<" else "big")
 
     def _stop(self, at: int, found: str, expected: str) -> None:
         self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
@@ -261,6 +274,8 @@ class CaptureReader:
                     self.interfaces.append(found)
                     self.link_types.append(found.link_type)
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
+                elif kind == STATISTICS:
+                    self._see_drops(buffer[at + 8 : after - 4], order)
                 elif self._other is not None:
                     self._other(kind, buffer[at + 8 : after - 4], start + at, order)
                 at = after

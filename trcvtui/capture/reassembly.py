@@ -26,7 +26,7 @@ from trcvtui.capture.packets import (
     ip_number,
     macs_of,
 )  # fmt: skip
-from trcvtui.capture.pcap import ETHERNET, RTAC_SERIAL, USER0, Packet
+from trcvtui.capture.pcap import ETHERNET, OURS, RTAC_SERIAL, USER0, Packet
 from trcvtui.records import NamedTuple
 
 MOST_CONVERSATIONS: Final = 28_000
@@ -38,6 +38,11 @@ MOST_COMPARED: Final = 256  # segments back from the newest
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
 PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
+COPY_NS: Final = 200_000_000  # a copy of a mirror port: soon, with the number that its host gave the packet
+UNNUMBERED_NS: Final = 300_000  # the same, where the host gave none
+BACK_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
+MOST_RECENT: Final = 4096  # packets that another one may be a copy of
+MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
 OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
 SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
 NEVER_NS: Final = 1 << 62
@@ -47,7 +52,7 @@ _FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
 _MASK: Final = 0xFFFFFFFF
 _HALF: Final = 0x80000000
 # Ethernet, IPv4 without options and TCP: the head of nearly every packet.
-_USUAL: Final = struct.Struct(">12xHBxH2xHxB2x12sIIBBH").unpack_from
+_USUAL: Final = struct.Struct(">12xHBxHHHxB2x12sIIBBH").unpack_from
 _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
 # RTAC serial: twelve bytes before the data; its events with data by their number: begin and end of each way.
 _SERIAL_HEAD: Final = 12
@@ -97,14 +102,18 @@ class ConversationEvent(NamedTuple):
     data: bytes
 
 
+SegmentHead = tuple[bytes, int, int, int, int, int]  # ends, number of its IP packet, seq, ack, flags, bytes
+KeptPiece = tuple[int, bytes, int, int]  # from which byte on, bytes, when, number of their IP packet
+
+
 class WireDirection:
     """What one end says to the other."""
 
     __slots__ = (
-        "acked", "address", "conversation", "early_number", "fin", "has_base", "has_fin", "is_closed_window",
-        "is_firm", "is_steady", "kept", "mac", "missing", "next", "other", "position", "probe",
-        "retransmitted", "segments", "syn", "told_ack", "waiting", "waiting_cost", "waiting_since",
-        "was_probed",
+        "acked", "address", "conversation", "copies", "cut", "early_number", "fin", "has_base", "has_fin",
+        "has_jumped", "has_overrun", "is_closed_window", "is_firm", "is_heard", "is_steady", "kept",
+        "largest", "mac", "missing", "next", "other", "position", "probe", "retransmitted", "scale",
+        "segments", "syn", "told_ack", "waiting", "waiting_cost", "waiting_since", "was_probed", "window",
     )  # fmt: skip
 
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
@@ -113,6 +122,14 @@ class WireDirection:
         self.address = address  # of its sender; of a serial line its name, and SENT_END or RECEIVED_END
         self.mac = mac
         self.segments = self.retransmitted = self.missing = 0
+        self.cut = 0  # bytes of `missing` that the capture's own limit cut off
+        self.copies = 0  # packets that a mirror port has shown twice
+        self.largest = 0  # bytes of a segment
+        self.window = 0  # as told last; `scale`: how many bits it is moved, None: nobody has told
+        self.scale: int | None = None
+        self.is_heard = False  # bytes of it were acknowledged
+        self.has_jumped = False  # sequence numbers that no window allows
+        self.has_overrun = False  # more under way than the other end's window, as far as the capture has it
         self.next = self.position = 0  # sequence number and byte of what comes next
         self.has_base = self.is_firm = False  # is `next` known; has it proved right
         self.is_steady = False  # does what begins at `next`, as it should, need no further look
@@ -124,7 +141,7 @@ class WireDirection:
         self.is_closed_window = False  # its sender has told a window of 0
         self.was_probed = False
         self.probe = b""
-        self.kept: deque[tuple[int, bytes]] | None = None
+        self.kept: deque[KeptPiece] | None = None
         self.waiting: list[tuple[int, bytes]] = []
         self.waiting_cost = 0
         self.early_number = 0  # of the last packet that came before an earlier one
@@ -150,14 +167,17 @@ class WireDirection:
 class Conversation:
     """What two ends said to each other; `there` is what the sender of the first packet said."""
 
-    __slots__ = ("back", "begins_with_syn", "end", "first_ns", "is_established", "last_ns", "listener",
-                 "number", "protocol", "sent", "there")  # fmt: skip
+    __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
+                 "is_ours", "last_ns", "listener", "number", "protocol", "sent", "there")  # fmt: skip
 
     def __init__(self, number: int, protocol: str, ns: int) -> None:
         self.number = number
         self.protocol = protocol
         self.first_ns = self.last_ns = ns
         self.begins_with_syn = self.is_established = False
+        self.goes_back = False  # in time
+        self.is_cut = False  # a packet of it is
+        self.is_ours = False  # a tap of ours has reset it
         self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
         self.listener: WireDirection | None = None
         self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
@@ -184,6 +204,7 @@ class Conversations:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
         self.not_read: Counter[NotRead] = Counter()
+        self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.first_ns: int | None = None
         self.packets = 0
@@ -191,9 +212,11 @@ class Conversations:
         self._is_detailed = is_detailed and told is not None
         self._fragments = Fragments()
         self._flows: dict[bytes, WireDirection] = {}  # addresses and ports of the sender and the receiver
-        self._kept: deque[deque[tuple[int, bytes]]] = deque()  # whose oldest piece goes next
+        self._kept: deque[deque[KeptPiece]] = deque()  # whose oldest piece goes next
         self._kept_cost = 0
         self._waiting_cost = 0
+        self._recent: dict[SegmentHead, int] = {}  # packets, and when they came
+        self._before: dict[SegmentHead, int] = {}  # those that came before
         self._count = 0  # conversations, with those that are forgotten
 
     def take(self, packet: Packet, link_type: int) -> None:
@@ -211,7 +234,9 @@ class Conversations:
                 self._take_unusual(packet, link_types[interface])
                 continue
             try:
-                kind, head, total, fragment, protocol, key, seq, ack, offset, flags, window = _USUAL(data)
+                (kind, head, total, number, fragment, protocol, key, seq, ack, offset, flags, window) = (
+                    _USUAL(data)
+                )
             except struct.error:
                 self._take_unusual(packet, ETHERNET)
                 continue
@@ -225,7 +250,7 @@ class Conversations:
                 or kind != 0x800
                 or protocol != TCP
                 or fragment & 0x3FFF
-                or ns > direction.conversation.last_ns + SILENCE_NS
+                or not 0 <= ns - direction.conversation.last_ns <= SILENCE_NS
             ):
                 self._take_unusual(packet, ETHERNET)
                 continue
@@ -237,14 +262,22 @@ class Conversations:
             if ack != direction.told_ack:
                 direction.told_ack = ack
                 self._acknowledge(ns, direction.other, ack, end - begin)
+            direction.window = window
             if end > begin:
+                size = end - begin
+                if size > direction.largest:
+                    direction.largest = size
+                if (scale := direction.other.scale) is not None:
+                    fly = (seq + size - direction.acked) & _MASK
+                    if direction.other.window << scale < fly < MOST_JUMP:
+                        direction.has_overrun = True
                 direction.segments += 1
                 payload = data[begin:end]
                 if is_told or self._kept_cost > MOST_KEPT or direction.kept is None:
-                    deliver(ns, direction, payload)
+                    deliver(ns, direction, payload, number)
                     continue
-                at, size = direction.position, end - begin
-                direction.kept.append((at, payload))
+                at = direction.position
+                direction.kept.append((at, payload, ns, number))
                 self._kept.append(direction.kept)
                 self._kept_cost += size + SEGMENT_COST
                 direction.position = at + size
@@ -261,7 +294,7 @@ class Conversations:
         for direction in (conversation.there, conversation.back):
             while direction.waiting:
                 self._leave_out(conversation.last_ns, direction, direction.waiting[0][0])
-            left = _distance(direction.acked, direction.next)
+            left = distance(direction.acked, direction.next)
             if direction.has_base and left > 1:
                 self._leave_out(conversation.last_ns, direction, direction.position + left)
 
@@ -275,7 +308,7 @@ class Conversations:
             self._close(each)
         gone = set(over)
         pieces = [d.kept for each in over for d in (each.there, each.back) if d.kept is not None]
-        self._kept_cost -= sum(len(data) + SEGMENT_COST for kept in pieces for _, data in kept)
+        self._kept_cost -= sum(len(data) + SEGMENT_COST for kept in pieces for _, data, _, _ in kept)
         dropped = {id(kept) for kept in pieces}
         self._kept = deque([kept for kept in self._kept if id(kept) not in dropped])
         self.all = [each for each in self.all if each not in gone]
@@ -349,9 +382,14 @@ class Conversations:
         direction = direction or self._open(packet, link_type, key, found, "tcp")
         if direction is None:
             return
-        ns, size = packet.ns, max(end - begin, 0)
+        ns, size, number = packet.ns, max(end - begin, 0), ip_number(link_type, packet.data)
+        direction.conversation.is_cut |= packet.length > len(packet.data)
+        if self._is_copy(ns, number, (key, number, seq, ack, flags, size), direction):
+            direction.copies += 1
+            return
         self._pass_time(ns, direction)
         if flags & _SYN:
+            direction.scale = _scale_of(packet.data[at + 20 : begin])
             self._synchronise(ns, direction, seq, flags)
             seq = (seq + 1) & _MASK
         elif flags & _ACK and not direction.conversation.is_established:
@@ -363,15 +401,36 @@ class Conversations:
             if self._is_detailed and not size and not flags & _FIN:
                 self._tell(ns, direction, EventKind.ACK, size=window)
             if self._is_detailed and size:
-                self._see_number(ns, direction, seq, ip_number(link_type, packet.data))
+                self._see_number(ns, direction, seq, number)
         if not flags & _RST:
-            self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
+            direction.window = window
+            ahead = distance(seq, direction.next) if direction.is_firm else 0
+            direction.has_jumped |= abs(ahead) >= MOST_JUMP
+            if ahead > -MOST_JUMP:  # else it is no copy of anything
+                self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
+            direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
             self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
         direction.told_ack = ack
         for one in (direction, direction.other):
             one.is_steady = one.is_usual()
+
+    def _is_copy(self, ns: int, number: int, packet: SegmentHead, direction: WireDirection) -> bool:
+        """Return whether a packet came already, as a mirror port shows it twice; keep it."""
+        before = self._recent.get(packet, self._before.get(packet))
+        soon = COPY_NS if number else UNNUMBERED_NS
+        if before is not None and 0 <= ns - before <= soon:
+            return True
+        if len(self._recent) == MOST_RECENT:
+            self._recent, self._before = {}, self._recent
+        self._recent[packet] = ns
+        seq, size = packet[2], packet[5]
+        at = direction.position + distance(seq, direction.next) + direction.has_fin
+        for begin, data, then, of in islice(reversed(direction.kept or ()), MOST_COMPARED) if size else ():
+            if begin <= at or ns - then > soon:
+                return begin == at and len(data) == size and of == number and 0 <= ns - then <= soon
+        return False
 
     def _take_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
         self.not_read[NotRead.FRAGMENT] += 1
@@ -436,6 +495,7 @@ class Conversations:
         silence = ns - conversation.last_ns
         if silence > SILENCE_NS:
             self._tell(ns, direction, EventKind.SILENCE, size=silence)
+        conversation.goes_back |= silence < -BACK_NS
         conversation.last_ns = max(ns, conversation.last_ns)
 
     def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
@@ -445,6 +505,8 @@ class Conversations:
         direction.position += len(data)
         self._tell(ns, direction, EventKind.BYTES, at, size, data)
         if size > len(data):
+            direction.conversation.is_cut = True
+            direction.cut += size - len(data)
             self._leave_out(ns, direction, direction.position + size - len(data))
 
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
@@ -467,7 +529,7 @@ class Conversations:
 
     def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
         """Tell a segment that fills a hole, and left its host after the one that shows the hole."""
-        if _distance(seq, direction.next) > 0:
+        if distance(seq, direction.next) > 0:
             direction.early_number = number
             return
         fills = seq == direction.next and direction.waiting and number and direction.early_number
@@ -483,9 +545,13 @@ class Conversations:
         if said.was_probed and not size and ack == said.next:
             said.was_probed = False
             self._tell(ns, said.other, EventKind.KEEP_ALIVE_ACK)
-        if _distance(ack, said.acked) > 0:
+        if distance(ack, said.acked) > 0:
             said.acked = ack
-            beyond = _distance(ack, said.next)
+            if said.segments:
+                said.is_heard = True
+            beyond = distance(ack, said.next)
+            if beyond >= MOST_JUMP:
+                said.has_jumped = True
             if said.probe and beyond == 1:
                 probe, said.probe = said.probe, b""
                 self._deliver(ns, said, probe)  # the window was closed, the byte got in
@@ -493,7 +559,7 @@ class Conversations:
                 said.waiting_since = None
             elif said.waiting_since is None:
                 said.waiting_since = ns
-        if not said.is_firm and not said.bytes and _distance(ack, said.next) > 0:
+        if not said.is_firm and not said.bytes and distance(ack, said.next) > 0:
             said.next = ack
 
     def _segment(
@@ -505,12 +571,12 @@ class Conversations:
             direction.has_base = True
             direction.waiting_since = None
         direction.is_firm = direction.is_firm or size > 0
-        ahead = _distance(seq, direction.next)
+        ahead = distance(seq, direction.next)
         if (
             ahead == -1
             and size <= 1
             and not flags & (_FIN | _SYN)
-            and _distance(direction.acked, direction.next) >= 0
+            and distance(direction.acked, direction.next) >= 0
         ):
             direction.was_probed = True
             self._tell(ns, direction, EventKind.KEEP_ALIVE)
@@ -519,17 +585,22 @@ class Conversations:
             direction.probe = payload
             self._tell(ns, direction, EventKind.WINDOW_PROBE, direction.position, 1)
             return
-        at = direction.position + ahead
+        at = direction.position + ahead + direction.has_fin  # a FIN has a number, and is no byte
         if flags & _FIN and direction.fin is None:
             direction.fin = at + size
         if size:
             direction.segments += 1
+            direction.largest = max(direction.largest, size)
+            if direction.other.scale is not None and size > 1:  # 1: a probe of a closed window
+                fly = (seq + size - direction.acked) & _MASK
+                direction.has_overrun |= direction.other.window << direction.other.scale < fly < MOST_JUMP
             direction.probe = b""
             if direction.fin is not None and at + size > direction.fin:
                 size = max(direction.fin - at, 0)
                 payload = payload[:size]
             self._place(ns, direction, at, payload)
             if size > len(payload) and at + size > direction.position:  # cut by the capture's own limit
+                direction.cut += size - len(payload)
                 self._leave_out(ns, direction, at + size)
         since = direction.waiting_since
         if since is not None and ns - since > PATIENCE_NS:
@@ -608,7 +679,7 @@ class Conversations:
     def _give_up(self, ns: int, direction: WireDirection) -> None:
         """Call what the other end has, and nobody has seen, missing."""
         direction.waiting_since = None
-        left = _distance(direction.acked, direction.next)
+        left = distance(direction.acked, direction.next)
         if direction.waiting and left > 0:
             self._leave_out(ns, direction, min(direction.waiting[0][0], direction.position + left))
         elif left > 1:
@@ -624,14 +695,14 @@ class Conversations:
         self._drain(ns, direction)
         self._end(ns, direction)
 
-    def _deliver(self, ns: int, direction: WireDirection, data: bytes) -> None:
+    def _deliver(self, ns: int, direction: WireDirection, data: bytes, number: int = 0) -> None:
         at, size = direction.position, len(data)
         direction.position = at + size
         direction.next = (direction.next + size) & _MASK
         kept = direction.kept
         if kept is None:
             kept = direction.kept = deque()
-        kept.append((at, data))
+        kept.append((at, data, ns, number))
         self._kept.append(kept)
         self._kept_cost += size + SEGMENT_COST
         most = MOST_KEPT if self._kept_cost <= MOST_KEPT else MOST_KEPT * 3 // 4
@@ -643,7 +714,7 @@ class Conversations:
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Compare a second copy with what was delivered, as far as that is kept."""
         first = bytearray(data)
-        for begin, kept in islice(reversed(direction.kept or ()), MOST_COMPARED):
+        for begin, kept, _, _ in islice(reversed(direction.kept or ()), MOST_COMPARED):
             if begin + len(kept) <= at:
                 break
             low, high = max(begin, at), min(begin + len(kept), at + len(data))
@@ -670,7 +741,17 @@ class Conversations:
             self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
 
 
-def _distance(one: int, other: int) -> int:
+def distance(one: int, other: int) -> int:
     """Return how far a sequence number stands after another; negative: before it."""
     far = (one - other) & _MASK
     return far - (_MASK + 1) if far & _HALF else far
+
+
+def _scale_of(options: bytes) -> int:
+    """Return by how many bits the options of a SYN move its sender's windows."""
+    at = 0
+    while at + 2 < len(options) and options[at]:
+        if options[at] == 3:
+            return options[at + 2] & 15
+        at += 1 if options[at] == 1 else max(options[at + 1], 2)
+    return 0

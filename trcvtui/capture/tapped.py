@@ -96,7 +96,7 @@ class TapPackets:
         if kind == TapEventKind.BYTES:
             yield from self._data(talk, event)
         elif kind == TapEventKind.OURS:
-            talk.remarks[way].append(f"trcvtui: {event.data.decode(errors='replace')}")
+            talk.remarks[way].append(f"{pcap.OURS}{event.data.decode(errors='replace')}")
         elif kind == TapEventKind.STANDS and talk.kind == "tcp":
             talk.stands = True
             yield self._segment(talk, BACK, ns, SYN | ACK)
@@ -138,7 +138,7 @@ class TapPackets:
         """Forget who is gone; say with the next packets of the others that some are not here."""
         count, size = LOSS.unpack_from(event.data)
         alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
-        text = f"trcvtui: {size} bytes before this are not in the recording ({count} events)"
+        text = f"{pcap.OURS}{size} bytes before this are not in the recording ({count} events)"
         for number, talk in tuple(self._talks.items()):
             if number not in alive:
                 yield from self._over(number, event.ns)

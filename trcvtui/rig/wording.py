@@ -67,6 +67,14 @@ def age(ns: int) -> str:
     return f"{int(seconds / 3600)} h"
 
 
+def duration(ns: int) -> str:
+    """Return how long something took: `0.35 ms`, `12 ms`, `4.2 s`, `3 min 5 s`, `2 h 5 min`."""
+    if ns < 60 * SECOND:
+        return f"{ns / 1e6:.3g} ms" if ns < SECOND else f"{ns / SECOND:.3g} s"
+    minutes, seconds = divmod(ns // SECOND, 60)
+    return f"{minutes} min {seconds} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
 def count(number: int, one: str, many: str = "") -> str:
     """Return `1 byte`, `2 bytes`."""
     return f"{number} {one if number == 1 else many or one + 's'}"

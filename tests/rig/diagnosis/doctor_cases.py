@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from tests.capture.wire import ACK, FIN, PSH, RST, SYN, tcp, udp
 from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
-from trcvtui.rig.diagnosis.frame_causes import Receiver
+from trcvtui.rig.diagnosis.receiver import Receiver
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
 from trcvtui.udt.sources.st import read_st
@@ -414,7 +414,8 @@ def resets(r: random.Random, b: Built) -> None:
     size = size_of(r)
     w, t = Wire(r, b, begin(r)).open(), Telegrams(r, size)
     talk(r, w, t, r.randrange(3, 40), period(r))
-    is_mid_frame = r.random() < 0.7
+    b.receiver = r.choice((None, static(size)))
+    is_mid_frame = b.receiver is None or r.random() < 0.7  # else nothing is on its way
     if is_mid_frame:
         w.say("partner", t.next()[: r.randrange(1, size)])
     w.wait(r.randrange(1 * MS, 300 * MS) + w.delayed)
@@ -422,7 +423,6 @@ def resets(r: random.Random, b: Built) -> None:
     if r.random() < 0.4 or not is_mid_frame:
         v = Wire(r, b, w.now + r.randrange(S, 8 * S)).open()
         talk(r, v, t, r.randrange(3, 20), period(r))
-    b.receiver = r.choice((None, static(size)))
 
 
 def closes_each_message(r: random.Random, b: Built) -> None:
@@ -536,7 +536,7 @@ def flood(r: random.Random, b: Built) -> None:
         room = r.randrange(full // 3, full)
         w.put("plc", window=room)
         w.wait(w.rtt)
-    b.receiver = r.choice((None, static(size)))
+    b.receiver = static(size)
 
 
 def second_client(r: random.Random, b: Built) -> None:
@@ -612,7 +612,7 @@ def loss(r: random.Random, b: Built) -> None:
         w.wait(jitter(r, 60 * MS) + w.delayed)
 
 
-def loss_in_the_capture(r: random.Random, b: Built) -> None:
+def healthy_but_in_the_capture(r: random.Random, b: Built) -> None:
     w, t = Wire(r, b, begin(r)).open(), Telegrams(r, size_of(r, 1400))
     holes = set(r.sample(range(4, 50), r.randrange(2, 12)))
     for k in range(60):
@@ -758,7 +758,7 @@ def merged(r: random.Random, b: Built) -> None:
         n = r.randrange(2, 5) if r.random() < often or k in (4, 6, 8, 10) else 1
         w.say("partner", b"".join(t.next() for _ in range(n)))
         w.wait(jitter(r, every))
-    b.receiver = r.choice((None, static(size * 5, adhoc=True)))
+    b.receiver = static(size * 5, adhoc=True)
 
 
 def shifted(r: random.Random, b: Built) -> None:
@@ -845,7 +845,7 @@ HEALTHY: tuple[Make, ...] = (
     healthy_several_in_a_message,
     healthy_stream, healthy_idle, healthy_two_clients, healthy_one_loss, healthy_short_full,
     healthy_new_connection, healthy_late_syn, healthy_cut, healthy_udp, healthy_members, healthy_iso,
-    healthy_tls,
+    healthy_tls, healthy_but_in_the_capture,
 )  # fmt: skip
 FAULTS: tuple[tuple[str, Make, tuple[str, ...]], ...] = (
     ("refused", refused, ("", "plc")), ("filtered", filtered, ("",)), ("resets", resets, ("",)),
@@ -853,7 +853,7 @@ FAULTS: tuple[tuple[str, Make, tuple[str, ...]], ...] = (
     ("dead-link", dead_link, ("",)), ("no-keep-alive", no_keep_alive, ("",)),
     ("plc-not-reading", plc_not_reading, ("",)), ("partner-not-reading", partner_not_reading, ("",)),
     ("flood", flood, ("",)), ("second-client", second_client, ("refused", "filtered", "reset")),
-    ("slow-ack", slow_ack, ("",)), ("loss", loss, ("",)), ("loss", loss_in_the_capture, ("",)),
+    ("slow-ack", slow_ack, ("",)), ("loss", loss, ("",)),
     ("tls-refused", tls_refused, ("",)), ("wrong-tsap", wrong_tsap, ("",)), ("address", address, ("",)),
     ("frame-short", frame_short, ("",)), ("frame-long", frame_long, ("",)),
     ("adhoc-missing", adhoc_missing, ("",)), ("adhoc-splits", adhoc_splits, ("",)), ("merged", merged, ("",)),

@@ -25,7 +25,7 @@ from trcvtui.capture.pcap import RTAC_SERIAL, interface_block, packet_block, sec
 from trcvtui.cli import main
 from trcvtui.rig.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.rig.diagnosis.doctor import doctor as run_doctor
-from trcvtui.rig.diagnosis.frame_causes import Receiver
+from trcvtui.rig.diagnosis.receiver import Receiver
 
 ROOT = Path(__file__).parents[3]
 
@@ -68,10 +68,16 @@ def written(cause: str, folder: Path) -> Path:
 def test_the_json_of_a_finding_is_the_contract(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", str(written("refused", tmp_path)), "--format", "json"]) == 1
     (one, *_) = json.loads(capsys.readouterr().out)
-    assert set(one) == {"file", "conversation", "healthy", "findings"}
+    assert set(one) == {
+        *("file", "conversation", "healthy", "findings"),
+        *("quality", "remarks", "not_judged"),
+    }
     assert set(one["conversation"]) == {"plc", "partner", "protocol"}
     (finding, *_) = one["findings"]
-    assert set(finding) == {"cause", "confidence", "t_s", "where", "evidence", "mend"}
+    assert set(finding) == {
+        *("cause", "confidence", "t_s", "where", "evidence", "mend"),
+        *("title", "status", "packets", "filter"),
+    }
     assert set(finding["where"]) == {"direction", "byte", "packet", "scan", "instance"}
     assert finding["cause"] == "refused" and finding["where"]["packet"] == 2
     assert set(finding["mend"][0]) == {"text", "command", "set"}
@@ -99,7 +105,7 @@ def test_what_is_no_capture_is_2_and_does_not_hide_the_others(
     assert json.loads(told.out) == [] and "bad.pcapng" in told.err
     assert main(["doctor", str(bad), str(written("refused", tmp_path))]) == 1
     told = capsys.readouterr()
-    assert "refused (97% sure)" in told.out and "1 capture" in told.err
+    assert "refused (95% sure)" in told.out and "1 capture" in told.err
 
 
 def test_a_plc_end_that_is_not_there_is_told_with_those_that_are(

@@ -9,7 +9,7 @@ import pytest
 from tests.rig.diagnosis.doctor_cases import FAULTS, built
 from tests.rig.diagnosis.test_doctor import found_in
 from trcvtui.records import replace
-from trcvtui.rig.diagnosis.frame_causes import Receiver
+from trcvtui.rig.diagnosis.receiver import Receiver
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
 

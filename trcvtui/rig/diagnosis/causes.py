@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from bisect import bisect
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from trcvtui.capture.quality import Quality
+from trcvtui.capture.reassembly import MOST_JUMP
 from trcvtui.records import NamedTuple
-from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, Receiver
+from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, FrameRule
 from trcvtui.rig.diagnosis.line_facts import (
     ClosedWindow,
     DirectionFacts,
@@ -24,9 +26,10 @@ from trcvtui.rig.diagnosis.line_facts import (
     Reads,
     SaidBytes,
 )
-from trcvtui.rig.diagnosis.sayings import Mend, Said
+from trcvtui.rig.diagnosis.receiver import Receiver
 from trcvtui.rig.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
-from trcvtui.rig.wording import count, times
+from trcvtui.rig.diagnosis.sign import Mend, Sign
+from trcvtui.rig.wording import count, duration, times
 
 SECOND: Final = 1_000_000_000
 UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
@@ -37,6 +40,10 @@ RELEASED_NS: Final = 1_500_000  # after the ACK that it waited for, a write leav
 NEAR_NS: Final = 30_000_000
 SHORT_LIFE_NS: Final = 30 * SECOND
 STORM: Final = 4  # connections
+NEW_NS: Final = 10 * SECOND  # in which the same ends build a new connection
+TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
+SURE: Final = 0.95  # a fact of the protocol, or a remedy that was tried
+UNTRIED: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
 
 
@@ -48,8 +55,8 @@ class EndsGroup:
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
-        """Return those that stood."""
-        return tuple([one for one in self.lines if one.is_built])
+        """Return those that stood, and whose begin is in the capture."""
+        return tuple([one for one in self.lines if one.is_built and one.has_begin])
 
     @cached_property
     def ended(self) -> tuple[LineFacts, ...]:
@@ -62,11 +69,18 @@ class EndsGroup:
         return tuple([one for one in self.ended if _is_one_message(one)])
 
     @cached_property
-    def has_one_that_stands(self) -> bool:
-        """Return whether most were ended while the same other one stood."""
-        longest = max(self.built, key=lambda one: one.lasted_ns)
-        beside = [one for one in self.ended if longest.first_ns < one.first_ns < longest.last_ns]
-        return len(beside) * 2 > len(self.ended)
+    def in_turn(self) -> tuple[LineFacts, ...]:
+        """Return those that were built and lost in turn; the others are parallel to one of them."""
+        found: list[LineFacts] = []
+        for one in self.built:
+            if not found or found[-1].last_ns <= one.first_ns:
+                found.append(one)
+        return tuple(found)
+
+    @cached_property
+    def ordinary(self) -> int:
+        """Return how many the caller itself ended: both had sent bytes, nothing was on its way to it."""
+        return sum(1 for one in self.ended if _is_ordinary(one))
 
     @cached_property
     def refusals(self) -> int:
@@ -103,18 +117,30 @@ class LineFinding(NamedTuple):
 
     cause: str
     confidence: float
-    said: Said
+    said: Sign
     mend: tuple[Mend, ...]
+
+
+class LineVerdict(NamedTuple):
+    """What is found, the surest first; what is worth knowing; what the capture cannot show, and why."""
+
+    findings: tuple[LineFinding, ...]
+    remarks: tuple[LineFinding, ...]
+    not_judged: tuple[tuple[str, Quality], ...]
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may."""
+    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
+
+    `blind`: what a capture may lack so that the row cannot judge.
+    """
 
     cause: str
-    judge: Callable[[LineCase], Said | None]
+    judge: Callable[[LineCase], Sign | None]
     mend: tuple[Mend, ...]
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
+    blind: tuple[Quality, ...] = ()
 
 
 # -- building a connection -----------------------------------------------------------------------------------
@@ -128,19 +154,23 @@ def _is_tcp(case: LineCase) -> bool:
     return case.line.protocol == "tcp"
 
 
-def _refused(case: LineCase) -> Said | None:
+def _refused(case: LineCase) -> Sign | None:
     line = case.line
     reset = line.listener.reset
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not _syns(line):
         return None
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nobody listens on port {_listener_end(line)[1]}"
-    return Said(
-        0.97, (text, f"{times(case.group.refusals)} in this capture"), way=_from_listener(line), at=reset
+    return Sign(
+        0.97,
+        (text, f"{times(case.group.refusals)} in this capture"),
+        way=_from_listener(line),
+        at=reset,
+        is_fact=True,
     )
 
 
-def _filtered(case: LineCase) -> Said | None:
+def _filtered(case: LineCase) -> Sign | None:
     line, syns = case.line, _syns(case.line)
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
         return None
@@ -149,14 +179,14 @@ def _filtered(case: LineCase) -> Said | None:
     waited = case.last_ns - syns[0].ns
     if waited < SECOND or (len(syns) < 2 and waited < UNANSWERED_NS):
         return None
-    text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {_s(waited)}"
+    text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
-        return Said(0.6, (text, "a connection between the same ends died before it"), way=_to_listener(line))
-    return Said(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
+        return Sign(0.6, (text, "a connection between the same ends died before it"), way=_to_listener(line))
+    return Sign(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
 
 
-def _second_client(case: LineCase) -> Said | None:
+def _second_client(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin or line.plc_calls:
         return None
@@ -164,13 +194,13 @@ def _second_client(case: LineCase) -> Said | None:
     if not older:
         return None
     first = older[0]
-    since = f"the PLC end serves {first.partner} since {_s(line.first_ns - first.first_ns)} before"
+    since = f"the PLC end serves {first.partner} since {duration(line.first_ns - first.first_ns)} before"
     if not line.is_built:
         reset = line.listener.reset
         if reset is not None:
-            return Said(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
+            return Sign(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
         if _filtered(case) is not None:
-            return Said(0.85, (since, f"{count(len(_syns(line)), 'SYN')} without an answer"), way="to-plc")
+            return Sign(0.85, (since, f"{count(len(_syns(line)), 'SYN')} without an answer"), way="to-plc")
         return None
     ended = line.end
     if ended is not None and ended.by_plc and not line.from_plc.segments:
@@ -178,39 +208,39 @@ def _second_client(case: LineCase) -> Said | None:
         at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
-            text = f"{word} from the PLC end after {_s(ended.ns - begun)}, it had said nothing"
-            return Said(0.93, (since, text), way="from-plc", at=SaidBytes(ended.ns, 0, 0, ended.packet))
+            text = f"{word} from the PLC end after {duration(ended.ns - begun)}, it had said nothing"
+            return Sign(0.93, (since, text), way="from-plc", at=SaidBytes(ended.ns, 0, 0, ended.packet))
     said = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
-        text = f"it stands, and nobody says a byte in {_s(still)}"
-        return Said(0.75 if ended is None else 0.6, (since, text), way="to-plc")
+        text = f"it stands, and nobody says a byte in {duration(still)}"
+        return Sign(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
-        text = f"{count(said, 'segment')} of this client in {_s(line.lasted_ns)}, and no answer"
-        return Said(0.7, (since, text), way="to-plc")
+        text = f"{count(said, 'segment')} of this client in {duration(line.lasted_ns)}, and no answer"
+        return Sign(0.7, (since, text), way="to-plc")
     return None
 
 
-def _address(case: LineCase) -> Said | None:
+def _address(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
     if not line.is_built and case.reverse.lines and not (case.group.built or case.reverse.built):
         texts = ("both ends call each other, and nobody listens: both are active",)
-        return Said(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
+        return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
     receiver = case.receiver
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
     if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
         is_said = "active" if receiver.active else "passive"
         who = "the PLC end" if line.plc_calls else "the partner"
         text = f"{receiver.connect} is {is_said} in the project, and {who} calls"
-        return Said(0.85, (text,), instance=receiver.instance)
+        return Sign(0.85, (text,), instance=receiver.instance)
     if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
         ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
         if ports and line.plc_end[1] not in ports and _refused(case) is not None:
             text = f"the partner calls port {line.plc_end[1]}, the project listens on {ports[0]}"
-            return Said(0.98, (text,), way="to-plc")
+            return Sign(0.98, (text,), way="to-plc")
     return None
 
 
@@ -236,7 +266,7 @@ def _is_short(writes: Sequence[SaidBytes]) -> bool:
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
-def _closes(case: LineCase) -> Said | None:
+def _closes(case: LineCase) -> Sign | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
     ended, alike, stood = case.group.ended, case.group.one_message, len(case.group.built)
@@ -246,17 +276,23 @@ def _closes(case: LineCase) -> Said | None:
     end = alike[0].end
     texts = (f"the partner ended {len(alike)} of {count(stood, 'connection')} after one message",)
     at = SaidBytes(end.ns, 0, 0, end.packet) if end is not None else None
-    return Said(sure, texts, way="to-plc", at=at)
+    return Sign(sure, texts, way="to-plc", at=at)
 
 
-def _storm(case: LineCase) -> Said | None:
+def _is_ordinary(line: LineFacts) -> bool:
+    end = line.end
+    is_caller = end is not None and end.by_plc == bool(line.plc_calls)
+    return is_caller and bool(line.to_plc.bytes and line.from_plc.bytes) and not line.listener.unacked
+
+
+def _storm(case: LineCase) -> Sign | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
-    built, ended = case.group.built, case.group.ended
-    if len(built) < STORM or len(ended) < len(built) - 1 or _closes(case) is not None:
+    built, ended = case.group.in_turn, case.group.ended
+    if len(built) < STORM or len(ended) < len(case.group.built) - 1 or _closes(case) is not None:
         return None
-    if case.group.has_one_that_stands:
-        return None  # what is lost beside it are further clients
+    if case.receiver is None and case.group.ordinary * 2 >= len(ended):
+        return None  # short sessions that their caller ended
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
     if life > most or period > 2 * most:
@@ -264,30 +300,68 @@ def _storm(case: LineCase) -> Said | None:
     by_plc, resets = case.group.by_plc_and_resets
     who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
-        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {_s(period)}",
-        f"{who}; {resets} by RST; each stood {_s(life)}",
+        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
+        f"{who}; {resets} by RST; each stood {duration(life)}",
     )
-    return Said(0.95 if len(built) > 5 else 0.88, texts, at=SaidBytes(built[0].first_ns, 0, 0, 0))
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=SaidBytes(built[0].first_ns, 0, 0, 0))
 
 
-def _resets(case: LineCase) -> Said | None:
+def _resets(case: LineCase) -> Sign | None:
     line, end = case.line, case.line.end
-    if end is None or end.kind != "rst" or not line.is_built or not _is_tcp(case):
+    if end is None or not end.is_reset or not line.is_built or not _is_tcp(case):
         return None
-    said = line.to_plc.bytes + line.from_plc.bytes
-    who = "the PLC end" if end.by_plc else "the partner"
+    who, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
+    lost = line.to_plc if end.by_plc else line.from_plc
+    size = line.to_plc.bytes + line.from_plc.bytes
+    text = f"RST from {who} at {line.seconds(end.ns):.3f} s, after {count(size, 'byte')}"
+    way = "from-plc" if end.by_plc else "to-plc"
+    at = SaidBytes(end.ns, line.to_plc.bytes, 0, end.packet)
+
+    def said(confidence: float, *texts: str, is_remark: bool = False) -> Sign:
+        return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
+
+    later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
+    if end.is_ours or (end.by_plc and line.connect is not None):
+        return said(0.0, "it was asked for here", is_remark=True)
+    part = _part_of_job(line, case.receiver) or _part_of_message(line)
+    if part:
+        return said(0.96, part)
+    if Quality.NO_LIFE in line.qualities:
+        is_new = any(0 <= ns - end.ns < NEW_NS for ns in later)
+        if case.receiver is None or is_new:
+            return said(0.0, "the answer to an old connection", is_remark=True)
+    if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
+        return said(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
+    sizes = [one.size for one in line.messages]
+    is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
+    if case.receiver is None or (is_even and not later):
+        return said(0.0, "ends by RST, with nothing on its way", is_remark=True)
+    return said(0.85 if size else 0.6, "the receiver's CONNECT is meant to stand")
+
+
+def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
+    """Return that the stream ends inside a job, "" where it does not, or that is not known."""
+    said = line.to_plc
+    if receiver is None or not line.has_begin or said.missing:
+        return ""
+    if receiver.is_whole:
+        at, content = 0, said.content
+        while at + 4 <= len(content) and content[at] == TPKT:
+            at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
+        return "in mid unit of ISO-on-TCP" if len(content) == said.bytes and at != len(content) else ""
+    part = said.bytes % receiver.need if receiver.need and not receiver.adhoc else 0
+    return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
+
+
+def _part_of_message(line: LineFacts) -> str:
+    """Return that three messages had one size, and the last one, no unit of ISO-on-TCP, is shorter."""
     sizes = [one.size for one in line.messages]
     usual = max(set(sizes), key=sizes.count) if sizes else 0
-    texts = [f"RST from {who} at {line.seconds(end.ns):.3f} s, after {said} bytes"]
-    sure = 0.85 if said else 0.6
-    is_even = len(sizes) > 2 and sizes.count(usual) * 5 >= 4 * len(sizes) and sizes[-1] == usual
-    if is_even and not any(one.first_ns > line.first_ns for one in case.group.lines[-MOST_AROUND:]):
-        return None  # between two frames, and nobody came back: an end without a FIN
-    if len(sizes) > 2 and sizes[-1] < usual and sizes.count(usual) * 2 > len(sizes):
-        texts.append(f"in mid frame: {sizes[-1]} of {usual} bytes had come")
-        sure = 0.93
-    way = "from-plc" if end.by_plc else "to-plc"
-    return Said(sure, tuple(texts), way=way, at=SaidBytes(end.ns, line.to_plc.bytes, 0, end.packet))
+    if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
+        return ""
+    last = line.to_plc.content[line.messages[-1].at :][:4]
+    is_unit = last[:1] == bytes([TPKT]) and int.from_bytes(last[2:4], "big") == sizes[-1]
+    return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had come"
 
 
 # -- silence -------------------------------------------------------------------------------------------------
@@ -315,7 +389,7 @@ def _said_before(said: DirectionFacts, ns: int) -> int:
     return before[-1] if before else ns
 
 
-def _dead_link(case: LineCase) -> Said | None:
+def _dead_link(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built:
         return None
@@ -324,23 +398,23 @@ def _dead_link(case: LineCase) -> Said | None:
         said, copies, since, size, back = found
         who = "the PLC end" if said is line.from_plc else "the partner"
         other = "the partner" if said is line.from_plc else "the PLC end"
-        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {_s(size)}"]
+        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SaidBytes(since, 0, 0, 0)
         way = "from-plc" if said is line.from_plc else "to-plc"
-        return Said(sure, tuple(texts), way=way, at=at) if sure else None
+        return Sign(sure, tuple(texts), way=way, at=at) if sure else None
     for said in (line.from_plc, line.to_plc):
         lacking = said.keep_alives - said.keep_alives_answered
         if line.is_wire and lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
             who = "the PLC end" if said is line.from_plc else "the partner"
             way = "from-plc" if said is line.from_plc else "to-plc"
-            return Said(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
+            return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
     return None
 
 
-def _no_keep_alive(case: LineCase) -> Said | None:
+def _no_keep_alive(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built or not line.is_wire:
         return None
@@ -351,28 +425,28 @@ def _no_keep_alive(case: LineCase) -> Said | None:
     for idle in line.idles:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
             continue  # it was idle, and not waiting for an answer
-        texts = [f"{_s(idle.size_ns)} without a packet, no keep-alive probe"]
+        texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
         at = SaidBytes(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         if end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS:
             texts.append("then RST: one end had forgotten the connection")
-            return Said(0.93, tuple(texts), at=at)
+            return Sign(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
             texts.append("then bytes that nobody acknowledged")
-            return Said(0.93, tuple(texts), at=at)
+            return Sign(0.93, tuple(texts), at=at)
     if end is None:
         lines = case.group.lines
         after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
         size = after.first_ns - line.last_ns if after is not None else 0
         if size >= IDLE_NS and dead is None:
             texts = [
-                f"{_s(size)} without a packet, no keep-alive probe",
+                f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
-            return Said(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
+            return Sign(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
     return _left_behind(case)
 
 
-def _left_behind(case: LineCase) -> Said | None:
+def _left_behind(case: LineCase) -> Sign | None:
     """Return that a silent connection got no answer any more where a new one stood already."""
     line = case.line
     for idle in line.idles:
@@ -383,10 +457,10 @@ def _left_behind(case: LineCase) -> Said | None:
         ]
         if new and heard < 2:
             texts = (
-                f"{_s(new[0].first_ns - since)} without a packet, no keep-alive probe",
+                f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
             )
-            return Said(0.85, texts, at=SaidBytes(since, 0, 0, idle.packet))
+            return Sign(0.85, texts, at=SaidBytes(since, 0, 0, idle.packet))
     return None
 
 
@@ -402,7 +476,7 @@ def _closed(line: LineFacts, said: DirectionFacts, last_ns: int) -> tuple[int, i
     return len(said.closed), longest, said.closed[0]
 
 
-def _not_reading(case: LineCase, by_plc: bool) -> Said | None:
+def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
     line = case.line
     said = line.from_plc if by_plc else line.to_plc
     found = _closed(line, said, case.last_ns)
@@ -414,13 +488,13 @@ def _not_reading(case: LineCase, by_plc: bool) -> Said | None:
     if by_plc and often > 1 and said.closed[0].until_ns is not None and _too_fast(case):
         return None  # it reads, and too slowly
     who = "the PLC end" if by_plc else "the partner"
-    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {_s(longest)}",)
+    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {duration(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
-    return Said(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet))
+    return Sign(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet))
 
 
-def _flood(case: LineCase) -> Said | None:
+def _flood(case: LineCase) -> Sign | None:
     line, said = case.line, case.line.from_plc
     found = _closed(line, said, case.last_ns)
     rate = _too_fast(case)
@@ -430,14 +504,14 @@ def _flood(case: LineCase) -> Said | None:
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
             at = SaidBytes(first.ns, 0, 0, first.packet)
-            return Said(0.9, (*texts, *rate), way="to-plc", at=at)
+            return Sign(0.9, (*texts, *rate), way="to-plc", at=at)
     low, high = said.lowest_window, said.highest_window
     if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:
         falls = said.last_window * 3 < high or rate
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
-            return Said(0.8, (text, *rate), way="to-plc")
-    return Said(0.8, rate, way="to-plc") if rate else None
+            return Sign(0.8, (text, *rate), way="to-plc")
+    return Sign(0.8, rate, way="to-plc") if rate else None
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
@@ -457,7 +531,7 @@ def _too_fast(case: LineCase) -> tuple[str, ...]:
     return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
 
 
-def _slow_ack(case: LineCase) -> Said | None:
+def _slow_ack(case: LineCase) -> Sign | None:
     line = case.line
     if not line.is_wire:
         return None
@@ -476,7 +550,7 @@ def _slow_ack(case: LineCase) -> Said | None:
             f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
             "and the next one left with it",
         )
-        return Said(0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write)
+        return Sign(0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write)
     return None
 
 
@@ -492,38 +566,47 @@ def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[Late
     return len(others) > 2 and 0.75 * usual <= median(others) <= 1.33 * usual
 
 
-def _loss(case: LineCase) -> Said | None:
+def _loss(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case):
         return None
-    best: Said | None = None
+    best: Sign | None = None
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = said.resent + said.late
-        if odd and odd * 200 >= said.segments and (odd >= 3 or odd * 12 >= said.segments):
-            share = odd / max(said.segments + said.resent, 1)
-            texts = [f"{said.resent} segments sent again, {said.late} came late, of {said.segments}"]
-            if said.missing:
-                texts.append(f"{said.missing} bytes are missing in the capture")
-            at = said.first_of("resent") or said.first_of("early")
+        share = odd / max(said.segments + said.resent, 1)
+        is_often = odd >= 3 and odd * 100 >= said.segments
+        is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
+        text = f"{said.resent} segments sent again, {said.late} came late, of {said.segments}: {share:.1%}"
+        at = said.first_of("resent") or said.first_of("early")
+        if is_often or is_long:
+            waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
-            found = Said(sure, (*texts, f"{share:.1%}"), way=way, at=at)
-        elif said.missing and not said.resent:
-            at = said.first_of("missing")
-            text = (
-                f"{said.missing} bytes are missing in the capture only: their ACK is there, no copy of them"
-            )
-            found = Said(0.75, (text,), way=way, at=at)
+            found = Sign(sure, (text, *([waited] if said.longest_wait_ns else [])), way=way, at=at)
+        elif said.spurious >= 3 and said.spurious * 20 > said.segments:
+            lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
+            found = Sign(0.7, (lost,), way=way, at=at)
+        elif odd:
+            found = Sign(0.0, (text,), way=way, at=at, is_remark=True)
         else:
             continue
         best = found if best is None or found.confidence > best.confidence else best
     return best
 
 
+def _incomplete(case: LineCase) -> Sign | None:
+    """Remark that bytes which were acknowledged are not in the capture."""
+    if Quality.GAPS not in case.line.qualities:
+        return None
+    texts, at = [], None
+    for said, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
+        size = f"{said.missing} bytes" if said.missing < MOST_JUMP else "more bytes than a window has"
+        texts += [f"{size} {way} are missing in the capture only"] if said.missing else []
+        at = at or said.first_of("missing")
+    texts = texts or ["its sequence numbers jump further than any window"]
+    return Sign(0.0, tuple(texts), at=at, is_remark=True)
+
+
 # -- the rows ------------------------------------------------------------------------------------------------
-
-
-def _s(ns: int) -> str:
-    return f"{ns / 1e9:.3g} s"
 
 
 def _listener_end(line: LineFacts) -> tuple[bytes, int]:
@@ -545,10 +628,26 @@ def _lives_at(line: LineFacts, ns: int) -> bool:
     return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
 
 
-def _of(judge: Callable[[LineFacts, Receiver | None], Said | None]) -> Callable[[LineCase], Said | None]:
+def _of(
+    judge: Callable[[LineFacts, Receiver | None], Sign | None],
+) -> Callable[[LineCase], Sign | None]:
     return lambda case: judge(case.line, case.receiver)
 
 
+def _without_receiver(
+    judge: Callable[[LineCase], Sign | None],
+) -> Callable[[LineCase], Sign | None]:
+    """Return a judge whose finding is a remark where nobody knows what the PLC takes."""
+
+    def weaker(case: LineCase) -> Sign | None:
+        said = judge(case)
+        return said if said is None or case.receiver is not None else said._replace(is_remark=True)
+
+    return weaker
+
+
+_NO_TIMES: Final = (Quality.CLOCK,)
+_NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading", "no-keep-alive")
 RULES: Final = (
     CauseRule("address", _address, (Mend("let one end call and the other listen, on one port"),)),
@@ -569,6 +668,7 @@ RULES: Final = (
         _filtered,
         (Mend("look for a firewall, a wrong address, a cable: nothing comes back"),),
         ("address", "second-client"),
+        blind=_NO_TIMES,
     ),
     CauseRule(
         "wrong-tsap",
@@ -600,17 +700,20 @@ RULES: Final = (
         _storm,
         (Mend("find who ends the connections, and why, before the retry"),),
         ("wrong-tsap", "tls-refused", "second-client", "closes-each-message"),
+        blind=_NO_TIMES,
     ),
     CauseRule(
         "no-keep-alive",
         _no_keep_alive,
         (Mend("set KeepAliveTimeInterval below the time after which the way forgets an idle connection"),),
+        blind=_NO_WAY_BACK,
     ),
     CauseRule(
         "dead-link",
         _dead_link,
         (Mend("look at cable, switch and power of the end that is silent; keep-alive tells it sooner"),),
         ("no-keep-alive",),
+        blind=_NO_WAY_BACK,
     ),
     CauseRule(
         "resets",
@@ -631,24 +734,35 @@ RULES: Final = (
         "plc-not-reading",
         lambda case: _not_reading(case, True),
         (Mend("keep EN_R at 1, or call the block in each scan: nobody takes the bytes"),),
+        blind=_NO_TIMES,
     ),
     CauseRule(
         "partner-not-reading",
         lambda case: _not_reading(case, False),
         (Mend("let the partner read, or send less often"),),
+        blind=_NO_TIMES,
     ),
     CauseRule(
         "flood",
-        _flood,
+        _without_receiver(_flood),
         (Mend("let the partner send less often, call the block faster, or take several messages a job"),),
         weakened_by=("plc-not-reading",),
+        blind=_NO_TIMES,
     ),
     CauseRule(
         "slow-ack",
         _slow_ack,
         (Mend("send a message with one write, or set TCP_NODELAY at the end that waits"),),
+        blind=_NO_WAY_BACK,
     ),
-    CauseRule("loss", _loss, (Mend("look at cable, duplex, switch and radio of this way"),), LOSES),
+    CauseRule(
+        "loss",
+        _loss,
+        (Mend("look at cable, duplex, switch and radio of this way"),),
+        LOSES,
+        blind=(Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK),
+    ),
+    CauseRule("capture-incomplete", _incomplete, ()),
     *(
         CauseRule(row.cause, _of(row.judge), row.mend, row.silenced_by, row.weakened_by)
         for row in FRAME_JUDGES
@@ -656,20 +770,55 @@ RULES: Final = (
 )
 
 
-def findings_of(case: LineCase) -> tuple[LineFinding, ...]:
-    """Return what is found, the surest first."""
+def verdict_of(case: LineCase) -> LineVerdict:
+    """Return what is found, and what is worth knowing of one conversation."""
+    blind = [(rule.cause, each) for rule in RULES for each in rule.blind if each in case.line.qualities]
+    seen = {rule.cause: rule for rule in RULES if rule.cause not in dict(blind)}
+
+    def judge(receiver: Receiver | None) -> dict[str, Sign]:
+        told = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
+        return {cause: said for cause, said in told.items() if said is not None}
+
+    by_cause = judge(case.receiver)
+    remarks = [
+        LineFinding(cause, 0.0, by_cause.pop(cause), ())
+        for cause in tuple(by_cause)
+        if by_cause[cause].is_remark
+    ]
+    causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
+    return LineVerdict(
+        weighed(by_cause, RULES, judge),
+        tuple(remarks),
+        tuple((cause, dict(blind)[cause]) for cause in causes),
+    )
+
+
+def weighed(
+    by_cause: Mapping[str, Sign],
+    rules: Sequence[CauseRule | FrameRule],
+    judge: Callable[[Receiver], Mapping[str, Sign]],
+) -> tuple[LineFinding, ...]:
+    """Return the findings of what the rules say, the surest first.
+
+    What one offers is tried: `judge` says what would be found with another receiver. What leaves the cause
+    there, or brings another one, is not offered.
+    """
     found: list[LineFinding] = []
-    by_cause: dict[str, Said] = {}
-    for rule in RULES:
-        said = rule.judge(case)
-        if said is not None:
-            by_cause[rule.cause] = said
-    for rule in RULES:
+    for rule in rules:
         said = by_cause.get(rule.cause)
-        if said is not None and not any(cause in by_cause for cause in rule.silenced_by):
-            share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
-            found.append(LineFinding(rule.cause, said.confidence * share, said, said.mend or rule.mend))
-    return tuple(sorted(found, key=lambda one: -one.confidence))
+        if said is None or any(cause in by_cause for cause in rule.silenced_by):
+            continue
+        share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
+        if by_cause.get("resets", said).confidence > SURE and rule.cause in ("resets", "reconnect-storm"):
+            share = 1.0 if rule.cause == "resets" else 0.5  # what cuts a message comes before how often
+        mend, is_tried = said.mend, said.is_fact
+        if said.cured is not None:
+            after = {cause for cause, one in judge(said.cured).items() if not one.is_remark}
+            is_tried = rule.cause not in after <= by_cause.keys()
+            mend = mend if is_tried else ()
+        sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
+        found.append(LineFinding(rule.cause, sure, said, mend or rule.mend))
+    return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))
 
 
 def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:

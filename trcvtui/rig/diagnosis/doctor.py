@@ -8,15 +8,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import NotRead
 from trcvtui.capture.plc_end import KnownEnds, parse_plc
 from trcvtui.errors import UserError, one_line
 from trcvtui.records import NamedTuple
-from trcvtui.rig.diagnosis.causes import RULES, LineCase, LineFinding, cases_of, findings_of
-from trcvtui.rig.diagnosis.frame_causes import Receiver
+from trcvtui.rig.diagnosis.cause_words import CAUSES
+from trcvtui.rig.diagnosis.causes import RULES, LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.rig.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
-from trcvtui.rig.diagnosis.sayings import Mend, Said
+from trcvtui.rig.diagnosis.receiver import Receiver
+from trcvtui.rig.diagnosis.sign import Mend, Sign
 from trcvtui.rig.wording import count, times
 
 if TYPE_CHECKING:
@@ -153,7 +155,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     verdicts = [verdict(path, case, told.get(case.line.number, [])) for case in cases]
     alone = told.get(NOBODY, [])
     if alone:
-        verdicts.append({"file": path, "conversation": None, "healthy": False, "findings": alone})
+        verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
     return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
 
@@ -168,7 +170,7 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
         line = line or (lines[0] if lines else None)
         row = TROUBLES[one.cause]
         mend = tuple([_for_instance(each, one.instance) for each in row.mend or MENDS[one.cause]])
-        said = Said(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=mend)
+        said = Sign(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=mend)
         made = finding_row(None, LineFinding(one.cause, row.confidence, said, said.mend))
         made["t_s"] = None if line is None else line.seconds(one.ns)
         made["where"]["scan"] = one.scan
@@ -193,7 +195,12 @@ def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> V
     """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too."""
     line = case.line
     ends = {"plc": line.plc, "partner": line.partner, "protocol": line.protocol}
-    made = _verdict(path, ends, findings_of(case), line)
+    judged = verdict_of(case)
+    words = case.receiver.words if case.receiver is not None else {}
+    made = _verdict(path, ends, judged.findings, line, words)
+    made["quality"] = sorted(line.qualities)
+    made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
+    made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if told:
         made["findings"] = sorted((*made["findings"], *told), key=lambda one: -one["confidence"])
         made["healthy"] = False
@@ -201,10 +208,15 @@ def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> V
 
 
 def _verdict(
-    path: str, ends: dict[str, str] | None, found: Sequence[LineFinding], line: LineFacts | None
+    path: str,
+    ends: dict[str, str] | None,
+    found: Sequence[LineFinding],
+    line: LineFacts | None,
+    words: Mapping[Condition, int] | None = None,
 ) -> Verdict:
-    findings = [finding_row(line, one) for one in found]
-    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings}
+    findings = [finding_row(line, one, words) for one in found]
+    empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
+    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings, **empty}
 
 
 def verdict_on_project(project: Project) -> Verdict:
@@ -219,12 +231,27 @@ def _for_instance(mend: Mend, instance: str) -> Mend:
     return Mend(text or "", command, set_)
 
 
-def finding_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
-    said = found.said
-    at = said.at
+def finding_row(
+    line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
+) -> dict[str, Any]:
+    """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
+    status = [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
+    return {
+        **_remark_row(line, found),
+        "confidence": round(found.confidence, 2),
+        "status": [f"{one:04X}" for one in status if one is not None],
+        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+    }
+
+
+def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
+    said, words = found.said, CAUSES[found.cause]
+    at, packets = said.at, said.packets
+    if line is not None and not packets:
+        packets = (at.packet if at is not None and at.packet else line.first_packet,)
     return {
         "cause": found.cause,
-        "confidence": round(found.confidence, 2),
+        "title": words.title,
         "t_s": line.seconds(at.ns) if line is not None and at is not None else None,
         "where": {
             "direction": said.way,
@@ -234,7 +261,8 @@ def finding_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
             "instance": said.instance,
         },
         "evidence": list(said.evidence),
-        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+        "packets": [*packets],
+        "filter": "" if line is None else line.filter_of(words.filter),
     }
 
 

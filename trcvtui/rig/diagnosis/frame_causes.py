@@ -10,16 +10,16 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypedDict
 
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
-from trcvtui.rig.diagnosis.sayings import Mend, Said
+from trcvtui.rig.diagnosis.receiver import Receiver
+from trcvtui.rig.diagnosis.sign import Mend, Sign
 
 if TYPE_CHECKING:
     from trcvtui.udt.layout.layout import Layout, Profile
     from trcvtui.udt.layout.rules import LayoutRules
-    from trcvtui.udt.types import Type
 
 FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
@@ -30,55 +30,11 @@ MOST_OF_FIT: Final = 8  # bytes of a header that `fit` tries
 LONGEST_HEADER: Final = 64
 
 
-class Receiver(NamedTuple):
-    """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`)."""
-
-    instance: str
-    connect: str
-    need: int
-    adhoc: bool = False
-    is_datagram: bool = False
-    is_whole: bool = False  # the connection keeps messages whole: ISO-on-TCP
-    interval_ns: int = 0
-    active: bool = False
-    local_port: int = 0
-    remote_port: int = 0
-    is_only: bool = False  # the only one of its project
-    data: str = ""
-    type_name: str = ""
-    type: Type | None = None
-    rules: LayoutRules | None = None
-    marks: tuple[bytes, bytes] = (b"", b"")
-    is_serial: bool = False
-    room: int = 0  # of DATA; 0: nobody has told
-    own_address: bytes = b""  # of the PLC; b"": any
-    partner_address: bytes = b""
-
-    def fits(self, line: LineFacts) -> bool:
-        """Return whether the conversation is this receiver's."""
-        if self.is_serial or line.protocol == "serial":
-            return self.is_serial and line.protocol == "serial"
-        if (line.protocol == "udp") != self.is_datagram and not (self.is_only and not self.connect):
-            return False
-        if self.connect == "":
-            return True
-        if line.connect is not None:
-            return self.connect == line.connect
-        if self.active or line.plc_calls:
-            return (self.remote_port or None) in (line.partner_end[1], None)
-        return self.local_port in (line.plc_end[1], 0)
-
-    def has_address_of(self, line: LineFacts) -> bool:
-        """Return whether one end of the conversation is at an address of its CONNECT."""
-        addresses = {line.plc_end[0], line.partner_end[0]} - {b""}
-        return self.own_address in addresses or self.partner_address in addresses
-
-
 class FrameRule(NamedTuple):
     """One row: as a CauseRule, with a judge that asks the receiver."""
 
     cause: str
-    judge: Callable[[LineFacts, Receiver | None], Said | None]
+    judge: Callable[[LineFacts, Receiver | None], Sign | None]
     mend: tuple[Mend, ...]
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
@@ -176,6 +132,18 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
     return (*more, length._replace(command=None)) if has_len and more[0].set else more
 
 
+class Offer(TypedDict):
+    """What a rule offers, and the receiver as it would be with all of it."""
+
+    mend: tuple[Mend, ...]
+    cured: Receiver
+
+
+def _with_len(receiver: Receiver, size: int) -> Offer:
+    room = max(receiver.room, size) if receiver.room else 0
+    return Offer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
+
+
 def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
     """Return what gives DATA room for so many bytes; (): it has it."""
     if not receiver.room or size <= receiver.room:
@@ -187,7 +155,7 @@ def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
     return (Mend(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
 
 
-def _frame_short(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -205,11 +173,10 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Said | None:
         return None
     if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < 1_000_000_000:
         return None
-    mends = _len_mends(wanted, sizes.usual)
-    return Said(sure, (text,), "to-plc", _at(last), wanted.instance or None, mends)
+    return Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None, **_with_len(wanted, sizes.usual))
 
 
-def _frame_long(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     found = _static(line, receiver)
     if found is not None:
         wanted, sizes = found
@@ -222,8 +189,8 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Said | None:
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
-        mends = _len_mends(wanted, sizes.usual)
-        return Said(sure, (text, more), "to-plc", _at(line.messages[0]), wanted.instance or None, mends)
+        at, offer = _at(line.messages[0]), _with_len(wanted, sizes.usual)
+        return Sign(sure, (text, more), "to-plc", at, wanted.instance or None, **offer)
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -233,11 +200,11 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Said | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    mends = _len_mends(room, most)
-    return Said(0.93, (text, f"up to {most}"), "to-plc", _at(too_long[0]), room.instance or None, mends)
+    at, offer = _at(too_long[0]), _with_len(room, most)
+    return Sign(0.93, (text, f"up to {most}"), "to-plc", at, room.instance or None, **offer)
 
 
-def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -259,10 +226,12 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Said | None:
         f"instance.{name}.ADHOC=true",
     )
     room = _room_mends(wanted, some[-1])
-    return Said(sure, (text,), "to-plc", _at(messages[0]), name or None, (mend, *room) if name else ())
+    cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
+    offer = Offer(mend=(mend, *room) if name else (), cured=cured)
+    return Sign(sure, (text,), "to-plc", _at(messages[0]), name or None, **offer)
 
 
-def _shifted(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     found = _static(line, receiver)
     if found is None:
         return None
@@ -283,10 +252,10 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Said | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
-    return Said(0.95, (text, f"{what}; {before}"), "to-plc", _at(odd), wanted.instance or None)
+    return Sign(0.95, (text, f"{what}; {before}"), "to-plc", _at(odd), wanted.instance or None)
 
 
-def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     wanted = _ready(line, receiver, AD_HOC)
     messages = judged_messages(line)
     if wanted is None or len(messages) < FEW:
@@ -308,10 +277,12 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Said | None:
         f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
     )  # fmt: skip
     size = Mend(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
-    return Said(sure, (text, more), "to-plc", _at(split[0]), name or None, (mend, size) if name else ())
+    cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
+    offer = Offer(mend=(mend, size) if name else (), cured=cured)
+    return Sign(sure, (text, more), "to-plc", _at(split[0]), name or None, **offer)
 
 
-def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
         return None
     known = _ready(line, receiver, AD_HOC)
@@ -342,24 +313,28 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Said | None:
     at = next(write for write in writes if write.size in several)
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
     name = known.instance if known is not None else ""
-    return Said(sure, (text,), "to-plc", at, name or None, _one_a_job(name, base))
+    mend, cured = _one_a_job(known, base)
+    return Sign(sure, (text,), "to-plc", at, name or None, mend, is_remark=known is None, cured=cured)
 
 
-def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Said | None:
+def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Sign | None:
     """Return that messages of one size come so soon after each other that a scan finds several."""
     soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
     if len(soon) < FEW or len(soon) * 5 < len(writes):
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    return Said(
-        0.85, (text,), "to-plc", soon[0], receiver.instance or None, _one_a_job(receiver.instance, base)
-    )
+    mend, cured = _one_a_job(receiver, base)
+    return Sign(0.85, (text,), "to-plc", soon[0], receiver.instance or None, mend, cured=cured)
 
 
-def _one_a_job(name: str, base: int) -> tuple[Mend, ...]:
+def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Mend, ...], Receiver | None]:
+    """Return what lets a job take one message, and the receiver as it is then."""
+    if receiver is None or not receiver.instance:
+        return (), None
     text = f"receive static with LEN {base}: a job then takes one message"
-    return (Mend(text, f"set {name} ADHOC=0 LEN={base}", None),) if name else ()
+    cured = receiver._replace(adhoc=False, need=base)
+    return (Mend(text, f"set {receiver.instance} ADHOC=0 LEN={base}", None),), cured
 
 
 def is_session(line: LineFacts) -> bool:
@@ -400,7 +375,7 @@ def _begins_alike(line: LineFacts, base: int) -> bool:
     )
 
 
-def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     wanted = _ready(line, receiver, DATAGRAM)
     if wanted is None:
         return None
@@ -410,10 +385,10 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Said | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return Said(0.95, (text,), "to-plc", large[0], wanted.instance or None, _len_mends(wanted, most))
+    return Sign(0.95, (text,), "to-plc", large[0], wanted.instance or None, **_with_len(wanted, most))
 
 
-def _framing(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW:
         return None
     content = bytes(line.to_plc.content)
@@ -431,7 +406,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Said | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return Said(0.9, tuple(texts), "to-plc", _at(line.messages[0]), receiver.instance or None)
+            return Sign(0.9, tuple(texts), "to-plc", _at(line.messages[0]), receiver.instance or None)
     return None
 
 
@@ -458,11 +433,11 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
-_READ: Final[dict[tuple[object, ...], tuple[str, Said] | None]] = {}
+_READ: Final[dict[tuple[object, ...], tuple[str, Sign] | None]] = {}
 MOST_READ: Final = 256
 
 
-def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | None:
+def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | None:
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
@@ -480,7 +455,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Said] | N
     return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
 
 
-def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
+def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
     from trcvtui.udt.compare.fit import MOST_LEAVES, fit
     from trcvtui.udt.compare.likelihood import has_length_field
 
@@ -496,7 +471,7 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
             mend = Mend(f"declare the {extra} bytes before the members, or let the partner leave them out")
-            return "header", Said(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
+            return "header", Sign(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
     fits = fit(type_, frames, receiver.type_name, own=rules)
     own = next(
         (
@@ -530,17 +505,17 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Said] | None:
             return None  # bytes alone read as well wherever they begin
         side = "before" if kind == "header" else "after"
         mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
-        return "header", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+        return "header", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
     if kind in ("word-swap", "byte-swap"):
         mend = Mend("swap what the partner swaps: words or bytes of each number")
-        return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+        return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
     if kind is not None:
         return None
     if best.layout.size != receiver.need or order == rules.byte_order:
         mends = _as_partner(f"the partner packs as {best.profile}", best.profile, rules, name)
-        return "padding", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
+        return "padding", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
     mends = _as_partner(f"the partner's numbers are {order}-endian", best.profile, rules, name)
-    return "byte-order", Said(sure, texts, "to-plc", None, receiver.instance or None, mends)
+    return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
 
 
 def _has_numbers(layout: Layout, most: int) -> bool:
@@ -560,8 +535,8 @@ def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> t
     )
 
 
-def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Said | None]:
-    def judge(line: LineFacts, receiver: Receiver | None) -> Said | None:
+def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
+    def judge(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         found = _reading(line, receiver)
         return found[1] if found is not None and found[0] == cause else None
 

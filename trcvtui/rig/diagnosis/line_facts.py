@@ -9,18 +9,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
+from ipaddress import ip_address
 from math import log
 from typing import Final
 
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.packets import NotRead
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
+from trcvtui.capture.quality import Quality, qualities_of
 from trcvtui.capture.reassembly import (
+    MOST_JUMP,
     Conversation,
     ConversationEvent,
     Conversations,
     EventKind,
     WireDirection,
+    distance,
 )
 from trcvtui.errors import Problem
 from trcvtui.records import NamedTuple
@@ -34,8 +38,8 @@ WIRE_WINDOW: Final = 65_535  # the only window of our own recordings
 JOINED_NS: Final = 50_000_000  # the rest of what fills a segment follows so soon
 LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
 REORDERED_NS: Final = 3_000_000
+SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK did not get it
 OUTAGE: Final = 2  # copies
-DOUBLE_NS: Final = 300_000  # a mirror port that shows a packet twice does so at once
 FULL: Final = 536  # bytes: a smaller segment is not full
 LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
 SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
@@ -89,12 +93,14 @@ class Outage(NamedTuple):
 
 
 class WireEnd(NamedTuple):
-    """How a conversation ended: `fin` or `rst`, of whom."""
+    """How a conversation ended: `fin` or `rst`, of whom; `is_reset`: or a FIN and an RST next to it."""
 
     kind: str
     by_plc: bool
     ns: int
     packet: int
+    is_reset: bool
+    is_ours: bool  # asked for at our tap
 
 
 class DirectionFacts:
@@ -110,6 +116,8 @@ class DirectionFacts:
         "early_ns",
         "ended",
         "highest_window",
+        "is_heard",
+        "is_reset_behind",
         "keep_alives",
         "keep_alives_answered",
         "last_ns",
@@ -117,6 +125,7 @@ class DirectionFacts:
         "late",
         "late_ack",
         "line_errors",
+        "longest_wait_ns",
         "lowest_window",
         "missing",
         "moments",
@@ -127,6 +136,7 @@ class DirectionFacts:
         "reset",
         "segments",
         "slow",
+        "spurious",
         "syns",
         "unacked",
         "unacked_since_ns",
@@ -140,6 +150,10 @@ class DirectionFacts:
         self.content = bytearray()  # from byte 0 to the first hole, bounded
         self.syns: list[SaidBytes] = []
         self.resent = self.resent_bytes = 0
+        self.spurious = 0  # of what was acknowledged already, after a long wait for that ACK
+        self.longest_wait_ns = 0  # from a segment to its copy
+        self.is_heard = False  # bytes of it were acknowledged
+        self.is_reset_behind = False  # its RST came right after its FIN
         self.late = 0  # holes that were filled later than a reordered packet would be
         self.early_ns: int | None = None
         self.resent_since_heard = 0  # copies since the other end was heard
@@ -194,12 +208,13 @@ class LineFacts:
         conversation = talk.conversation
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
+        self.qualities: frozenset[Quality] = frozenset()
         self.connect: str | None = None  # of a run of ours, "": none; None: nobody knows
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
         self.plc_end, self.partner_end = guess.says.address, guess.says.other.address
         self.plc, self.partner = address_text(self.plc_end), address_text(self.partner_end)
-        self.zero_ns = first_ns
+        self.zero_ns, self.first_packet = first_ns, talk.first_packet
         self.first_ns, self.last_ns = conversation.first_ns, conversation.last_ns
         self.has_begin = conversation.begins_with_syn
         self.established_ns = talk.established_ns
@@ -213,7 +228,8 @@ class LineFacts:
             said = self.from_plc if who is guess.says else self.to_plc
             of_kind = said.ended if kind == "fin" else said.reset
             at = of_kind or SaidBytes(self.last_ns, 0, 0, 0)
-            self.end = WireEnd(kind, who is guess.says, at.ns, at.packet)
+            is_reset = kind == "rst" or said.is_reset_behind
+            self.end = WireEnd(kind, who is guess.says, at.ns, at.packet, is_reset, conversation.is_ours)
         ways = (self.to_plc, self.from_plc)
         copies = any(way.resent or way.keep_alives or way.late for way in ways)
         windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
@@ -246,6 +262,16 @@ class LineFacts:
         """Return how long it was seen."""
         return self.last_ns - self.first_ns
 
+    def filter_of(self, evidence: str) -> str:
+        """Return what shows its packets in Wireshark, those of the evidence alone; "": nothing does."""
+        if self.protocol == "serial":
+            return ""
+        ends, ip = (self.plc_end, self.partner_end), "ip" if len(self.plc_end[0]) == 4 else "ipv6"
+        parts = [f"{ip}.addr == {ip_address(address)}" for address, _ in ends]
+        parts += [f"{self.protocol}.port == {port}" for _, port in ends]
+        parts += [f"({evidence})" if "||" in evidence else evidence] if evidence else []
+        return " && ".join(parts)
+
     def seconds(self, ns: int) -> float:
         """Return a time as seconds from the first packet of the capture."""
         return round((ns - self.zero_ns) / 1e9, 6)
@@ -273,10 +299,10 @@ class CaptureFacts(NamedTuple):
 class _Talk:
     """One conversation while it is read."""
 
-    __slots__ = ("answered_ns", "back", "conversation", "established_ns", "idles", "there")
+    __slots__ = ("answered_ns", "back", "conversation", "established_ns", "first_packet", "idles", "there")
 
-    def __init__(self, conversation: Conversation) -> None:
-        self.conversation = conversation
+    def __init__(self, conversation: Conversation, first_packet: int = 0) -> None:
+        self.conversation, self.first_packet = conversation, first_packet
         self.there, self.back = DirectionFacts(), DirectionFacts()
         self.answered_ns: int | None = None
         self.established_ns: int | None = None
@@ -300,10 +326,9 @@ class _Collector:
             EventKind.KEEP_ALIVE_ACK: self._keep_alive_ack,
             EventKind.ZERO_WINDOW: self._zero,
             EventKind.WINDOW_OPENS: self._opens,
-            EventKind.RETRANSMISSION: self._resent,
+            EventKind.RETRANSMISSION: self._syn,
             EventKind.EARLY: self._early,
             EventKind.LATE: self._late,
-            EventKind.MISSING: self._missing,
             EventKind.SILENCE: self._silence,
         }
 
@@ -311,7 +336,7 @@ class _Collector:
         ns, conversation, direction, kind, at, size, data = event
         number = conversation.number - 1
         while number >= len(self.talks):
-            self.talks.append(_Talk(self.found.all[len(self.talks)]))
+            self.talks.append(_Talk(self.found.all[len(self.talks)], self.found.packets))
         talk = self.talks[number]
         there = direction is conversation.there
         own, other = (talk.there, talk.back) if there else (talk.back, talk.there)
@@ -319,6 +344,10 @@ class _Collector:
             self._bytes(own, other, ns, at, size, data)
         elif kind is EventKind.ACK:
             self._ack(own, other, ns, size, direction)
+        elif kind is EventKind.MISSING:
+            self._missing(own, SaidBytes(ns, at, size, self.found.packets), direction)
+        elif kind is EventKind.RETRANSMISSION and size:
+            self._resent(own, SaidBytes(ns, at, size, self.found.packets), direction)
         elif kind is EventKind.LINE_ERROR:
             own.line_errors[data.decode()] += 1
             own.mark(SaidBytes(ns, at, size, self.found.packets), "line error")
@@ -384,10 +413,10 @@ class _Collector:
 
     def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
         own.reset = own.reset or at
+        own.is_reset_behind |= own.ended is not None and other.last_ns <= own.ended.ns
 
     def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
-        if not own.keep_alives or at.ns - own.last_ns >= DOUBLE_NS:
-            own.keep_alives += 1
+        own.keep_alives += 1
 
     def _keep_alive_ack(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
         other.keep_alives_answered += 1
@@ -400,12 +429,13 @@ class _Collector:
         if own.closed and own.closed[-1].until_ns is None:
             own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
 
-    def _resent(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
-        if not at.size:
-            own.syns.append(at)
+    def _resent(self, own: DirectionFacts, at: SaidBytes, direction: WireDirection) -> None:
+        waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
+        wait = max(waits, default=0)
+        if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
+            own.spurious += wait >= SPURIOUS_NS
             return
-        if any(at.at == one.at and at.ns - one.ns < DOUBLE_NS for one in own.writes[-8:]):
-            return
+        own.longest_wait_ns = max(own.longest_wait_ns, wait)
         own.resent += 1
         own.resent_bytes += at.size
         own.resent_since_heard += 1
@@ -422,10 +452,18 @@ class _Collector:
         own.early_ns = None
         own.mark(at, "resent")
 
-    def _missing(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
-        last = own.writes[-1] if own.writes else None
-        if last is not None and last.packet == at.packet and last.at + last.size == at.at:
-            own.cut += at.size  # the capture keeps the first bytes of each packet alone
+    def _missing(self, own: DirectionFacts, at: SaidBytes, direction: WireDirection) -> None:
+        own.early_ns = None  # what follows a hole did not come late
+        cut, own.cut = direction.cut - own.cut, direction.cut
+        if cut == at.size:  # the capture keeps the first bytes of each packet alone
+            last = own.writes[-1] if own.writes else None
+            own.bytes += cut
+            if last is not None and last.packet == at.packet and last.at + last.size == at.at:
+                own.writes[-1] = last._replace(size=last.size + cut)
+            elif len(own.writes) < MOST_WRITES and self._writes < MOST_WRITES_OF_ALL:
+                self._writes += 1
+                own.segments += 1
+                own.writes.append(at)
             return
         own.missing += at.size
         own.mark(at, "missing")
@@ -490,8 +528,10 @@ def facts_of(
         for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):
             left = (direction.next - direction.acked) & 0xFFFFFFFF
             _heard(facts, None)
-            facts.unacked = left if left < 1 << 31 and direction.has_base else 0
+            facts.unacked = left if left < MOST_JUMP and direction.has_base else 0
+            facts.is_heard = direction.is_heard
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
+        lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
         lines[-1].connect = known.connect_of(guess.says) if known.connects else None
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)

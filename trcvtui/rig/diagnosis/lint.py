@@ -16,10 +16,12 @@ from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.commands import words
 from trcvtui.rig.commands.peer import read_routines
 from trcvtui.rig.commands.table import parse_script
-from trcvtui.rig.diagnosis.causes import LineFinding
-from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, Receiver
-from trcvtui.rig.diagnosis.line_facts import SaidBytes, line_of_writes
-from trcvtui.rig.diagnosis.sayings import Mend, Said
+from trcvtui.rig.diagnosis.cause_words import TOLD
+from trcvtui.rig.diagnosis.causes import LineFinding, weighed
+from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES
+from trcvtui.rig.diagnosis.line_facts import LineFacts, SaidBytes, line_of_writes
+from trcvtui.rig.diagnosis.receiver import Receiver
+from trcvtui.rig.diagnosis.sign import Mend, Sign
 from trcvtui.udt.types import Struct
 
 if TYPE_CHECKING:
@@ -91,6 +93,8 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     is_datagram = udp is not None or (config is not None and config.is_datagram)
     remote = config.remote_port if config is not None else 0
     local = config.local if config is not None else udp.local if udp is not None else ANY_END
+    rules = project.rules
+    known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
     return Receiver(
         decl.name,
         decl.connect,
@@ -109,6 +113,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         room=size,
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
+        words={one: rules.word(decl.block, one) for one in TOLD if one in known},
     )
 
 
@@ -151,7 +156,7 @@ class LintRule(NamedTuple):
     """One row: the cause, and what is said of each place where it stands."""
 
     cause: str
-    judge: Callable[[Project], Iterator[Said]]
+    judge: Callable[[Project], Iterator[Sign]]
 
 
 def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
@@ -166,11 +171,11 @@ def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[Line
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
-def _limits(project: Project) -> Iterator[Said]:
+def _limits(project: Project) -> Iterator[Sign]:
     used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
     if len(used) > project.connection_limit:
         text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
-        yield Said(0.95, (text,), mend=(Mend("fewer CONNECTs, or a model with more connections"),))
+        yield Sign(0.95, (text,), mend=(Mend("fewer CONNECTs, or a model with more connections"),))
     priorities = {task.name: task.priority for task in project.tasks}
     for decl in project.instances:
         inputs = dict(decl.inputs)
@@ -183,19 +188,19 @@ def _limits(project: Project) -> Iterator[Said]:
         if data is not None and length > data.size and length not in project.rules.area.adhoc_lens:
             text = f"LEN of {decl.name} is {length}, DATA {data.name} has {data.size} bytes"
             mend = Mend(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
-            yield Said(0.95, (text,), instance=decl.name, mend=(mend,))
+            yield Sign(0.95, (text,), instance=decl.name, mend=(mend,))
         elif length > most:
             text = f"LEN of {decl.name} is {length}, the most is {most}"
-            yield Said(0.95, (text,), instance=decl.name, mend=(Mend(f"LEN {most} or less"),))
+            yield Sign(0.95, (text,), instance=decl.name, mend=(Mend(f"LEN {most} or less"),))
     for connect in project.connects:
         on = [each for each in project.instances if each.connect == connect.name]
         if len({priorities.get(each.task) for each in on}) > 1:
             names = ", ".join(each.name for each in on)
             text = f"{names} work on {connect.name} from tasks of different priority"
-            yield Said(0.85, (text,), mend=(Mend("call all blocks of a CONNECT from one task"),))
+            yield Sign(0.85, (text,), mend=(Mend("call all blocks of a CONNECT from one task"),))
 
 
-def _address(project: Project) -> Iterator[Said]:
+def _address(project: Project) -> Iterator[Sign]:
     listens = Counter(
         (each.local.address, each.local.port)
         for each in project.connects
@@ -209,17 +214,17 @@ def _address(project: Project) -> Iterator[Said]:
         ]
         if times > 1:
             text = f"{', '.join(names)} listen on the same end {address}:{port}"
-            yield Said(0.85, (text,), mend=(Mend("give each passive CONNECT a LocalPort of its own"),))
+            yield Sign(0.85, (text,), mend=(Mend("give each passive CONNECT a LocalPort of its own"),))
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
         if connect.active and connect.remote_port == 0:
             text = f"{connect.name} is active and has no RemotePort"
-            yield Said(0.95, (text,), mend=(Mend("set the RemotePort on which the partner listens"),))
+            yield Sign(0.95, (text,), mend=(Mend("set the RemotePort on which the partner listens"),))
         yield from _of_peers(project, connect)
 
 
-def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Said]:
+def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
     """Yield where a CONNECT and the peers play the same role."""
     calls = {f"@{connect.name}"}
     peers = [each for each in project.peers if not each.udp]
@@ -227,11 +232,11 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Said]:
         wanted = project.peer(connect.remote_port[1:])
         if wanted is not None and wanted.active:
             text = f"{connect.name} and {wanted.name} are both active: nobody listens"
-            yield Said(0.95, (text,), mend=(Mend("make one of them passive"),))
+            yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
     elif connect.active and any(each.active and each.end in calls for each in peers):
         name = next(each.name for each in peers if each.active and each.end in calls)
         text = f"{connect.name} and {name} are both active: nobody listens"
-        yield Said(0.95, (text,), mend=(Mend("make one of them passive"),))
+        yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
     elif (
         not connect.active
         and connect.remote_port
@@ -240,25 +245,25 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Said]:
         and not any(each.active for each in peers)
     ):
         text = f"{connect.name} and {peers[0].name} are both passive: nobody calls"
-        yield Said(0.9, (text,), mend=(Mend("make one of them active"),))
+        yield Sign(0.9, (text,), mend=(Mend("make one of them active"),))
     for name, text in (("LocalAddress", connect.local.address), ("RemoteAddress", connect.remote_address)):
         try:
             ip_address(text)
         except ValueError:
             if not connect.remote_name or name == "LocalAddress":
-                yield Said(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Mend("four numbers"),))
+                yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Mend("four numbers"),))
 
 
-def _keep_alive(project: Project) -> Iterator[Said]:
+def _keep_alive(project: Project) -> Iterator[Sign]:
     for connect in project.connects:
         asked = connect.keep_alive_interval_s
         if asked > LONG_KEEP_ALIVE_S:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
             more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            yield Said(0.7, (text, *more), mend=(Mend("0, which is 10 s, or some minutes at most"),))
+            yield Sign(0.7, (text, *more), mend=(Mend("0, which is 10 s, or some minutes at most"),))
 
 
-def _adhoc_fixed(project: Project) -> Iterator[Said]:
+def _adhoc_fixed(project: Project) -> Iterator[Sign]:
     for receiver in receivers_of(project):
         is_stream = not receiver.is_datagram and not receiver.is_whole
         if receiver.adhoc and isinstance(receiver.type, Struct) and is_stream:
@@ -266,10 +271,10 @@ def _adhoc_fixed(project: Project) -> Iterator[Said]:
             more = "a message that comes in two pieces makes two jobs"
             name = receiver.instance
             mend = Mend("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
-            yield Said(0.6, (text, more), instance=name, mend=(mend,))
+            yield Sign(0.6, (text, more), instance=name, mend=(mend,))
 
 
-def _short_len(project: Project) -> Iterator[Said]:
+def _short_len(project: Project) -> Iterator[Sign]:
     for receiver in receivers_of(project):
         data = project.data_decl(receiver.data) if receiver.data else None
         if data is None or receiver.adhoc or not isinstance(receiver.type, Struct) or not receiver.need:
@@ -280,7 +285,7 @@ def _short_len(project: Project) -> Iterator[Said]:
             )
             name = receiver.instance
             mend = Mend("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
-            yield Said(0.6, (text,), instance=name, mend=(mend,))
+            yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
 
 LINT_RULES: Final = (
@@ -301,7 +306,7 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
     for receiver in receivers_of(project, pins=pins):
         peer = _peer_of(project, receiver)
         routine = routines.get(peer.name) if peer is not None else None
-        if routine is None or not routine.says or receiver.is_whole:
+        if peer is None or routine is None or not routine.says or receiver.is_whole:
             continue
         writes: list[SaidBytes] = []
         content, now = bytearray(), 0
@@ -317,13 +322,14 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
                 at += gap
             now = max(at, now) + max(routine.every_ns, 1_000_000_000)
         line = line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
-        said_by_cause = {row.cause: row.judge(line, receiver) for row in FRAME_JUDGES}
-        for row in FRAME_JUDGES:
-            said = said_by_cause[row.cause]
-            if said is not None and not any(said_by_cause.get(cause) for cause in row.silenced_by):
-                share = 0.5 if any(said_by_cause.get(cause) for cause in row.weakened_by) else 1.0
-                said = said._replace(at=None, evidence=(f"{peer.name} says:", *said.evidence) if peer else ())
-                yield LineFinding(row.cause, said.confidence * share, said, said.mend or row.mend)
+
+        def judge(one: Receiver, line: LineFacts = line) -> dict[str, Sign]:
+            told = {row.cause: row.judge(line, one) for row in FRAME_JUDGES}
+            return {cause: said for cause, said in told.items() if said is not None and not said.is_remark}
+
+        for found in weighed(judge(receiver), FRAME_JUDGES, judge):
+            evidence = (f"{peer.name} says:", *found.said.evidence)
+            yield found._replace(said=found.said._replace(at=None, evidence=evidence))
 
 
 def _peer_of(project: Project, receiver: Receiver) -> PeerDecl | None:

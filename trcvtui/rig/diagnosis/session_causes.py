@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.rig.diagnosis.line_facts import DirectionFacts, LineFacts, SaidBytes
-from trcvtui.rig.diagnosis.sayings import Said
+from trcvtui.rig.diagnosis.sign import Sign
 from trcvtui.rig.wording import count
 
 _ALERTS: Final = {
@@ -26,6 +26,7 @@ _REASONS: Final = {
 }  # fmt: skip
 _CR, _CC, _DR = 0xE0, 0xD0, 0x80
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
+LEAST_DATA: Final = 64  # bytes of a record that is data, and no alert or key
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
@@ -56,7 +57,7 @@ def _tsaps(packet: bytes) -> str:
     return ", ".join(texts)
 
 
-def wrong_tsap(line: LineFacts) -> Said | None:
+def wrong_tsap(line: LineFacts) -> Sign | None:
     """Judge whether the listener refuses the TSAPs of the caller."""
     asked = _cotp(line.caller.content)
     if line.protocol != "tcp" or asked is None or asked[0] != _CR:
@@ -67,13 +68,13 @@ def wrong_tsap(line: LineFacts) -> Said | None:
     if told is not None and told[0] == _DR:
         reason = told[1][10] if len(told[1]) > 10 else 0
         texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
-        return Said(0.97, tuple(texts), way=way, at=_first(line.listener))
+        return Sign(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
     end = line.end
     if not line.listener.writes and end is not None and line.caller.segments <= 2:
         is_listener = end.by_plc != bool(line.plc_calls)
         if is_listener:
             texts.append(f"answered by {end.kind.upper()} alone")
-            return Said(0.75, tuple(texts), way=way, at=SaidBytes(end.ns, 0, 0, end.packet))
+            return Sign(0.75, tuple(texts), way=way, at=SaidBytes(end.ns, 0, 0, end.packet))
     return None
 
 
@@ -90,7 +91,7 @@ def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     return found
 
 
-def tls_refused(line: LineFacts) -> Said | None:
+def tls_refused(line: LineFacts) -> Sign | None:
     """Judge whether the TLS handshake failed: with an alert, or with an end in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
@@ -98,6 +99,8 @@ def tls_refused(line: LineFacts) -> Said | None:
     if not any(told.values()):
         return None
     hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
+    if hello is None or _has_data(told):
+        return None  # its handshake is not in the capture, or went well
     for way, records in told.items():
         is_open = True  # not encrypted yet
         for kind, body in records:
@@ -111,11 +114,10 @@ def tls_refused(line: LineFacts) -> Said | None:
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
                 text = f"TLS alert {body[1]} ({name}) from {who}"
-                note = () if hello else ("the other end does not speak TLS",)
-                return Said(0.97, (text, *note), way=way, at=_first(said))
+                return Sign(0.97, (text,), way=way, at=_first(said), is_fact=True)
             if not is_open or len(body) > 2:
-                return Said(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
-    if hello is None or line.end is None:
+                return Sign(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
+    if line.end is None:
         return None
     answer = told["from-plc" if hello == "to-plc" else "to-plc"]
     other = line.from_plc if hello == "to-plc" else line.to_plc
@@ -123,19 +125,30 @@ def tls_refused(line: LineFacts) -> Said | None:
     who = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
         what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"
-        return Said(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
+        return Sign(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
     data = sum(kind == _DATA and len(body) > 40 for records in told.values() for kind, body in records)
     asked = told[hello]
     if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
-        return Said(0.8, (f"{who} ended the connection inside the TLS handshake",), way=None, at=end)
+        return Sign(0.8, (f"{who} ended the connection inside the TLS handshake",), way=None, at=end)
     sent = [len(body) for kind, body in asked if kind == _DATA]
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
-        return Said(0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end)
+        return Sign(0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end)
     if _is_answered_by_alert(asked, answer, line, hello):
         who = "the PLC end" if hello == "to-plc" else "the partner"
         text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
-        return Said(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
+        return Sign(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
     return None
+
+
+def _has_data(told: dict[str, list[tuple[int, bytes]]]) -> bool:
+    """Return whether data went through: up to TLS 1.2 it follows a handshake that was encrypted."""
+    for records in told.values():
+        kinds = [kind for kind, _ in records]
+        if _CHANGE in kinds and _HANDSHAKE in kinds[kinds.index(_CHANGE) :]:
+            return any(
+                kind == _DATA and len(body) > LEAST_DATA for each in told.values() for kind, body in each
+            )
+    return False
 
 
 def _is_client_hello(kind: int, body: bytes) -> bool:
@@ -154,7 +167,7 @@ def _is_answered_by_alert(
     return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
 
 
-def line_errors(line: LineFacts) -> Said | None:
+def line_errors(line: LineFacts) -> Sign | None:
     """Judge whether the driver of a serial line has told errors."""
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         told = said.line_errors
@@ -162,5 +175,6 @@ def line_errors(line: LineFacts) -> Said | None:
             amount = sum(told.values())
             kinds = ", ".join(f"{kind} {often}" for kind, often in told.most_common())
             text = f"{count(amount, 'error')} of the line in {count(said.bytes, 'byte')}: {kinds}"
-            return Said(0.95 if amount > 2 else 0.8, (text,), way=way, at=said.first_of("line error"))
+            sure = 0.95 if amount > 2 else 0.8
+            return Sign(sure, (text,), way=way, at=said.first_of("line error"), is_fact=True)
     return None

@@ -18,11 +18,9 @@ from typing import Final
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.pcap import (
-    STATISTICS,
     CaptureReader,
     Packet,
     interface_block,
-    options_of,
     packet_block,
     section_block,
 )
@@ -54,7 +52,6 @@ MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
 MOST_KNOWN: Final = 4096  # pairs of ends of which it is known who gets them
 LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
-_DROPPED: Final = (5, 7)  # options of a block of statistics: by the interface, by the system
 _ANY_PORT: Final = 49_152
 _NOBODY: Final = bytes((127, 0, 0, 1))  # who will call; a shadow that listens does not show it
 _MAY_DECIDE: Final = frozenset({EventKind.ESTABLISHED, EventKind.BYTES, EventKind.MISSING})
@@ -430,7 +427,6 @@ class PacketStream:
         self.pipe = PacketPipe(fd, self._wait)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
-        self._dropped: dict[tuple[bytes, int], int] = {}  # by interface and kind
         self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment
         self._is_late = False
         self._failed: Exception | None = None
@@ -464,17 +460,11 @@ class PacketStream:
             self._is_late = True
             self._say(FASTER)
 
-    def _take_block(self, kind: int, body: bytes, _at: int, order: str) -> None:
-        if kind == STATISTICS:
-            for code, value in options_of(body, 12, len(body), order):
-                if code in _DROPPED and len(value) == 8:
-                    self._dropped[body[:4], code] = int.from_bytes(value, "little" if order == "<" else "big")
-
     def take(self) -> list[str]:
         """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
         found = self._live.found
         try:
-            reader = CaptureReader(self._read, "stdin", self._take_block)
+            reader = CaptureReader(self._read, "stdin")
         except UserError as none:
             if self._failed is None and self.pipe.is_stopped:
                 return []
@@ -484,7 +474,6 @@ class PacketStream:
         found.take_all(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed
-        dropped = sum(self._dropped.values())
-        said = [f"the capture program dropped {dropped} packets"] if dropped else []
+        said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
         trouble = reader.trouble if not self.pipe.is_stopped else None
         return [*said, *capture_notes(found, [trouble] if trouble else [])]

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.line_facts import SaidBytes
+
+if TYPE_CHECKING:
+    from trcvtui.rig.diagnosis.receiver import Receiver
 
 
 class Mend(NamedTuple):
@@ -14,8 +19,12 @@ class Mend(NamedTuple):
     set: str | None = None
 
 
-class Said(NamedTuple):
-    """What speaks for a cause; `way` is to-plc or from-plc, None: both. `mend`: () is that of the row."""
+class Sign(NamedTuple):
+    """What speaks for a cause; `way` is to-plc or from-plc, None: both. `mend`: () is that of the row.
+
+    A remark is worth knowing, and no fault; a fact is proved by the protocol. `cured`: the receiver as it is
+    with all of `mend`; None: it cannot be tried.
+    """
 
     confidence: float
     evidence: tuple[str, ...]
@@ -23,3 +32,7 @@ class Said(NamedTuple):
     at: SaidBytes | None = None
     instance: str | None = None
     mend: tuple[Mend, ...] = ()
+    is_remark: bool = False
+    is_fact: bool = False
+    cured: Receiver | None = None
+    packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`

@@ -1,0 +1,51 @@
+"""How good the evidence of a conversation is, from its packets alone: what cannot be known from it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+from trcvtui.capture.reassembly import Conversation
+
+LARGEST: Final = 1460  # bytes of a segment on Ethernet; larger ones were put together in the network card
+FEW: Final = 3  # segments, below which equal stamps say nothing
+
+
+class Quality(StrEnum):
+    """One word for each thing that a capture may lack."""
+
+    STARTS_LATE = "starts-late"  # no SYN of either end
+    NO_LIFE = "no-life"  # starts late, and not both ends sent bytes that were acknowledged
+    GAPS = "gaps"  # acknowledged bytes are not in the capture, or numbers jump
+    SNAPLEN = "snaplen"  # packets are cut off
+    DUPLICATED = "duplicated"  # the copies of a mirror port
+    ONE_DIRECTION = "one-direction"  # an end acknowledges what the capture never has
+    CLOCK = "clock"  # time goes back, or stands still
+    ACKS_MISSING = "acks-missing"  # an end sends more than the window allowed that the capture has
+    ENDS_EARLY = "ends-early"  # neither FIN nor RST
+    DROPS = "drops"  # the program that captured says that it lost packets
+    LARGE_SEGMENTS = "large-segments"
+
+
+def qualities_of(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:
+    """Return what the packets of a conversation lack; a recording of ours lacks nothing."""
+    if conversation.sent is not None or conversation.protocol == "serial":
+        return ()
+    ends = (conversation.there, conversation.back)
+    is_tcp = conversation.protocol == "tcp"
+    starts_late = is_tcp and not conversation.begins_with_syn
+    stands_still = conversation.first_ns == conversation.last_ns and sum(e.segments for e in ends) >= FEW
+    rows = (
+        (Quality.STARTS_LATE, starts_late),
+        (Quality.NO_LIFE, starts_late and not all(end.is_heard for end in ends)),
+        (Quality.GAPS, is_tcp and any(end.missing > end.cut or end.has_jumped for end in ends)),
+        (Quality.SNAPLEN, conversation.is_cut),
+        (Quality.DUPLICATED, any(end.copies for end in ends)),
+        (Quality.ONE_DIRECTION, is_tcp and any(e.told_ack < 0 and e.other.told_ack > 0 for e in ends)),
+        (Quality.CLOCK, conversation.goes_back or stands_still),
+        (Quality.ACKS_MISSING, any(end.has_overrun for end in ends)),
+        (Quality.ENDS_EARLY, is_tcp and conversation.end is None),
+        (Quality.DROPS, drops > 0),
+        (Quality.LARGE_SEGMENTS, any(end.largest > LARGEST for end in ends)),
+    )
+    return tuple([quality for quality, holds in rows if holds])

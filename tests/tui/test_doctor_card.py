@@ -29,6 +29,10 @@ def finding(cause: str, confidence: float, **more: Any) -> dict[str, Any]:
         "where": where,
         "evidence": [f"it is {cause}"],
         "mend": [],
+        "title": "",
+        "status": [],
+        "packets": [],
+        "filter": "",
         **more,
     }
 
@@ -58,7 +62,8 @@ class Told:
     progress = ""
 
     def __init__(self, *findings: dict[str, Any], trouble: str = "") -> None:
-        self.judged = json.dumps({"conversations": 1, "findings": findings, "trouble": trouble}).encode()
+        more = {"remarks": [], "qualities": [], "trouble": trouble}
+        self.judged = json.dumps({"conversations": 1, "findings": findings, **more}).encode()
         self.looks = 0
 
     def judge(self) -> None:
@@ -197,7 +202,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
 
 async def test_a_run_that_nobody_keeps_says_so() -> None:
     async with card(None) as (newcomer, _screen):
-        assert "nobody keeps this run" in read(newcomer)
+        assert "this run is not kept" in read(newcomer)
 
 
 async def test_the_doctor_rests_when_the_card_is_closed() -> None:

@@ -1,4 +1,4 @@
-"""Who asks the doctor: when he looks, what he has found, whose that is, which line waits for it.
+"""The doctor of a bench: when it looks, what it has found, whose that is, which line waits for it.
 
 Rule: a process judges (rig/replay/judged.py); its answer, of bounded size, is read in a gap between scans.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
 SHARE: Final = 5  # it rests so many times as long as it looked
 HEALTHY: Final = "healthy"
-NOBODY_KEEPS: Final = "nobody keeps this run: [options] black_box on, or `--record`, lets him look at it"
+NOBODY_KEEPS: Final = "this run is not kept: [options] black_box on, or `--record`, lets it be judged"
 
 
 class Judge(Protocol):
@@ -111,28 +111,32 @@ def found(
         answered: dict[str, Any] = json.loads(content)
     except ValueError:
         return DoctorSnapshot(looks, scan, 0, (), "the doctor's process has ended")
-    made = []
-    for one in answered["findings"]:
+
+    def made(one: dict[str, Any]) -> FindingSnapshot:
         where, ends = one["where"], one["ends"] or {}
         instance = where["instance"] or ""
         decl = project.instance(instance)
-        connect = decl.connect if decl is not None else _connect_of(ends, project, connections)
-        made.append(
-            FindingSnapshot(
-                one["cause"],
-                one["confidence"],
-                connect,
-                instance,
-                " <- ".join(filter(None, (ends.get("plc"), ends.get("partner")))),
-                where["direction"] or "",
-                one["t_ns"],
-                where["scan"],
-                where["byte"],
-                tuple(one["evidence"]),
-                tuple([(each["text"], each["command"] or "", each["set"] or "") for each in one["mend"]]),
-            )
+        return FindingSnapshot(
+            one["cause"],
+            one.get("confidence", 0.0),
+            decl.connect if decl is not None else _connect_of(ends, project, connections),
+            instance,
+            " <- ".join(filter(None, (ends.get("plc"), ends.get("partner")))),
+            where["direction"] or "",
+            one["t_ns"],
+            where["scan"],
+            where["byte"],
+            tuple(one["evidence"]),
+            tuple([(mend["text"], mend["command"] or "", mend["set"] or "") for mend in one.get("mend", ())]),
+            one["title"],
+            tuple(one.get("status", ())),
+            tuple(one["packets"]),
+            one["filter"],
         )
-    return DoctorSnapshot(looks, scan, answered["conversations"], tuple(made), answered["trouble"])
+
+    findings, remarks = (tuple(map(made, answered[kind])) for kind in ("findings", "remarks"))
+    seen, qualities = answered["conversations"], tuple(answered["qualities"])
+    return DoctorSnapshot(looks, scan, seen, findings, answered["trouble"], "", remarks, qualities)
 
 
 def _connect_of(ends: dict[str, str], project: Project, connections: Sequence[ConnectionSnapshot]) -> str:

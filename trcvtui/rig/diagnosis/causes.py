@@ -17,8 +17,10 @@ from typing import Final
 from trcvtui.capture.quality import Quality
 from trcvtui.capture.reassembly import MOST_JUMP
 from trcvtui.records import NamedTuple
+from trcvtui.rig.diagnosis.cause_words import remedy_of
 from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, FrameRule
 from trcvtui.rig.diagnosis.line_facts import (
+    MOST_SHOWN,
     ClosedWindow,
     DirectionFacts,
     LateAck,
@@ -137,7 +139,6 @@ class CauseRule(NamedTuple):
 
     cause: str
     judge: Callable[[LineCase], Sign | None]
-    mend: tuple[Mend, ...]
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
     blind: tuple[Quality, ...] = ()
@@ -303,7 +304,8 @@ def _storm(case: LineCase) -> Sign | None:
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
         f"{who}; {resets} by RST; each stood {duration(life)}",
     )
-    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=SaidBytes(built[0].first_ns, 0, 0, 0))
+    at, packets = SaidBytes(built[0].first_ns, 0, 0, 0), tuple([one.first_packet for one in built])
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets[:MOST_SHOWN])
 
 
 def _resets(case: LineCase) -> Sign | None:
@@ -491,7 +493,8 @@ def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
     texts = (f"{who} told a window of 0 {times(often)}, the longest time for {duration(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
-    return Sign(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet))
+    packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
+    return Sign(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet), packets=packets)
 
 
 def _flood(case: LineCase) -> Sign | None:
@@ -545,12 +548,14 @@ def _slow_ack(case: LineCase) -> Sign | None:
             continue  # a sender with a period meets ACKs by chance: then before and after them, too
         if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
             continue
-        usual = median(one.wait_ns for one in slow)
+        usual, packets = median(one.wait_ns for one in slow), tuple([one.write.packet for one in slow])
         texts = (
             f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
             "and the next one left with it",
         )
-        return Sign(0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write)
+        return Sign(
+            0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write, packets=packets[:MOST_SHOWN]
+        )
     return None
 
 
@@ -577,16 +582,17 @@ def _loss(case: LineCase) -> Sign | None:
         is_often = odd >= 3 and odd * 100 >= said.segments
         is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
         text = f"{said.resent} segments sent again, {said.late} came late, of {said.segments}: {share:.1%}"
-        at = said.first_of("resent") or said.first_of("early")
+        at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent", "early")
         if is_often or is_long:
             waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
-            found = Sign(sure, (text, *([waited] if said.longest_wait_ns else [])), way=way, at=at)
+            texts = (text, *([waited] if said.longest_wait_ns else []))
+            found = Sign(sure, texts, way=way, at=at, packets=packets)
         elif said.spurious >= 3 and said.spurious * 20 > said.segments:
             lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
             found = Sign(0.7, (lost,), way=way, at=at)
         elif odd:
-            found = Sign(0.0, (text,), way=way, at=at, is_remark=True)
+            found = Sign(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
         else:
             continue
         best = found if best is None or found.confidence > best.confidence else best
@@ -649,124 +655,29 @@ def _without_receiver(
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading", "no-keep-alive")
+_REFUSED: Final = ("second-client", "wrong-tsap", "tls-refused")
+_READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
+_NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
-    CauseRule("address", _address, (Mend("let one end call and the other listen, on one port"),)),
-    CauseRule(
-        "second-client",
-        _second_client,
-        (Mend("end the first connection before, or give the second client a CONNECT and a port of its own"),),
-        ("address",),
-    ),
-    CauseRule(
-        "refused",
-        _refused,
-        (Mend("start the listener, or mend the port: the passive end must be up before the call"),),
-        ("address", "second-client"),
-    ),
-    CauseRule(
-        "filtered",
-        _filtered,
-        (Mend("look for a firewall, a wrong address, a cable: nothing comes back"),),
-        ("address", "second-client"),
-        blind=_NO_TIMES,
-    ),
-    CauseRule(
-        "wrong-tsap",
-        lambda case: wrong_tsap(case.line),
-        (Mend("make the TSAPs of both ends the same: the local one here is the remote one there"),),
-    ),
-    CauseRule(
-        "tls-refused",
-        lambda case: tls_refused(case.line),
-        (Mend("let both ends speak TLS, and trust the certificate that the other one shows"),),
-    ),
-    CauseRule(
-        "line-errors",
-        lambda case: line_errors(case.line),
-        (
-            Mend(
-                "give both ends the same baud rate, data bits, parity and stop bits; look at cable and shield"
-            ),
-        ),
-    ),
-    CauseRule(
-        "closes-each-message",
-        _closes,
-        (Mend("let the partner keep its connection open; each close costs a receiver its 80C5"),),
-        ("wrong-tsap", "tls-refused", "second-client"),
-    ),
-    CauseRule(
-        "reconnect-storm",
-        _storm,
-        (Mend("find who ends the connections, and why, before the retry"),),
-        ("wrong-tsap", "tls-refused", "second-client", "closes-each-message"),
-        blind=_NO_TIMES,
-    ),
-    CauseRule(
-        "no-keep-alive",
-        _no_keep_alive,
-        (Mend("set KeepAliveTimeInterval below the time after which the way forgets an idle connection"),),
-        blind=_NO_WAY_BACK,
-    ),
-    CauseRule(
-        "dead-link",
-        _dead_link,
-        (Mend("look at cable, switch and power of the end that is silent; keep-alive tells it sooner"),),
-        ("no-keep-alive",),
-        blind=_NO_WAY_BACK,
-    ),
-    CauseRule(
-        "resets",
-        _resets,
-        (Mend("look what the end that resets it says of it: a crash, a timeout, a limit"),),
-        (
-            "second-client",
-            "no-keep-alive",
-            "wrong-tsap",
-            "tls-refused",
-            "dead-link",
-            "plc-not-reading",
-            "partner-not-reading",
-        ),
-        ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order", "reconnect-storm"),
-    ),
-    CauseRule(
-        "plc-not-reading",
-        lambda case: _not_reading(case, True),
-        (Mend("keep EN_R at 1, or call the block in each scan: nobody takes the bytes"),),
-        blind=_NO_TIMES,
-    ),
-    CauseRule(
-        "partner-not-reading",
-        lambda case: _not_reading(case, False),
-        (Mend("let the partner read, or send less often"),),
-        blind=_NO_TIMES,
-    ),
-    CauseRule(
-        "flood",
-        _without_receiver(_flood),
-        (Mend("let the partner send less often, call the block faster, or take several messages a job"),),
-        weakened_by=("plc-not-reading",),
-        blind=_NO_TIMES,
-    ),
-    CauseRule(
-        "slow-ack",
-        _slow_ack,
-        (Mend("send a message with one write, or set TCP_NODELAY at the end that waits"),),
-        blind=_NO_WAY_BACK,
-    ),
-    CauseRule(
-        "loss",
-        _loss,
-        (Mend("look at cable, duplex, switch and radio of this way"),),
-        LOSES,
-        blind=(Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK),
-    ),
-    CauseRule("capture-incomplete", _incomplete, ()),
-    *(
-        CauseRule(row.cause, _of(row.judge), row.mend, row.silenced_by, row.weakened_by)
-        for row in FRAME_JUDGES
-    ),
+    CauseRule("address", _address),
+    CauseRule("second-client", _second_client, ("address",)),
+    CauseRule("refused", _refused, ("address", "second-client")),
+    CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
+    CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
+    CauseRule("tls-refused", lambda case: tls_refused(case.line)),
+    CauseRule("line-errors", lambda case: line_errors(case.line)),
+    CauseRule("closes-each-message", _closes, _REFUSED),
+    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message"), blind=_NO_TIMES),
+    CauseRule("no-keep-alive", _no_keep_alive, blind=_NO_WAY_BACK),
+    CauseRule("dead-link", _dead_link, ("no-keep-alive",), blind=_NO_WAY_BACK),
+    CauseRule("resets", _resets, (*_REFUSED, *LOSES), (*_READ_WRONG, "reconnect-storm")),
+    CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
+    CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
+    CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
+    CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
+    CauseRule("capture-incomplete", _incomplete),
+    *(CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by) for row in FRAME_JUDGES),
 )
 
 
@@ -817,7 +728,7 @@ def weighed(
             is_tried = rule.cause not in after <= by_cause.keys()
             mend = mend if is_tried else ()
         sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
-        found.append(LineFinding(rule.cause, sure, said, mend or rule.mend))
+        found.append(LineFinding(rule.cause, sure, said, mend or remedy_of(rule.cause)))
     return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))
 
 

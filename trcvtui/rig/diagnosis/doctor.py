@@ -12,10 +12,11 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import NotRead
 from trcvtui.capture.plc_end import KnownEnds, parse_plc
+from trcvtui.capture.quality import Quality
 from trcvtui.errors import UserError, one_line
 from trcvtui.records import NamedTuple
-from trcvtui.rig.diagnosis.cause_words import CAUSES
-from trcvtui.rig.diagnosis.causes import RULES, LineCase, LineFinding, cases_of, verdict_of
+from trcvtui.rig.diagnosis.cause_words import CAUSES, remedy_of
+from trcvtui.rig.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.rig.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.rig.diagnosis.receiver import Receiver
 from trcvtui.rig.diagnosis.sign import Mend, Sign
@@ -29,54 +30,22 @@ HEALTHY, FOUND, NOT_READ = 0, 1, 2
 NOBODY: Final = 0  # the number of no conversation
 
 
-class TroubleRow(NamedTuple):
-    """What is said of something that a program did wrong; `{instance}` in a remedy is whose."""
-
-    confidence: float
-    text: str
-    mend: tuple[Mend, ...] = ()  # (): that of the rule
-
-
-MENDS: Final = {rule.cause: rule.mend for rule in RULES}
-TROUBLES: Final = {
-    "shifted": TroubleRow(
-        0.95,
-        "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-        (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),),
-    ),
-    "flood": TroubleRow(
-        0.9,
-        "in a second more bytes came than jobs took, so that more and more wait:",
-    ),
-    "plc-not-reading": TroubleRow(
-        0.9,
-        "in a second bytes waited at the PLC, and no job read:",
-        (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
-    ),
-    "partner-not-reading": TroubleRow(
-        0.9,
-        "in a second bytes waited to leave, and the partner had told no room for them:",
-    ),
-    "dead-link": TroubleRow(
-        0.9,
-        "in a second nobody acknowledged what had left:",
-    ),
-    "datagram-size": TroubleRow(
-        0.95,
-        "a datagram was larger than LEN or DATA:",
-        (Mend("DATA, and LEN, of the largest datagram"),),
-    ),
-    "request-too-fast": TroubleRow(
-        0.93,
-        "REQ rose while the job before was sending:",
-        (Mend("wait for DONE or ERROR before the next REQ"),),
-    ),
-    "not-connected-request": TroubleRow(
-        0.93,
-        "a job was asked for without a connection:",
-        (Mend("set EN_R or REQ after 7004: the connection stands then"),),
-    ),
+# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
+# `{instance}` in a remedy is whose.
+# fmt: off
+TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Mend, ...]]]] = {
+    "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
+                (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
+    "flood": (0.9, "in a second more bytes came than jobs took, so that more and more wait:", ()),
+    "plc-not-reading": (0.9, "in a second bytes waited at the PLC, and no job read:",
+                        (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),)),
+    "partner-not-reading": (0.9, "in a second bytes waited to leave, and the partner had told no room:", ()),
+    "dead-link": (0.9, "in a second nothing was acknowledged of what had left:", ()),
+    "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
+    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
+    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
 }
+# fmt: on
 Verdict = dict[str, Any]
 
 
@@ -85,6 +54,7 @@ class JobTrouble(NamedTuple):
 
     cause: str
     instance: str
+    connect: str
     scan: int
     ns: int
     times: int
@@ -164,14 +134,14 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
     """Return the findings of a program, by the number of the conversation that stood then."""
     found: dict[int, list[dict[str, Any]]] = {}
     for one in troubles:
-        lines = [case.line for case in cases]
+        lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
         line = next((each for each in lines if each.first_ns <= one.ns <= each.last_ns), None)
         line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
         line = line or (lines[0] if lines else None)
-        row = TROUBLES[one.cause]
-        mend = tuple([_for_instance(each, one.instance) for each in row.mend or MENDS[one.cause]])
-        said = Sign(row.confidence, (f"{row.text} {times(one.times)}",), instance=one.instance, mend=mend)
-        made = finding_row(None, LineFinding(one.cause, row.confidence, said, said.mend))
+        sure, text, mends = TROUBLES[one.cause]
+        mend = tuple([_for_instance(each, one.instance) for each in mends or remedy_of(one.cause)])
+        said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
+        made = finding_row(None, LineFinding(one.cause, sure, said, mend))
         made["t_s"] = None if line is None else line.seconds(one.ns)
         made["where"]["scan"] = one.scan
         found.setdefault(NOBODY if line is None else line.number, []).append(made)
@@ -285,7 +255,7 @@ def doctor(
     """
     write, total, is_first = sys.stdout.write, _Total(), True
     for made in before:
-        is_first = _write(write, made, form, is_first)
+        is_first = _write(write, [made], form, is_first)
         total.add(made)
     for path, answer in _answers(paths, asked, jobs, scheduler):
         if isinstance(answer, UserError):
@@ -297,8 +267,8 @@ def doctor(
         total.hours += hours
         for made in verdicts:
             made["file"] = (names or {}).get(path, path)
-            is_first = _write(write, made, form, is_first)
             total.add(made)
+        is_first = _write(write, verdicts, form, is_first)
         for note in notes:
             sys.stderr.write(f"{(names or {}).get(path, path)}: {note}\n")
         if len(paths) > 1 and sys.stderr.isatty():
@@ -361,35 +331,73 @@ def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
         return error
 
 
-def _write(write: Callable[[str], object], made: Verdict, form: str, is_first: bool) -> bool:
-    if form == "json":
-        write(("[\n" if is_first else ",\n") + json.dumps(made))
-    elif form == "jsonl":
-        write(json.dumps(made) + "\n")
-    else:
-        write("\n".join(one_line(text) for text in _text(made)) + "\n")
-    return False
+def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, is_first: bool) -> bool:
+    """Write the verdicts on one file; return whether nothing was written so far."""
+    if form == "text":
+        write("".join(f"{one_line(text)}\n" for text in _texts(made)))
+        return False
+    for one in made:
+        before = "" if form == "jsonl" else "[\n" if is_first else ",\n"
+        write(before + json.dumps(one) + ("\n" if form == "jsonl" else ""))
+        is_first = False
+    return is_first
 
 
 MARK: Final = "    "
+MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
-def _text(made: Verdict) -> Iterator[str]:
-    ends = made["conversation"]
-    name = (
-        made["file"]
-        if ends is None
-        else f"{made['file']}: {ends['protocol']} {ends['plc']} <- {ends['partner']}"
-    )
-    if made["healthy"]:
-        yield f"{name}: healthy"
-        return
-    yield name
-    for one in made["findings"]:
-        when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
-        way = one["where"]["direction"]
-        place = "" if way is None else f", {way.replace('-', ' ')}"
-        yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}"
-        yield from (MARK + text for text in one["evidence"])
-        for mend in one["mend"]:
-            yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Yield what is said of one file: equal findings of several conversations once, healthy ones last."""
+    groups: dict[tuple[tuple[str, str | None, str | None], ...], list[Verdict]] = {}
+    for made in verdicts:
+        places = [(one["cause"], one["where"]) for one in made["findings"]]
+        key = tuple([(cause, where["direction"], where["instance"]) for cause, where in places])
+        groups.setdefault(key, []).append(made)
+    for _, some in sorted(groups.items(), key=lambda one: one[0] == ()):
+        first = some[0]
+        lines = [_ends_text(one["conversation"]) for one in some if one["conversation"] is not None]
+        what = count(len(some), "conversation") if len(some) > 1 else "".join(lines[:1])
+        yield ": ".join(filter(None, (first["file"], what, "healthy" if first["healthy"] else "")))
+        for one in first["findings"]:
+            yield from _finding_texts(one)
+        if len(some) > 1 and not first["healthy"]:
+            more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
+            yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
+        yield from _notes(some)
+
+
+def _ends_text(ends: dict[str, str]) -> str:
+    return f"{ends['protocol']} {ends['plc']} <- {ends['partner']}"
+
+
+def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
+    when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
+    way = one["where"]["direction"]
+    place = "" if way is None else f", {way.replace('-', ' ')}"
+    yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
+    yield from (MARK + text for text in one["evidence"])
+    if one["status"]:
+        yield f"{MARK}STATUS {', '.join(one['status'])}"
+    packets = ", ".join(map(str, one["packets"]))
+    seen = filter(None, (f"packets {packets}" if packets else "", one["filter"]))
+    yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one["filter"] else []
+    for mend in one["mend"]:
+        yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+
+
+def _notes(some: Sequence[Verdict]) -> Iterator[str]:
+    """Yield remarks, qualities, and what they do not let anyone judge, each once with its number."""
+    remarks = Counter(f"{one['cause']}: {one['evidence'][-1]}" for made in some for one in made["remarks"])
+    yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
+                remarks.most_common(MOST_LINES))  # fmt: skip
+    qualities = Counter(each for made in some for each in made["quality"] if each != Quality.ENDS_EARLY)
+    if qualities:
+        told = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
+        yield f"  quality: {', '.join(told)}"
+    blind: dict[str, list[str]] = {}
+    for each in (each for made in some for each in made["not_judged"]):
+        causes = blind.setdefault(each["quality"], [])
+        causes += [] if each["cause"] in causes else [each["cause"]]
+    for quality, causes in blind.items():
+        yield f"  cannot be judged with {quality}: {', '.join(causes)}"

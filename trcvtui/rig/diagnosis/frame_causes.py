@@ -35,7 +35,6 @@ class FrameRule(NamedTuple):
 
     cause: str
     judge: Callable[[LineFacts, Receiver | None], Sign | None]
-    mend: tuple[Mend, ...]
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
 
@@ -549,30 +548,16 @@ def _at(message: LineMessage) -> SaidBytes:
 
 _MEANT: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
-_SPLITS: Final = Mend("receive static with a fixed LEN, or ReceiveData with a frame")
 FRAME_JUDGES: Final = (
-    FrameRule("header", _means("header"), (), _OTHER),
-    FrameRule("padding", _means("padding"), (), _OTHER),
-    FrameRule("byte-order", _means("byte-order"), (), _OTHER),
-    FrameRule("frame-short", _frame_short, (), _OTHER, _MEANT),
-    FrameRule("frame-long", _frame_long, (), (*_OTHER, "merged"), _MEANT),
-    FrameRule("adhoc-missing", _adhoc_missing, (Mend("receive ad hoc"),), _OTHER),
-    FrameRule(
-        "shifted", _shifted, (Mend("reset the connection (COM_RST) so that frames begin anew"),), _OTHER
-    ),
-    FrameRule("adhoc-splits", _adhoc_splits, (_SPLITS,), (*_OTHER, "frame-long")),
-    FrameRule(
-        "merged",
-        _merged,
-        (Mend("receive static with LEN of one message"),),
-        (*_OTHER, "closes-each-message"),
-        ("flood",),
-    ),
-    FrameRule("datagram-size", _datagram_size, ()),
-    FrameRule(
-        "framing",
-        _framing,
-        (Mend("set prefix and suffix as the partner sends them"),),
-        weakened_by=("line-errors",),
-    ),
+    FrameRule("header", _means("header"), _OTHER),
+    FrameRule("padding", _means("padding"), _OTHER),
+    FrameRule("byte-order", _means("byte-order"), _OTHER),
+    FrameRule("frame-short", _frame_short, _OTHER, _MEANT),
+    FrameRule("frame-long", _frame_long, (*_OTHER, "merged"), _MEANT),
+    FrameRule("adhoc-missing", _adhoc_missing, _OTHER),
+    FrameRule("shifted", _shifted, _OTHER),
+    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long")),
+    FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),
+    FrameRule("datagram-size", _datagram_size),
+    FrameRule("framing", _framing, (), ("line-errors",)),
 )

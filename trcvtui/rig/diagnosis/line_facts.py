@@ -35,6 +35,7 @@ MOST_CONTENT: Final = 64 << 10  # bytes of one direction
 MOST_CONTENT_OF_ALL: Final = 48 << 20
 MOST_MOMENTS: Final = 256  # of one kind and direction
 WIRE_WINDOW: Final = 65_535  # the only window of our own recordings
+MOST_SHOWN: Final = 8  # packets of a finding
 JOINED_NS: Final = 50_000_000  # the rest of what fills a segment follows so soon
 LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
 REORDERED_NS: Final = 3_000_000
@@ -131,7 +132,6 @@ class DirectionFacts:
         "moments",
         "outages",
         "resent",
-        "resent_bytes",
         "resent_since_heard",
         "reset",
         "segments",
@@ -139,7 +139,6 @@ class DirectionFacts:
         "spurious",
         "syns",
         "unacked",
-        "unacked_since_ns",
         "writes",
     )  # fmt: skip
 
@@ -149,7 +148,7 @@ class DirectionFacts:
         self.line_errors: Counter[str] = Counter()  # of a serial line, as its driver tells them
         self.content = bytearray()  # from byte 0 to the first hole, bounded
         self.syns: list[SaidBytes] = []
-        self.resent = self.resent_bytes = 0
+        self.resent = 0
         self.spurious = 0  # of what was acknowledged already, after a long wait for that ACK
         self.longest_wait_ns = 0  # from a segment to its copy
         self.is_heard = False  # bytes of it were acknowledged
@@ -168,7 +167,6 @@ class DirectionFacts:
         self.late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
         self.last_ns = 0
         self.unacked = 0
-        self.unacked_since_ns: int | None = None
         self.ended: SaidBytes | None = None
         self.reset: SaidBytes | None = None
 
@@ -176,6 +174,10 @@ class DirectionFacts:
         """Keep the place of something odd."""
         if len(self.moments) < MOST_MOMENTS:
             self.moments.append((write, kind))
+
+    def packets_of(self, *kinds: str) -> tuple[int, ...]:
+        """Return the numbers of the first packets with something odd."""
+        return tuple([write.packet for write, kind in self.moments if kind in kinds][:MOST_SHOWN])
 
     def first_of(self, kind: str) -> SaidBytes | None:
         """Return the first place of something odd."""
@@ -343,7 +345,7 @@ class _Collector:
         if kind is EventKind.BYTES:
             self._bytes(own, other, ns, at, size, data)
         elif kind is EventKind.ACK:
-            self._ack(own, other, ns, size, direction)
+            self._ack(own, other, ns, size)
         elif kind is EventKind.MISSING:
             self._missing(own, SaidBytes(ns, at, size, self.found.packets), direction)
         elif kind is EventKind.RETRANSMISSION and size:
@@ -365,8 +367,6 @@ class _Collector:
     ) -> None:
         own.segments += 1
         own.bytes += size
-        if own.unacked_since_ns is None:
-            own.unacked_since_ns = ns
         if own.early_ns is not None:
             own.late += ns - own.early_ns > REORDERED_NS
             own.early_ns = None
@@ -383,16 +383,11 @@ class _Collector:
             if len(own.slow) < MOST_MOMENTS:
                 own.slow.append(late._replace(after_ns=ns - late.after_ns))
 
-    def _ack(
-        self, own: DirectionFacts, other: DirectionFacts, ns: int, window: int, direction: WireDirection
-    ) -> None:
+    def _ack(self, own: DirectionFacts, other: DirectionFacts, ns: int, window: int) -> None:
         own.acks += 1
         own.last_window = window
         own.highest_window = max(own.highest_window, window)
         own.lowest_window = window if own.lowest_window is None else min(own.lowest_window, window)
-        said = direction.other
-        if said.acked == said.next:
-            other.unacked_since_ns = None
         if other.writes:
             last = other.writes[-1]
             wait = ns - last.ns
@@ -437,7 +432,6 @@ class _Collector:
             return
         own.longest_wait_ns = max(own.longest_wait_ns, wait)
         own.resent += 1
-        own.resent_bytes += at.size
         own.resent_since_heard += 1
         if own.resent_since_heard == 1:
             own.copies_since = at

@@ -170,13 +170,15 @@ def _troubles(
     dropped: dict[tuple[str, int], tuple[int, int]] = {}
     streams = {each.name for each in bench.project.connects if not each.is_message_oriented}
     receivers = {each.name for each in bench.project.instances if block_row(each.block).receives}
+    connects_of = {each.name: each.connect for each in bench.project.instances}
     takers = {each.connect: each.name for each in bench.project.instances if each.name in receivers}
     seq, wall_ns = 0, run.begins.wall_ns
     ledger, stack = bench.runtime.ledger, _Stack(run)
 
     def tell(cause: str, instance: str, scan: int, t_ns: int) -> None:
         known = found.get((cause, instance))
-        first = known or JobTrouble(cause, instance, scan, wall_ns + t_ns, 0)
+        connect = connects_of.get(instance, instance)
+        first = known or JobTrouble(cause, instance, connect, scan, wall_ns + t_ns, 0)
         found[cause, instance] = first._replace(times=first.times + 1)
 
     try:
@@ -225,7 +227,7 @@ def _troubles(
             if connect in blocks:
                 scan = since * SECOND // bench.runtime.interval_ns + 1
                 at = wall_ns + since * SECOND
-                found[cause, connect] = JobTrouble(cause, blocks[connect], scan, at, seconds)
+                found[cause, connect] = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
     # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
     return tuple(
         [

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -31,20 +32,25 @@ Found = dict[str, Any]
 
 def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None = None) -> Found:
     """Return what the doctor finds, as plain data: each finding with its ends, and its time in the run."""
-    findings: list[Found] = []
+    rows: dict[str, list[Found]] = {"findings": [], "remarks": []}
+    qualities = Counter[str]()
     conversations = 0
     for path in paths:
         verdicts, _, _ = judge(path, asked)
         zero_ns = _first_packet_ns(path) - (_run_begins_ns(path) if begins_ns is None else begins_ns)
         for verdict in verdicts:
             conversations += verdict["conversation"] is not None
-            for one in verdict["findings"]:
-                t_ns = None if one["t_s"] is None else zero_ns + round(one["t_s"] * 1e9)
-                findings.append({**one, "ends": verdict["conversation"], "t_ns": t_ns})
-    findings.sort(key=lambda one: -one["confidence"])
-    for one in findings[:MOST_FINDINGS]:
-        one["evidence"] = [text[:MOST_TEXT] for text in one["evidence"]]
-    return {"conversations": conversations, "findings": findings[:MOST_FINDINGS], "trouble": ""}
+            qualities.update(verdict["quality"])
+            for kind, found in rows.items():
+                for one in verdict[kind]:
+                    t_ns = None if one["t_s"] is None else zero_ns + round(one["t_s"] * 1e9)
+                    evidence = [text[:MOST_TEXT] for text in one["evidence"]]
+                    ends = verdict["conversation"]
+                    found.append({**one, "evidence": evidence, "ends": ends, "t_ns": t_ns})
+    rows["findings"].sort(key=lambda one: -one["confidence"])
+    some = {kind: found[:MOST_FINDINGS] for kind, found in rows.items()}
+    lacks = [f"{quality} {often}" for quality, often in qualities.items()]
+    return {"conversations": conversations, **some, "qualities": lacks, "trouble": ""}
 
 
 def found_in_run(path: str, pass_scan: PassScan | None = None) -> Found:
@@ -95,7 +101,8 @@ class _ToBeJudged:
             with noting_reads(self._reads):
                 found = self._found()
         except UserError as wrong:
-            found = {"conversations": 0, "findings": [], "trouble": wrong.lines()[0][:MOST_TEXT]}
+            none: Found = {"conversations": 0, "findings": [], "remarks": [], "qualities": []}
+            found = {**none, "trouble": wrong.lines()[0][:MOST_TEXT]}
         Path(self._path).write_text(json.dumps(found))
 
     def _tell(self, text: str, at_once: bool = False) -> None:

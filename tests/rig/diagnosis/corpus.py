@@ -207,12 +207,13 @@ def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
 def print_table() -> None:
     """Print a line for each set, then what went wrong."""
     print(f"{'':32} files  false alarms       missed   at 945c0bb: false, missed")
-    wrong = [] if GIVEN.is_dir() else [ABSENT]
+    wrong = []
     with TemporaryDirectory() as folder:
         for name, outcomes in sets(Path(folder)):
-            false, missed, due = [
-                sum(map(bool, column)) for column in [*zip(*outcomes, strict=True)][1:]
-            ] or (0, 0, 0)
+            if not outcomes:
+                print(f"{name:32} {ABSENT}")
+                continue
+            false, missed, due = [sum(map(bool, part)) for part in [*zip(*outcomes, strict=True)][1:]]
             before = "{:>17} {:>7}".format(*BEFORE.get(name, (0, 0)))
             print(f"{name:32} {len(outcomes):5} {false:13} {missed:5} of {due:3} {before}", flush=True)
             for one in outcomes:

@@ -295,6 +295,17 @@ def test_a_right_line_has_no_finding(text: str, lines: list[tuple[int, str]], tm
     assert (found["conversations"], found["findings"]) == (1, [])
 
 
+def test_a_bench_that_runs_is_judged_by_its_pins_of_now(tmp_path: Path) -> None:
+    """Its device sends in pieces: two messages after the remedy it accuses nothing any more."""
+    says = 'every = "T#300ms"\nsays = ["hex 0100 0200 0300 0400 0500 0600 split=5 gap=T#40ms"]'
+    text = received(5, says, "ADHOC = true").replace("OF BYTE", "OF INT")
+    (tmp_path / "before").mkdir()
+    before = after_ten_seconds(text, [], tmp_path / "before", 500)["findings"]
+    assert [one["cause"] for one in before] == ["adhoc-splits"]
+    remedy = str(before[0]["mend"][0]["command"])
+    assert after_ten_seconds(text, [(500, remedy)], tmp_path, 575)["findings"] == []
+
+
 @pytest.mark.parametrize(("story", "cause"), STORIES.items())
 def test_the_first_finding_of_a_story_is_its_verdict(story: str, cause: str, tmp_path: Path) -> None:
     text = (CONFIGS / "stories" / f"{story}.toml").read_text(encoding="utf-8")

@@ -412,7 +412,8 @@ class Conversations:
             direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
             self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
-        direction.told_ack = ack
+        if flags & (_ACK | _SYN):
+            direction.told_ack = ack
         for one in (direction, direction.other):
             one.is_steady = one.is_usual()
 

@@ -57,8 +57,8 @@ class EndsGroup:
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
-        """Return those that stood, and whose begin is in the capture."""
-        return tuple([one for one in self.lines if one.is_built and one.has_begin])
+        """Return those whose SYN and its answer are in the capture."""
+        return tuple([one for one in self.lines if one.has_begin and one.answered_ns is not None])
 
     @cached_property
     def ended(self) -> tuple[LineFacts, ...]:
@@ -227,7 +227,8 @@ def _address(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
-    if not line.is_built and case.reverse.lines and not (case.group.built or case.reverse.built):
+    has_stood = any(one.is_built for one in (*case.group.lines, *case.reverse.lines))
+    if not line.is_built and case.reverse.lines and not has_stood:
         texts = ("both ends call each other, and nobody listens: both are active",)
         return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
     receiver = case.receiver
@@ -294,6 +295,13 @@ def _storm(case: LineCase) -> Sign | None:
         return None
     if case.receiver is None and case.group.ordinary * 2 >= len(ended):
         return None  # short sessions that their caller ended
+    harmful = [one for one in ended if one.end is not None and one.has_harm_at(one.end.ns)]
+    if case.line.connect is not None:
+        harmful = [
+            one for one in harmful if one.end is not None and not one.end.by_plc
+        ]  # the others are ours
+    if len(harmful) * 2 <= len(ended):
+        return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
     if life > most or period > 2 * most:
@@ -323,8 +331,8 @@ def _resets(case: LineCase) -> Sign | None:
         return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
-    if end.is_ours or (end.by_plc and line.connect is not None):
-        return said(0.0, "it was asked for here", is_remark=True)
+    if end.is_ours or (end.by_plc and line.connect is not None) or not line.has_harm_at(end.ns):
+        return said(0.0, "it was asked for here, or no block lost anything by it", is_remark=True)
     part = _part_of_job(line, case.receiver) or _part_of_message(line)
     if part:
         return said(0.96, part)
@@ -336,9 +344,10 @@ def _resets(case: LineCase) -> Sign | None:
         return said(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
-    if case.receiver is None or (is_even and not later):
+    if line.harms is None and (case.receiver is None or (is_even and not later)):
         return said(0.0, "ends by RST, with nothing on its way", is_remark=True)
-    return said(0.85 if size else 0.6, "the receiver's CONNECT is meant to stand")
+    text_of_harm = "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stand"
+    return said(0.85 if size else 0.6, text_of_harm)
 
 
 def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
@@ -359,6 +368,8 @@ def _part_of_message(line: LineFacts) -> str:
     """Return that three messages had one size, and the last one, no unit of ISO-on-TCP, is shorter."""
     sizes = [one.size for one in line.messages]
     usual = max(set(sizes), key=sizes.count) if sizes else 0
+    if line.qualities & {Quality.SNAPLEN, Quality.CLOCK}:
+        return ""
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
     last = line.to_plc.content[line.messages[-1].at :][:4]
@@ -429,7 +440,8 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
             continue  # it was idle, and not waiting for an answer
         texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
         at = SaidBytes(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
-        if end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS:
+        is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
+        if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
             texts.append("then RST: one end had forgotten the connection")
             return Sign(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
@@ -446,6 +458,11 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
             ]
             return Sign(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
     return _left_behind(case)
+
+
+def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
+    writes = (line.from_plc if by_plc else line.to_plc).writes
+    return bool(writes) and writes[-1].ns >= since_ns
 
 
 def _left_behind(case: LineCase) -> Sign | None:
@@ -578,6 +595,8 @@ def _loss(case: LineCase) -> Sign | None:
     best: Sign | None = None
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = said.resent + said.late
+        if _no_keep_alive(case) is not None:
+            odd -= sum(one.copies for one in said.outages)  # what a forgotten connection repeats
         share = odd / max(said.segments + said.resent, 1)
         is_often = odd >= 3 and odd * 100 >= said.segments
         is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
@@ -654,12 +673,12 @@ def _without_receiver(
 
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
-LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading", "no-keep-alive")
+LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
 _REFUSED: Final = ("second-client", "wrong-tsap", "tls-refused")
 _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
-    CauseRule("address", _address),
+    CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
     CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
@@ -670,7 +689,7 @@ RULES: Final = (
     CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message"), blind=_NO_TIMES),
     CauseRule("no-keep-alive", _no_keep_alive, blind=_NO_WAY_BACK),
     CauseRule("dead-link", _dead_link, ("no-keep-alive",), blind=_NO_WAY_BACK),
-    CauseRule("resets", _resets, (*_REFUSED, *LOSES), (*_READ_WRONG, "reconnect-storm")),
+    CauseRule("resets", _resets, (*_REFUSED, *LOSES, "no-keep-alive"), (*_READ_WRONG, "reconnect-storm")),
     CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
     CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
     CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
@@ -757,6 +776,8 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
     found = next((one for one in receivers if one.fits(line)), None)
     if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
         found = only if not only.connect or only.has_address_of(line) else None
+    if found is not None:
+        line.until_ns = found.until_ns
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found

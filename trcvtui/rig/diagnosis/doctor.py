@@ -40,12 +40,13 @@ TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Mend, ...]]]] = {
     "plc-not-reading": (0.9, "in a second bytes waited at the PLC, and no job read:",
                         (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),)),
     "partner-not-reading": (0.9, "in a second bytes waited to leave, and the partner had told no room:", ()),
-    "dead-link": (0.9, "in a second nothing was acknowledged of what had left:", ()),
+    "dead-link": (0.9, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
     "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
     "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
 }
 # fmt: on
+LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 Verdict = dict[str, Any]
 
 
@@ -63,12 +64,14 @@ class JobTrouble(NamedTuple):
 class RecordedFacts(NamedTuple):
     """What a recording of ours knows beside its packets; `connects` as of KnownEnds.
 
+    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job.
     `until_ns`: UTC of its last scan; silence up to then is a fact. `lint`: what is wrong with its project as
     its pins are at the end.
     """
 
     receivers: tuple[Receiver, ...]
     connects: Mapping[tuple[int, str], str]
+    harms: Mapping[str, Sequence[int]]
     troubles: tuple[JobTrouble, ...]
     until_ns: int = 0
     lint: tuple[LineFinding, ...] = ()
@@ -120,6 +123,8 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
         raise UserError(facts.troubles)
     if known is not None:
         facts.found.not_read.pop(NotRead.JOURNAL, None)  # its journal
+        for line in facts.lines:
+            line.harms = known.harms.get(line.connect or "", ())
     cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
     told = {} if known is None else _told_of(known.troubles, cases)
     verdicts = [verdict(path, case, told.get(case.line.number, [])) for case in cases]
@@ -172,6 +177,10 @@ def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> V
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if told:
+        if any(
+            one["cause"] == "shifted" for one in told
+        ):  # the program did it: what it looks like is no cause
+            made["findings"] = [one for one in made["findings"] if one["cause"] not in LIKE_SHIFTED]
         made["findings"] = sorted((*made["findings"], *told), key=lambda one: -one["confidence"])
         made["healthy"] = False
     return made

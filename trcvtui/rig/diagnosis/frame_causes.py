@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout.layout import Layout, Profile
     from trcvtui.udt.layout.rules import LayoutRules
 
+SECOND: Final = 1_000_000_000
 FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
@@ -170,8 +171,16 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
     if sizes.messages < FEW and (whole or any(one.size == wanted.need for one in line.messages)):
         return None
-    if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < 1_000_000_000:
+    if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < SECOND:
         return None
+    end = line.end
+    if end is not None and (
+        (end.is_reset and not end.by_plc and sizes.messages < FEW)
+        or (line.connect is not None and end.by_plc and end.ns - last.ns < SECOND and len(line.messages) < 2)
+    ):
+        return None  # the rest may have been on its way
+    if is_soon and last.at + last.size - _start(line) == wanted.need:
+        return None  # the pieces of one job
     return Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None, **_with_len(wanted, sizes.usual))
 
 
@@ -181,7 +190,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         wanted, sizes = found
         if sizes.usual <= wanted.need or sizes.usual % wanted.need == 0:
             return None
-        if sizes.share < 0.7 and sizes.messages >= FEW:
+        if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW):
             return None
         left = sizes.usual % wanted.need
         of_all = f"{sizes.share:.0%} of {sizes.messages} messages have {sizes.usual} bytes"
@@ -554,7 +563,7 @@ FRAME_JUDGES: Final = (
     FrameRule("byte-order", _means("byte-order"), _OTHER),
     FrameRule("frame-short", _frame_short, _OTHER, _MEANT),
     FrameRule("frame-long", _frame_long, (*_OTHER, "merged"), _MEANT),
-    FrameRule("adhoc-missing", _adhoc_missing, _OTHER),
+    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "shifted")),
     FrameRule("shifted", _shifted, _OTHER),
     FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long")),
     FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),

@@ -41,6 +41,8 @@ LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
 REORDERED_NS: Final = 3_000_000
 SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK did not get it
 OUTAGE: Final = 2  # copies
+NEAR_NS: Final = 100_000_000  # in which a block shows what happens on its connection: before, and after
+LATER_NS: Final = 2_000_000_000
 FULL: Final = 536  # bytes: a smaller segment is not full
 LARGE: Final = 1200  # a segment of most networks; a smaller one may be a message
 SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
@@ -211,6 +213,8 @@ class LineFacts:
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
         self.qualities: frozenset[Quality] = frozenset()
+        self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: nobody knows
+        self.until_ns = 1 << 62  # later messages are not judged
         self.connect: str | None = None  # of a run of ours, "": none; None: nobody knows
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
@@ -274,6 +278,10 @@ class LineFacts:
         parts += [f"({evidence})" if "||" in evidence else evidence] if evidence else []
         return " && ".join(parts)
 
+    def has_harm_at(self, ns: int) -> bool:
+        """Return whether a block showed an ERROR then, or lost a job, as far as that is known."""
+        return self.harms is None or any(-NEAR_NS <= one - ns <= LATER_NS for one in self.harms)
+
     def seconds(self, ns: int) -> float:
         """Return a time as seconds from the first packet of the capture."""
         return round((ns - self.zero_ns) / 1e9, 6)
@@ -281,7 +289,8 @@ class LineFacts:
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
         """Return the messages to the PLC, as pauses and turns tell them."""
-        return _messages(self.to_plc.writes, self.from_plc.writes, self.protocol == "udp", self.reads)
+        writes = [one for one in self.to_plc.writes if one.ns < self.until_ns]
+        return _messages(writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
     @cached_property
     def answers(self) -> tuple[LineMessage, ...]:
@@ -357,7 +366,8 @@ class _Collector:
             take = self._on.get(kind)
             if take is not None:
                 take(talk, own, other, SaidBytes(ns, at, size, self.found.packets))
-        if kind is not EventKind.MISSING and kind is not EventKind.SILENCE:
+        is_said = kind is not EventKind.MISSING or conversation.is_cut
+        if is_said and kind is not EventKind.SILENCE:
             own.last_ns = ns
             if other.resent_since_heard:
                 _heard(other, ns)
@@ -408,7 +418,7 @@ class _Collector:
 
     def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
         own.reset = own.reset or at
-        own.is_reset_behind |= own.ended is not None and other.last_ns <= own.ended.ns
+        own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
 
     def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
         own.keep_alives += 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.line_facts import LineFacts
@@ -13,9 +13,14 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
+NEVER_NS: Final = 1 << 62
+
 
 class Receiver(NamedTuple):
-    """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`)."""
+    """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`).
+
+    Of a run: until when it took so many (UTC).
+    """
 
     instance: str
     connect: str
@@ -37,6 +42,7 @@ class Receiver(NamedTuple):
     room: int = 0  # of DATA; 0: nobody has told
     own_address: bytes = b""  # of the PLC; b"": any
     partner_address: bytes = b""
+    until_ns: int = NEVER_NS
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
 
     def fits(self, line: LineFacts) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
 from trcvtui.capture.journal import GAP, Answered, Entry
 from trcvtui.capture.recording import Recording
@@ -21,6 +21,7 @@ from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.rig.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
+from trcvtui.rig.diagnosis.receiver import NEVER_NS, Receiver
 from trcvtui.rig.replay.keyframes import Keyframes
 from trcvtui.rig.replay.run_again import RunAgain, restored_state
 from trcvtui.rig.replay.what_if import WhatIf
@@ -136,104 +137,140 @@ def _facts_of(
     held: HeldPins = NO_PINS,
     is_running: bool = False,
 ) -> RecordedFacts:
-    connects = _Connects(bench)
-    troubles = _troubles(run, bench, scan, connects)  # until it ends
+    facts = _RunFacts(run, bench, project)
+    facts.take_all(scan)
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
-    until_ns = run.begins.wall_ns + bench.now
     receivers = receivers_of(project, held, pins)
-    return RecordedFacts(receivers, connects.by_ends, troubles, until_ns, lint(project, pins))
+    if not is_running:
+        receivers = tuple([facts.as_called(one) for one in receivers])
+    until_ns = facts.wall_ns + bench.now
+    return RecordedFacts(
+        receivers, facts.by_ends, facts.harms, facts.troubles(), until_ns, lint(project, pins)
+    )
 
 
-class _Connects:
-    """The CONNECTs of a run, by the ends that their sockets had: as KnownEnds has them."""
+class _RunFacts:
+    """What a run tells beside its packets, while it runs again.
 
-    def __init__(self, bench: Bench) -> None:
+    `by_ends`: its CONNECTs by the ends that their sockets had, as KnownEnds has them. `harms`: when (UTC) a
+    block of each CONNECT showed an ERROR, or lost a job.
+    """
+
+    def __init__(self, run: RunAgain, bench: Bench, project: Project) -> None:
+        self.wall_ns = run.begins.wall_ns
         self.by_ends: dict[tuple[int, str], str] = {}
+        self.harms: dict[str, list[int]] = {}
+        self._bench, self._stack = bench, _Stack(run)
+        self._found: dict[tuple[str, str], JobTrouble] = {}
+        self._jobs: dict[str, JobStarted] = {}  # the first of each instance
+        self._until: dict[str, int] = {}  # when its LEN or ADHOC changed (UTC)
+        self._rose: dict[str, int] = {}  # in which scan REQ or EN_R of an instance rose last
+        self._sends, self._stopped = set[str](), set[str]()
+        self._dropped: dict[tuple[str, int], tuple[int, int]] = {}
+        self._streams = {each.name for each in project.connects if not each.is_message_oriented}
+        self._datagrams = {each.name for each in project.connects if each.is_datagram}
+        self._connects = {each.name: each.connect for each in project.instances}
+        rows = [(each, block_row(each.block)) for each in project.instances]
+        self._takers = {each.connect: each.name for each, row in rows if row.receives}
+        self._senders = {each.connect: each.name for each, row in rows if row.sends}
         for link in bench.runtime.snapshot().connections:  # of a run that was on its way already
-            self.take(link.name, link.local, link.remote)
+            self._take_ends(link.name, link.local, link.remote)
 
-    def take(self, connect: str, local: str, peer: str) -> None:
+    def take_all(self, pass_scan: Callable[[], bool]) -> None:
+        """Let the run pass to its end."""
+        ledger, seq = self._bench.runtime.ledger, 0
+        try:
+            while pass_scan() and self._bench.runtime.scans < MOST_SCANS:
+                if ledger.last_seq != seq:
+                    news, seq = ledger.stamped_since(seq), ledger.last_seq
+                    for scan, t_ns, event in news:
+                        self._take(scan, t_ns, event)
+        except UserError:
+            pass  # the recording ends here
+
+    def _take(self, scan: int, t_ns: int, event: object) -> None:
+        match event:
+            case InputEdge(instance, "REQ" | "EN_R" as pin, value) if value:
+                if pin == "REQ" and instance in self._sends:
+                    self._tell("request-too-fast", instance, scan, t_ns)
+                self._rose[instance] = scan
+            case InputEdge(instance, "LEN" | "ADHOC") if instance in self._jobs:
+                self._until.setdefault(instance, self.wall_ns + t_ns)
+            case ConnectionChanged():
+                self._take_ends(event.connection, event.local, event.peer)
+            case BytesReceived():
+                self._stack.read(event.connection, t_ns)
+            case SendStarted():
+                self._sends.add(event.instance)
+            case SendEnded():
+                self._sends.discard(event.instance)
+            case StatusEdge() if event.outputs.error:
+                self._take_error(event.instance, Condition(event.condition), scan, t_ns)
+            case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
+                self._tell("datagram-size", self._takers.get(connection, connection), scan, t_ns)
+            case BytesDropped() if event.offset >= 0:
+                self._dropped[event.connection, event.incarnation] = scan, t_ns
+            case JobStarted():
+                self._take_job(event)
+        if isinstance(event, SendEnded | JobEnded) and not event.done and event.size:
+            self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
+
+    def _take_ends(self, connect: str, local: str, peer: str) -> None:
         """Take the ends of a socket, "" where one is not known."""
         port = int(local.rpartition(":")[2] or 0)
         for pair in ((port, peer), (port, ""), (0, peer)):
             if pair != (0, ""):
                 self.by_ends.setdefault(pair, connect)
 
+    def _take_error(self, instance: str, condition: Condition, scan: int, t_ns: int) -> None:
+        self.harms.setdefault(self._connects.get(instance, ""), []).append(self.wall_ns + t_ns)
+        if condition is Condition.INTERNAL_FAULT:
+            self._stopped.add(instance)  # what it leaves undone is no fault of the line
+        elif condition is Condition.LINK_DEAD:
+            self._tell("dead-link", instance, scan, t_ns)
+        elif condition is Condition.MESSAGE_TOO_LONG and self._connects.get(instance) in self._datagrams:
+            self._tell("datagram-size", instance, scan, t_ns)
+        elif condition is Condition.NOT_CONNECTED:
+            # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
+            is_asked = (
+                instance not in self._takers.values() or scan - self._rose.get(instance, -2) <= 1 < scan
+            )
+            if is_asked:
+                self._tell("not-connected-request", instance, scan, t_ns)
 
-def _troubles(
-    run: RunAgain, bench: Bench, pass_scan: Callable[[], bool], connects: _Connects
-) -> tuple[JobTrouble, ...]:
-    """Run it again, and count edges of REQ in a running job, and jobs without a connection."""
-    found: dict[tuple[str, str], JobTrouble] = {}
-    sends, asked, stopped = set[str](), set[str](), set[str]()
-    dropped: dict[tuple[str, int], tuple[int, int]] = {}
-    streams = {each.name for each in bench.project.connects if not each.is_message_oriented}
-    receivers = {each.name for each in bench.project.instances if block_row(each.block).receives}
-    connects_of = {each.name: each.connect for each in bench.project.instances}
-    takers = {each.connect: each.name for each in bench.project.instances if each.name in receivers}
-    seq, wall_ns = 0, run.begins.wall_ns
-    ledger, stack = bench.runtime.ledger, _Stack(run)
+    def _take_job(self, started: JobStarted) -> None:
+        self._jobs.setdefault(started.instance, started)
+        lost = self._dropped.pop((started.connection, started.incarnation), None)
+        if lost is not None and started.connection in self._streams and not started.adhoc:
+            self._tell("shifted", started.instance, *lost)
 
-    def tell(cause: str, instance: str, scan: int, t_ns: int) -> None:
-        known = found.get((cause, instance))
-        connect = connects_of.get(instance, instance)
-        first = known or JobTrouble(cause, instance, connect, scan, wall_ns + t_ns, 0)
-        found[cause, instance] = first._replace(times=first.times + 1)
+    def _tell(self, cause: str, instance: str, scan: int, t_ns: int) -> None:
+        connect = self._connects.get(instance, instance)
+        known = self._found.get((cause, connect))
+        first = known or JobTrouble(cause, instance, connect, scan, self.wall_ns + t_ns, 0)
+        self._found[cause, connect] = first._replace(times=first.times + 1)
 
-    try:
-        while pass_scan() and bench.runtime.scans < MOST_SCANS:
-            if ledger.last_seq == seq:
-                continue
-            news, seq = ledger.stamped_since(seq), ledger.last_seq
-            for scan, t_ns, event in news:
-                match event:
-                    case InputEdge(instance, "REQ", value) if value and instance in sends:
-                        tell("request-too-fast", instance, scan, t_ns)
-                    case ConnectionChanged():
-                        connects.take(event.connection, event.local, event.peer)
-                    case BytesReceived():
-                        stack.read(event.connection, t_ns)
-                    case SendStarted():
-                        sends.add(event.instance)
-                    case SendEnded():
-                        sends.discard(event.instance)
-                    case StatusEdge() if event.outputs.error and event.condition == Condition.NOT_CONNECTED:
-                        tell("not-connected-request", event.instance, scan, t_ns)
-                    case StatusEdge() if event.condition == Condition.INTERNAL_FAULT:
-                        stopped.add(event.instance)  # what it leaves undone is no fault of the line
-                    case InputEdge(instance, "EN_R", value) if value and scan > 1:
-                        asked.add(instance)
-                    case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
-                        tell("datagram-size", takers.get(connection, connection), scan, t_ns)
-                    case BytesDropped() if event.offset >= 0:
-                        dropped[event.connection, event.incarnation] = scan, t_ns
-                    case JobStarted() if not event.adhoc:
-                        lost = dropped.pop((event.connection, event.incarnation), None)
-                        if lost is not None and event.connection in streams:
-                            tell("shifted", event.instance, *lost)
-                    case _:
-                        pass
-    except UserError:
-        pass  # the recording ends here
-    senders = {each.connect: each.name for each in bench.project.instances if block_row(each.block).sends}
-    for cause, blocks, some in (
-        ("flood", takers, stack.floods()),
-        ("plc-not-reading", takers, stack.not_reading()),
-        ("partner-not-reading", senders, stack.partner_not_reading()),
-        ("dead-link", senders, stack.dead_links()),
-    ):
-        for connect, since, seconds in some:
-            if connect in blocks:
-                scan = since * SECOND // bench.runtime.interval_ns + 1
-                at = wall_ns + since * SECOND
-                found[cause, connect] = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
-    # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
-    return tuple(
-        [
-            one
-            for one in found.values()
-            if one.instance not in stopped
-            if one.times > 1 or one.cause == "datagram-size" or one.instance not in receivers - asked
-        ]
-    )
+    def as_called(self, receiver: Receiver) -> Receiver:
+        """Return a receiver with the length and kind of its first job, and until when these stayed."""
+        job = self._jobs.get(receiver.instance)
+        if job is None or not receiver.need:
+            return receiver
+        until_ns = self._until.get(receiver.instance, NEVER_NS)
+        return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
+
+    def troubles(self) -> tuple[JobTrouble, ...]:
+        """Return what the program did wrong, and what the stack of a CONNECT shows for long."""
+        for cause, blocks, some in (
+            ("flood", self._takers, self._stack.floods()),
+            ("plc-not-reading", self._takers, self._stack.not_reading()),
+            ("partner-not-reading", self._senders, self._stack.partner_not_reading()),
+            ("dead-link", self._senders, self._stack.dead_links()),
+        ):
+            for connect, since, seconds in some:
+                if connect in blocks:
+                    scan = since * SECOND // self._bench.runtime.interval_ns + 1
+                    at = self.wall_ns + since * SECOND
+                    trouble = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
+                    self._found[cause, connect] = trouble
+        return tuple([one for one in self._found.values() if one.instance not in self._stopped])

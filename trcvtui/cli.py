@@ -182,7 +182,6 @@ def _show(
 
 
 def _is_there(path: Path) -> bool:
-    """Return whether a project can be opened: one that is not there, or empty, is offered to be created."""
     import os
 
     if "TEXTUAL_DRIVER" in os.environ:
@@ -235,7 +234,6 @@ def _record_to(args: SimpleNamespace) -> RecordTo | None:
 
 
 def _follow() -> Callable[[FileSink, str], Sink]:
-    """Return what makes keyframes: it stands above what records."""
     from trcvtui.rig.replay.follower import Followed
 
     return Followed
@@ -407,7 +405,6 @@ def _doctor(args: SimpleNamespace) -> int:
 
 
 def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
-    """Return what a recording of ours knows beside its packets; a capture of others costs no import of it."""
     from trcvtui.capture.recording import Recording
 
     try:

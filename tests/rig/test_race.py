@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
+from tests.rig.scenarios import CONFIGS
 from trcvtui.cli import main
-from trcvtui.dialects import DIALECTS
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.scenario import race as racing
 from trcvtui.rig.scenario.race import (
     Cell,
     Race,
     RaceRow,
-    known_dialects,
     race_file,
-    race_lines,
     race_rows,
     race_text,
     summary,
 )
-from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 BOTH = ["baosky", "s7-1500"]
@@ -203,7 +196,7 @@ def test_a_command_that_one_bench_cannot_carry_out_is_noted(tmp_path: Path) -> N
     assert [(dialect, step) for dialect, step, _ in notes(race)] == [("baosky", 2), ("s7-1500", 2)]
 
 
-# -- bounds, other ways in -----------------------------------------------------------------------------------
+# -- bounds -----------------------------------------------------------------------------------
 
 
 def test_rows_and_notes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,101 +206,3 @@ def test_rows_and_notes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (one,) = race.instances
     assert len(one.rows) == 2 and one.is_cut and len(race.notes) == 1
     assert summary(one).endswith("2 of 2 scans differ, later ones are not kept")
-
-
-def test_what_was_done_on_a_bench_can_be_raced(tmp_path: Path) -> None:
-    project = load_bench(CONFIGS / "passive.toml")
-    console = Controller(Bench(project, "sim"))
-    for number, line in enumerate(RECEIVE.split("\n")):
-        if line.startswith("run "):
-            for _ in range(int(line.removeprefix("run "))):
-                console.scan()
-        elif line:
-            console.take(number, line)
-    race = race_lines(project, console.session.steps(), BOTH)
-    console.bench.close()
-    assert race.instances == raced(tmp_path, RECEIVE).instances
-    assert race.notes == ()
-
-
-def test_the_dialects_that_can_take_part_are_those_of_the_registry() -> None:
-    assert dict(known_dialects()) == {dialect.name: dialect.title for dialect in DIALECTS.values()}
-
-
-def test_a_created_instance_takes_part_from_its_first_scan(tmp_path: Path) -> None:
-    steps = "run 2\ncreate TRCV_C TRCV_C_2 connect=C1 data=rx CONT=1\nrun 3\ndelete TRCV_C_2\nrun 1\n"
-    race = raced(tmp_path, steps)
-    assert walk(race, 1, instance=1) == "3 7001 | 4 7002 | 5 7002 | 6 -"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", [*BAOSKY[::12], *SIEMENS[::8]], ids=lambda path: path.stem)
-def test_the_shipped_scenarios_can_be_raced_or_say_why_not(
-    path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = main(["race", str(path), "--dialect", "baosky", "--dialect", "s7-1500"])
-    out, err = capsys.readouterr()
-    if code == 2:
-        assert out == "" and err.startswith("baosky: connect ") and "expected plain TCP by address" in err
-    else:
-        assert code == 0 and err == "" and out.startswith("race  ")
-
-
-# -- the command ---------------------------------------------------------------------------------------------
-
-
-def test_json_lines_have_one_object_a_dialect_and_run_of_scans(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = story(tmp_path, RECEIVE)
-    assert main(["race", str(file), "--dialect", "s7-1500", "--format", "jsonl"]) == 0
-    first, second, *others, last = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert first == {
-        "scan": 1, "scans": 1, "t_ms": 0.0, "instance": "TRCV_C_1", "dialect": "baosky", "STATUS": "0001",
-        "BUSY": False, "DONE": False, "ERROR": False, "RCVD_LEN": 0, "DATA": first["DATA"],
-        "differs": ["STATUS"],
-    }  # fmt: skip
-    assert (second["dialect"], second["STATUS"]) == ("s7-1500", "7001")
-    assert len(others) == 2 * 8 - 2
-    assert last == {
-        "race": "story",
-        "dialects": ["baosky", "s7-1500"],
-        "scans": 10,
-        "instances": [
-            {
-                "instance": "TRCV_C_1",
-                "dialects": ["baosky", "s7-1500"],
-                "differing": 5,
-                "first": 1,
-                "summary": "first differ in scan 1: 0001 vs 7001; 5 of 10 scans differ",
-            }
-        ],
-    }
-
-
-@pytest.mark.parametrize(
-    ("dialects", "line"),
-    [
-        ([], "--dialect: found none, expected two different dialects, or one besides baosky"),
-        (
-            ["baosky"],
-            "--dialect: found baosky, baosky, expected two different dialects, or one besides baosky",
-        ),
-        (["s7-1501", "baosky"], "--dialect: found 's7-1501', expected s7-1500"),
-    ],
-)
-def test_a_wrong_choice_is_one_line(
-    tmp_path: Path, dialects: list[str], line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    given = [word for name in dialects for word in ("--dialect", name)]
-    assert main(["race", str(story(tmp_path, RECEIVE)), *given]) == 2
-    assert capsys.readouterr().err == line + "\n"
-
-
-def test_a_mistake_in_the_file_is_told_as_of_a_scenario(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = story(tmp_path, "set TRCV_C_1 CONTT=1\n")
-    assert main(["race", str(file), "--dialect", "s7-1500"]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and "expected CONT" in err

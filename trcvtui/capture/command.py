@@ -157,7 +157,6 @@ def _as_json(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
 
 
 def _as_table(rows: Iterator[dict[str, Any]]) -> Iterator[str]:
-    """Yield a line for each conversation, two where its ends are long, and below it what is said of it."""
     found = [(_cells(row), _remarks(row)) for row in rows]
     if not found:
         return
@@ -183,7 +182,6 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
-    """Return how it began and ended, how sure it is who is who, and what was not as it should be."""
     guess = row["plc_guess"]
     begun = f"    {row['protocol']}, {row['begin']} to {row['end']}; "
     told = [f"{begun}PLC end {guess['confidence']:.0%} sure: {guess['why']}"]

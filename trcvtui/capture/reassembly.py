@@ -476,7 +476,6 @@ class Conversations:
         return there
 
     def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
-        """Return whether a SYN begins a new conversation between the same ends."""
         if direction.syn == seq:
             return False
         if flags & _ACK:
@@ -661,7 +660,6 @@ class Conversations:
         self._waiting_cost += cost
 
     def _drain(self, ns: int, direction: WireDirection) -> None:
-        """Deliver what waits and follows."""
         waiting = direction.waiting
         ready = 0
         while ready < len(waiting) and waiting[ready][0] <= direction.position:

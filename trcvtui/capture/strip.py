@@ -108,7 +108,6 @@ class _Copy:
         yield pcap.packet_block(interface, high << 32 | low, bytes(data), said, sent=sent)
 
     def _clear_ip(self, data: bytearray) -> None:
-        """Take payload and addresses out of an IPv4 packet of ours, in place, with its checksums."""
         found = carried_by(pcap.RAW_IP, bytes(data), len(data))
         if not isinstance(found, Carried) or not _is_ours(found, data):
             data[:] = bytes(len(data))  # nobody knows what is in it
@@ -130,7 +129,6 @@ class _Copy:
         data[at : at + 2] = (total or (0xFFFF if found.protocol == UDP else 0)).to_bytes(2, "big")
 
     def _address(self, address: bytes) -> bytes:
-        """Return the same other address for an address each time; loopback stays."""
         if is_loopback(".".join(map(str, address))):
             return address
         number = len(self._addresses) + 1

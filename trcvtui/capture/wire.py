@@ -114,7 +114,6 @@ class WirePackets:
         return iter(())
 
     def _is_own(self, end: Endpoint) -> bool:
-        """Return whether a socket of this PLC has that end: then it talks with itself."""
         addresses = (end.address, ANY_ADDRESS)
         return any(each.port == end.port and each.address in addresses for each in self._bound.values())
 
@@ -157,7 +156,6 @@ class WirePackets:
             yield from self._refused(call, stream, call.answer)
 
     def _answered(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
-        """Yield what finishes a handshake: SYN with ACK, then ACK."""
         stream.stands = True
         yield self._segment(call, stream, who, SYN | ACK)
         yield self._segment(call, stream, 1 - who, ACK)
@@ -216,7 +214,6 @@ class WirePackets:
             yield from self._refused(call, stream, loss.fault)
 
     def _end(self, call: WireCall, stream: _TcpStream, who: int, flags: int) -> Iterator[WirePacket]:
-        """Yield FIN or RST once: nothing follows an RST, and no second FIN a FIN."""
         if all(stream.has_ended) or (stream.has_ended[who] and not flags & RST):
             return
         yield self._segment(call, stream, who, flags)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final, TypeVar
 from urllib.parse import quote, unquote
 
@@ -259,11 +259,6 @@ def read(topic: Topic, payload: bytes) -> FleetMessage | None:
     except (ValueError, RecursionError):
         raise mistake(str(where), "no JSON", "a message of an agent") from None
     return MESSAGES[topic.kind].from_plain(found, where)
-
-
-def schemas() -> Iterator[dict[str, Any]]:
-    """Return the JSON schema of each kind."""
-    return (made.schema() for made in MESSAGES.values())
 
 
 def _refuse(name: str) -> float:

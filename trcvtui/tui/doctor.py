@@ -148,7 +148,6 @@ class FindingList(TextView):
 
     @property
     def _instance(self) -> str:
-        """Return whose panes show the finding."""
         one, selected = self.chosen, self._view_model.instance
         if one is None or one.instance or (selected is not None and selected.connect in (one.connect, "")):
             return one.instance if one is not None and one.instance else self._view_model.selected

@@ -140,7 +140,6 @@ def found(
 
 
 def _connect_of(ends: dict[str, str], project: Project, connections: Sequence[ConnectionSnapshot]) -> str:
-    """Return the CONNECT of a conversation: that with its end now, with its port, or the only one."""
     tests: tuple[Callable[[ConnectionSnapshot], bool], ...] = (
         lambda link: ends.get("plc") == link.local or ends.get("partner") == link.remote,
         lambda link: (

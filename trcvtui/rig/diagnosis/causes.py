@@ -62,12 +62,10 @@ class EndsGroup:
 
     @cached_property
     def ended(self) -> tuple[LineFacts, ...]:
-        """Return those that stood and were ended."""
         return tuple([one for one in self.built if one.end is not None])
 
     @cached_property
     def one_message(self) -> tuple[LineFacts, ...]:
-        """Return those that the partner ended after its only message."""
         return tuple([one for one in self.ended if _is_one_message(one)])
 
     @cached_property
@@ -86,7 +84,6 @@ class EndsGroup:
 
     @cached_property
     def refusals(self) -> int:
-        """Return how many calls were answered by RST."""
         return sum(1 for one in self.lines if not one.is_built and one.listener.reset is not None)
 
     @cached_property
@@ -250,7 +247,6 @@ def _address(case: LineCase) -> Sign | None:
 
 
 def _is_one_message(line: LineFacts) -> bool:
-    """Return whether the partner ended it after its only message."""
     end = line.end
     return (
         end is not None
@@ -619,7 +615,6 @@ def _loss(case: LineCase) -> Sign | None:
 
 
 def _incomplete(case: LineCase) -> Sign | None:
-    """Remark that bytes which were acknowledged are not in the capture."""
     if Quality.GAPS not in case.line.qualities:
         return None
     texts, at = [], None

@@ -136,7 +136,6 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
 
 
 def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
-    """Return the findings of a program, by the number of the conversation that stood then."""
     found: dict[int, list[dict[str, Any]]] = {}
     for one in troubles:
         lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
@@ -341,7 +340,6 @@ def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
 
 
 def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, is_first: bool) -> bool:
-    """Write the verdicts on one file; return whether nothing was written so far."""
     if form == "text":
         write("".join(f"{one_line(text)}\n" for text in _texts(made)))
         return False
@@ -357,7 +355,6 @@ MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
 def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """Yield what is said of one file: equal findings of several conversations once, healthy ones last."""
     groups: dict[tuple[tuple[str, str | None, str | None], ...], list[Verdict]] = {}
     for made in verdicts:
         places = [(one["cause"], one["where"]) for one in made["findings"]]
@@ -396,7 +393,6 @@ def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
 
 
 def _notes(some: Sequence[Verdict]) -> Iterator[str]:
-    """Yield remarks, qualities, and what they do not let anyone judge, each once with its number."""
     remarks = Counter(f"{one['cause']}: {one['evidence'][-1]}" for made in some for one in made["remarks"])
     yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
                 remarks.most_common(MOST_LINES))  # fmt: skip

@@ -527,7 +527,6 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
 
 
 def _has_numbers(layout: Layout, most: int) -> bool:
-    """Return whether one of the first members is more than a byte."""
     return any(leaf.size > 1 for leaf in layout.leaves(0, most))
 
 

@@ -554,7 +554,6 @@ def _messages(
     is_datagram: bool,
     reads: Reads | None = None,
 ) -> tuple[LineMessage, ...]:
-    """Return the messages of one end: pauses that are clearly longer, and turns, part them."""
     if is_datagram or len(writes) < 2:
         return tuple([LineMessage(w.ns, w.at, w.size, 1, 0, w.packet) for w in writes])
     most = max(write.size for write in writes)

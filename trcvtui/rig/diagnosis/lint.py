@@ -55,7 +55,6 @@ def receivers_of(
 def _as_started(
     project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
 ) -> tuple[Project, dict[str, bytes]]:
-    """Return the project with the pins of now or those that commands set for good, and what they write."""
     steps = [
         step
         for text, place in ((project.start, "start"), (project.program, "program"))
@@ -124,7 +123,6 @@ def _host(address: str) -> bytes:
 
 
 def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) -> Receiver:
-    """Return a receiver with the prefix and suffix of a ReceiveData that it feeds; its pieces say nothing."""
     fed = {each.name for each in project.combuffers if each.source == receiver.instance}
     for decl in project.instances:
         if decl.connect in fed and block_row(decl.block).mark_lengths:
@@ -133,7 +131,6 @@ def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes])
 
 
 def _on_lines(project: Project, written: dict[str, bytes]) -> Iterator[Receiver]:
-    """Yield the blocks that cut what comes on a serial line."""
     lines = {each.name for each in project.combuffers if each.source == SERIAL}
     for decl in project.instances:
         if decl.connect in lines and block_row(decl.block).mark_lengths:
@@ -225,7 +222,6 @@ def _address(project: Project) -> Iterator[Sign]:
 
 
 def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
-    """Yield where a CONNECT and the peers play the same role."""
     calls = {f"@{connect.name}"}
     peers = [each for each in project.peers if not each.udp]
     if connect.active and isinstance(connect.remote_port, str):
@@ -301,7 +297,6 @@ LINT_RULES: Final = (
 
 
 def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[LineFinding]:
-    """Yield what the rules of messages say of what peers say by themselves."""
     routines = read_routines(project)
     for receiver in receivers_of(project, pins=pins):
         peer = _peer_of(project, receiver)
@@ -333,7 +328,6 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
 
 
 def _peer_of(project: Project, receiver: Receiver) -> PeerDecl | None:
-    """Return the peer that talks to a receiver, where one alone may."""
     connect = project.connect(receiver.connect)
     for peer in project.peers:
         if peer.end == f"@{receiver.connect}":

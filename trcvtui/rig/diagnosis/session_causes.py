@@ -141,7 +141,6 @@ def tls_refused(line: LineFacts) -> Sign | None:
 
 
 def _has_data(told: dict[str, list[tuple[int, bytes]]]) -> bool:
-    """Return whether data went through: up to TLS 1.2 it follows a handshake that was encrypted."""
     for records in told.values():
         kinds = [kind for kind, _ in records]
         if _CHANGE in kinds and _HANDSHAKE in kinds[kinds.index(_CHANGE) :]:
@@ -158,7 +157,6 @@ def _is_client_hello(kind: int, body: bytes) -> bool:
 def _is_answered_by_alert(
     asked: list[tuple[int, bytes]], answer: list[tuple[int, bytes]], line: LineFacts, hello: str
 ) -> bool:
-    """Return whether a listener of TLS 1.3 says one record of an alert's size to the caller's last flight."""
     caller, listener = (line.to_plc, line.from_plc) if hello == "to-plc" else (line.from_plc, line.to_plc)
     if len(caller.writes) != 2 or not listener.writes or len(asked[-1][1]) <= _ENCRYPTED_ALERT:
         return False

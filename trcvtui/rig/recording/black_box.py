@@ -171,7 +171,6 @@ class BlackBox(ProcessJudge):
         return writer
 
     def _put_all(self, writer: WriterProcess) -> None:
-        """Give a writer all that is kept."""
         first = BlockWriter(0)
         if self._begins is not None:
             first.take(self._begins)
@@ -190,7 +189,6 @@ class BlackBox(ProcessJudge):
         return f"the recording, {size_text(self._size)} of the black box, into {path.absolute()}"
 
     def _finish(self, writer: WriterProcess) -> None:
-        """End a file while the run goes on."""
         last = BlockWriter(0)
         last.take(EntriesLost(0, ENDED_HERE))
         writer.put(last.block())

@@ -45,14 +45,22 @@ def replay_main(channel: Channel, path: Path, at: str) -> None:
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
     """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
+
+    def run() -> None:
+        time_line = begin()
+        channel.send(time_line.controller.bench.project)
+        _serve(channel, time_line)
+
+    serve_until_gone(channel, run)
+
+
+def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
+    """Run until the screen is gone; tell it what is wrong."""
     gc.freeze()
     leave(OF_A_TERMINAL)  # they belong to the screen
-
     try:
         try:
-            time_line = begin()
-            channel.send(time_line.controller.bench.project)
-            _serve(channel, time_line)
+            run()
         except UserError as wrong:
             channel.send(wrong)
         except (EOFError, OSError):

@@ -92,7 +92,6 @@ class _Stack:
 
 
 def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Yield the longest run of seconds, if it is long: when it begins, how many follow each other."""
     best, since, length = (0, 0), 0, 0
     for second in seconds:
         since, length = (since, length + 1) if second == since + length and length else (second, 1)

@@ -70,7 +70,6 @@ def _first_packet_ns(path: str) -> int:
 
 
 def _run_begins_ns(path: str) -> int:
-    """Return when time 0 of a run was; of a capture it is that of its first packet."""
     try:
         first = next(iter(Recording(path).entries()), None)
     except UserError:
@@ -106,7 +105,6 @@ class _ToBeJudged:
         Path(self._path).write_text(json.dumps(found))
 
     def _tell(self, text: str, at_once: bool = False) -> None:
-        """Write how far it is where the answer will stand."""
         now = clock.now_ns()
         if at_once or now > self._told_at + POST_NS:
             self._told_at = now

@@ -29,9 +29,9 @@ from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.reader import after
-from trcvtui.rig.commands.table import parse_line, parse_script
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.scenario.recorded_session import partners_left_out
-from trcvtui.rig.scenario.scenario import Scenario, load_scenario, start_steps
+from trcvtui.rig.scenario.scenario import Scenario, load_scenario
 from trcvtui.rig.scenario.step_runner import StepRunner
 from trcvtui.udt.literals import format_time
 
@@ -309,22 +309,10 @@ def _only(shown_all: tuple[Shown | None, ...], has: Sequence[bool]) -> tuple[Sho
     return tuple(each for each, here in zip(shown_all, has, strict=True) if here)
 
 
-def known_dialects() -> tuple[tuple[str, str], ...]:
-    """Return the name and the title of each dialect that can take part."""
-    return tuple((dialect.name, dialect.title) for dialect in DIALECTS.values())
-
-
 def race_file(path: Path, names: Sequence[str]) -> Race:
     """Race a scenario file through these dialects; raise UserError for mistakes of the file or the names."""
     scenario = load_scenario(path)
     return race(scenario, _chosen(names, scenario.project), path.parent)
-
-
-def race_lines(project: Project, lines: Iterable[str], names: Sequence[str]) -> Race:
-    """Race what was done on a bench, as a session keeps it; `project` is what it began with."""
-    steps = tuple(parse_script("\n".join(lines), project, "race"))
-    scenario = Scenario(project.path.stem, "", project, start_steps(project), steps)
-    return race(scenario, _chosen(names, project))
 
 
 def _chosen(names: Sequence[str], project: Project) -> list[Dialect]:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.net.os.tap_ways import ask_for_way
 from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
+from trcvtui.rig.replay.driver import serve_until_gone
 from trcvtui.rig.snapshots import TAP
-from trcvtui.rig.watch.live_screen import ServedShadows, serve_live
+from trcvtui.rig.watch.live_screen import ServedShadows
 
 if TYPE_CHECKING:
     from trcvtui.net.tap import TapOrder
@@ -59,7 +60,7 @@ class TapDriver(EngineDriver):
 
 
 def tap_main(channel: Channel, events: Channel, asked: Asked, kernel: str) -> None:
-    serve_live(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
+    serve_until_gone(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
 
 
 class _TapServed(ServedShadows):

@@ -124,7 +124,6 @@ class LivePlan:
         return grows
 
     def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
-        """Ask the plan of all; return who gets it, and whether the project has changed for that."""
         made = self._plan_of([*self._first, talk])
         if talk.number not in made.parts and any(each.number < 0 for each in self._first):
             # Who was expected may come otherwise: as who calls in place of who is called.
@@ -170,7 +169,6 @@ class LivePlan:
 
 
 def _beside(project: Project, other: Project) -> Project:
-    """Return a project with the parts of another one after its own."""
     task = project.tasks[0].name
     return replace(
         project,
@@ -191,7 +189,6 @@ def _is_said(talk: Conversation) -> bool:
 
 
 def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
-    """Return what a plan says of a conversation."""
     number = talk.number
     guess, why = made.guesses.get(number), made.unassigned.get(number, "")
     if guess is None:
@@ -201,7 +198,6 @@ def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
 
 
 def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
-    """Return what decides who gets a conversation: a caller's port does not."""
     there, back, listener = talk.there, talk.back, talk.listener
     one = there.address[0] if listener is back else there.address
     other = back.address[0] if listener is there else back.address
@@ -295,7 +291,6 @@ class LiveWatch:
             self._left(talk, plan.unassigned[talk.number])
 
     def _play(self, until: int) -> CapturePlayer:
-        """Play what was before a time."""
         player = self.player or self._started()
         waiting = self._waiting
         while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
@@ -317,7 +312,6 @@ class LiveWatch:
         return self.player
 
     def _see_place(self, player: CapturePlayer, event: ConversationEvent) -> None:
-        """Let a conversation have the place of one that has been silent for long."""
         number = event.conversation.number
         holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
         last_ns = 0 if holder is None else holder.last_ns
@@ -442,7 +436,6 @@ class PacketStream:
         return self.pipe.read(most) if self._failed is None else b""
 
     def _play(self, act: Callable[[], object]) -> None:
-        """Play, and let it be shown; what fails there is not the fault of the packets that are read."""
         if self._failed is None:
             try:
                 act()
@@ -452,7 +445,6 @@ class PacketStream:
                 self.pipe.stop()
 
     def _see_late(self, newest_ns: int) -> None:
-        """Say once that packets come faster than they are played, each time that it begins."""
         if self.pipe.empty_at != self._busy_from:
             self._busy_from, self._from_ns, self._is_late = self.pipe.empty_at, newest_ns, False
         late = self.pipe.busy_ns - (newest_ns - self._from_ns)

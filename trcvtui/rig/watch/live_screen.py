@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import take_stdin
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.replay.driver import serve_until_gone
 from trcvtui.rig.snapshots import EngineTiming
-from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
     from trcvtui.capture.reassembly import Conversation
@@ -48,7 +47,7 @@ def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.rig.watch.live import LivePlan
 
-    serve_live(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
 
 
 class CaptureDriver(EngineDriver):
@@ -64,7 +63,7 @@ class CaptureDriver(EngineDriver):
 
 def capture_main(channel: Channel, command: Sequence[str], asked: Asked) -> None:
     """Serve with what the program writes; it ends when we do."""
-    serve_live(channel, lambda: _capture(channel, command, asked))
+    serve_until_gone(channel, lambda: _capture(channel, command, asked))
 
 
 def _capture(channel: Channel, command: Sequence[str], asked: Asked) -> None:
@@ -83,25 +82,6 @@ def _capture(channel: Channel, command: Sequence[str], asked: Asked) -> None:
     finally:
         program.kill()  # it has nothing of its own to end
         program.wait()
-
-
-def serve_live(channel: Channel, run: Callable[[], None]) -> None:
-    """Run until the screen is gone; tell it what is wrong."""
-    gc.freeze()
-    leave(OF_A_TERMINAL)  # they belong to the screen
-    try:
-        try:
-            run()
-        except UserError as wrong:
-            channel.send(wrong)
-        except (EOFError, OSError):
-            raise
-        except Exception as error:
-            from trcvtui.rig.error_report import trace_of
-
-            channel.send(trace_of(error))
-    except (EOFError, OSError):
-        return  # the screen is gone
 
 
 class ServedShadows:

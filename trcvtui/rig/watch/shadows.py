@@ -77,7 +77,6 @@ def _plc_listens(conversation: Conversation, guess: PlcGuess) -> bool:
 def _guesses(
     found: Iterable[Conversation], given: PlcEnd | None, known: KnownEnds, why_not: dict[int, str]
 ) -> dict[int, tuple[Conversation, PlcGuess]]:
-    """Return the conversations that can be played, with their PLC ends."""
     usable = {}
     for each in found:
         guess = guess_plc(each, given, known)
@@ -123,7 +122,6 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
 
 
 def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
-    """Return what is alike in the conversations of one PLC end."""
     if conversation.protocol == "udp":
         return "udp", guess.says.address
     if _plc_listens(conversation, guess):
@@ -184,19 +182,16 @@ def _connect(
 
 
 def _receives_by_itself(project: Project, block: str) -> bool:
-    """Return whether a block builds its connection and receives from it."""
     row = block_row(block)
     return row.receives and not row.speaks_udp and any(pin.name == "CONT" for pin in project.pins(block))
 
 
 def _has_udp_config(block: str) -> bool:
-    """Return whether a block receives datagrams on a UDP_CONFIG."""
     row = block_row(block)
     return row.receives and row.speaks_udp and not row.datagrams
 
 
 def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
-    """Return a project with an ad-hoc TRCV_C on each CONNECT, a URECV_C where datagrams need that."""
     of_streams = next(name for name in base.dialect.blocks if _receives_by_itself(base, name))
     of_configs = next((name for name in base.dialect.blocks if _has_udp_config(name)), "")
     data, instances, addrs = [], [], []
@@ -336,7 +331,6 @@ def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) 
 
 
 def _only_line(project: Project, line: str) -> str | None:
-    """Return the ComBuffer of that name that a line can fill, else the only one."""
     read = {each.connect for each in project.instances if block_row(each.block).reads_buffer}
     known = [b.name for b in project.combuffers if b.name in read and b.source in (SIMULATED, SERIAL)]
     return line if line in known else known[0] if len(known) == 1 else None
@@ -373,7 +367,6 @@ def _following(config: Link, guess: PlcGuess, listens: bool, is_free: bool) -> L
 
 
 def _set_aside(config: Link) -> Link:
-    """Return a link that looks on nothing: it waits for ever, and has no errors."""
     if isinstance(config, ComBufferDecl):
         return config
     if isinstance(config, UdpConfig):
@@ -400,7 +393,6 @@ def _pins_set(project: Project) -> set[tuple[str, str]]:
 
 
 def _switched_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, str]]) -> InstanceDecl:
-    """Return an instance with EN_R and CONT on, where nothing sets them."""
     known = {pin.name for pin in project.pins(decl.block) if pin.direction is Direction.IN}
     given = {name for name, _ in decl.inputs}
     on = [(pin, True) for pin in ON if pin in known - given and (decl.name, pin) not in set_by]
@@ -408,7 +400,6 @@ def _switched_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, st
 
 
 def _on_a_network(project: Project) -> Project:
-    """Return a project whose simulated PLC has the addresses that it needs, and calls as long as it takes."""
     ends: tuple[Socket, ...] = (*project.connects, *project.udp_configs)
     own = tuple(dict.fromkeys((STAND_IN, *(config.local.address for config in ends))))
     policy = replace(project.rules.policy, attempt_limit_ns=NEVER_NS)

@@ -125,7 +125,7 @@ class WireDirection:
         self.cut = 0  # bytes of `missing` that the capture's own limit cut off
         self.copies = 0  # packets that a mirror port has shown twice
         self.largest = 0  # bytes of a segment
-        self.window = 0  # as told last; `scale`: how many bits it is moved, None: nobody has told
+        self.window = 0  # as told last; `scale`: how many bits it is moved, None: not known
         self.scale: int | None = None
         self.is_heard = False  # bytes of it were acknowledged
         self.has_jumped = False  # sequence numbers that no window allows
@@ -676,7 +676,7 @@ class Conversations:
             direction.waiting_since = None
 
     def _give_up(self, ns: int, direction: WireDirection) -> None:
-        """Call what the other end has, and nobody has seen, missing."""
+        """Call missing what the other end has, and the capture has not."""
         direction.waiting_since = None
         left = distance(direction.acked, direction.next)
         if direction.waiting and left > 0:

@@ -170,7 +170,7 @@ def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str
 def findings_of(
     name: str, findings: Iterable[FindingSnapshot], project: Project
 ) -> tuple[FindingSnapshot, ...]:
-    """Return those of an instance or a CONNECT, "": of all; what is of nobody alone is of everybody."""
+    """Return those of an instance or a CONNECT, "": of all; what belongs to none alone is told of all."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

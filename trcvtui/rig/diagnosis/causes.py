@@ -1,6 +1,6 @@
 """The rules of the doctor, one row a cause: what speaks for it, what silences it, and the remedy.
 
-Rule 1: a judge that lacks a fact says nothing; "healthy" is what is left when nobody speaks.
+Rule 1: a judge that lacks a fact says nothing; "healthy" is what is left when no rule speaks.
 Rule 2: a row that explains another one silences it, so that a storm is not told as ten resets.
 """
 
@@ -36,7 +36,7 @@ from trcvtui.rig.wording import count, duration, times
 SECOND: Final = 1_000_000_000
 UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
 IDLE_NS: Final = 20 * SECOND
-CLOSED_NS: Final = SECOND  # a window that nobody reads
+CLOSED_NS: Final = SECOND  # a window that stays closed
 AT_ONCE_NS: Final = 2 * SECOND
 RELEASED_NS: Final = 1_500_000  # after the ACK that it waited for, a write leaves so soon
 NEAR_NS: Final = 30_000_000
@@ -158,7 +158,7 @@ def _refused(case: LineCase) -> Sign | None:
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not _syns(line):
         return None
     who = "the partner" if line.plc_calls else "the PLC end"
-    text = f"{who} answers SYN with RST: nobody listens on port {_listener_end(line)[1]}"
+    text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
     return Sign(
         0.97,
         (text, f"{times(case.group.refusals)} in this capture"),
@@ -211,7 +211,7 @@ def _second_client(case: LineCase) -> Sign | None:
     said = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
-        text = f"it stands, and nobody says a byte in {duration(still)}"
+        text = f"it stands without a byte for {duration(still)}"
         return Sign(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
@@ -226,7 +226,7 @@ def _address(case: LineCase) -> Sign | None:
         return None
     has_stood = any(one.is_built for one in (*case.group.lines, *case.reverse.lines))
     if not line.is_built and case.reverse.lines and not has_stood:
-        texts = ("both ends call each other, and nobody listens: both are active",)
+        texts = ("both ends call each other, and neither listens: both are active",)
         return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
     receiver = case.receiver
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
@@ -441,7 +441,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
             texts.append("then RST: one end had forgotten the connection")
             return Sign(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
-            texts.append("then bytes that nobody acknowledged")
+            texts.append("then bytes that were not acknowledged")
             return Sign(0.93, tuple(texts), at=at)
     if end is None:
         lines = case.group.lines
@@ -552,7 +552,7 @@ def _slow_ack(case: LineCase) -> Sign | None:
     if not line.is_wire:
         return None
     begun = line.established_ns
-    trip = 2 * RELEASED_NS if begun is None else begun - line.first_ns  # nobody saw how long it takes
+    trip = 2 * RELEASED_NS if begun is None else begun - line.first_ns  # its begin is not in the capture
     for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         limit = RELEASED_NS + (trip if trip < 100 * RELEASED_NS else 0)
         slow = [one for one in said.slow if one.after_ns <= limit]
@@ -657,7 +657,7 @@ def _of(
 def _without_receiver(
     judge: Callable[[LineCase], Sign | None],
 ) -> Callable[[LineCase], Sign | None]:
-    """Return a judge whose finding is a remark where nobody knows what the PLC takes."""
+    """Return a judge whose finding is a remark where it is not known what the PLC takes."""
 
     def weaker(case: LineCase) -> Sign | None:
         said = judge(case)

@@ -132,16 +132,16 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
     return (*more, length._replace(command=None)) if has_len and more[0].set else more
 
 
-class Offer(TypedDict):
+class RemedyOffer(TypedDict):
     """What a rule offers, and the receiver as it would be with all of it."""
 
     mend: tuple[Mend, ...]
     cured: Receiver
 
 
-def _with_len(receiver: Receiver, size: int) -> Offer:
+def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
     room = max(receiver.room, size) if receiver.room else 0
-    return Offer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
+    return RemedyOffer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
 
 
 def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
@@ -235,7 +235,7 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
-    offer = Offer(mend=(mend, *room) if name else (), cured=cured)
+    offer = RemedyOffer(mend=(mend, *room) if name else (), cured=cured)
     return Sign(sure, (text,), "to-plc", _at(messages[0]), name or None, **offer)
 
 
@@ -286,7 +286,7 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )  # fmt: skip
     size = Mend(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = Offer(mend=(mend, size) if name else (), cured=cured)
+    offer = RemedyOffer(mend=(mend, size) if name else (), cured=cured)
     return Sign(sure, (text, more), "to-plc", _at(split[0]), name or None, **offer)
 
 

@@ -160,7 +160,7 @@ class DirectionFacts:
         self.resent_since_heard = 0  # copies since the other end was heard
         self.copies_since = SaidBytes(0, 0, 0, 0)
         self.moments: list[tuple[SaidBytes, str]] = []  # of copies, early bytes, holes
-        self.outages: list[Outage] = []  # times in which copies alone were said, and nobody answered
+        self.outages: list[Outage] = []  # times in which there were copies alone, and no answer
         self.closed: list[ClosedWindow] = []  # its own window
         self.lowest_window: int | None = None
         self.highest_window = self.last_window = 0
@@ -213,9 +213,9 @@ class LineFacts:
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
         self.qualities: frozenset[Quality] = frozenset()
-        self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: nobody knows
+        self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: not known
         self.until_ns = 1 << 62  # later messages are not judged
-        self.connect: str | None = None  # of a run of ours, "": none; None: nobody knows
+        self.connect: str | None = None  # of a run of ours, "": none; None: not known
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
         self.plc_end, self.partner_end = guess.says.address, guess.says.other.address

@@ -39,7 +39,7 @@ class Receiver(NamedTuple):
     rules: LayoutRules | None = None
     marks: tuple[bytes, bytes] = (b"", b"")
     is_serial: bool = False
-    room: int = 0  # of DATA; 0: nobody has told
+    room: int = 0  # of DATA; 0: not known
     own_address: bytes = b""  # of the PLC; b"": any
     partner_address: bytes = b""
     until_ns: int = NEVER_NS

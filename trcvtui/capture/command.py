@@ -138,12 +138,12 @@ def conversation_row(
     }
 
 
-def _counts(direction: WireDirection) -> dict[str, int]:
+def _counts(direction: WireDirection) -> dict[str, int | None]:
     return {
         "bytes": direction.bytes,
         "segments": direction.segments,
         "retransmitted": direction.retransmitted,
-        "missing": direction.missing,
+        "missing": None if direction.has_jumped else direction.missing,
         "copies": direction.copies,
     }
 
@@ -190,7 +190,7 @@ def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
         if counts["retransmitted"] or counts["missing"]:
             told.append(
                 f"    {way}, bytes of {counts['segments']} segments: "
-                f"{counts['retransmitted']} sent again, {counts['missing']} missing"
+                f"{counts['retransmitted']} sent again, {counts['missing'] or 0} missing"
             )
         if counts["copies"]:
             told.append(f"    {way}: {counts['copies']} packets twice, as a mirror port shows them")

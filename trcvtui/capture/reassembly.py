@@ -42,6 +42,7 @@ COPY_NS: Final = 200_000_000  # a copy of a mirror port: soon, with the number t
 UNNUMBERED_NS: Final = 300_000  # the same, where the host gave none
 BACK_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
 MOST_RECENT: Final = 4096  # packets that another one may be a copy of
+FASTEST: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
 OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
 SILENT_NS: Final = 120_000_000_000  # a silent one, of UDP or where there are many
@@ -550,7 +551,7 @@ class Conversations:
             if said.segments:
                 said.is_heard = True
             beyond = distance(ack, said.next)
-            if beyond >= MOST_JUMP:
+            if beyond >= MOST_JUMP or beyond > FASTEST + ns - said.conversation.first_ns:
                 said.has_jumped = True
             if said.probe and beyond == 1:
                 probe, said.probe = said.probe, b""

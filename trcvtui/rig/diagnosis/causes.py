@@ -15,10 +15,9 @@ from statistics import median
 from typing import Final
 
 from trcvtui.capture.quality import Quality
-from trcvtui.capture.reassembly import MOST_JUMP
 from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.cause_words import remedy_of
-from trcvtui.rig.diagnosis.frame_causes import FRAME_JUDGES, FrameRule
+from trcvtui.rig.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule
 from trcvtui.rig.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -76,6 +75,25 @@ class EndsGroup:
             if not found or found[-1].last_ns <= one.first_ns:
                 found.append(one)
         return tuple(found)
+
+    @cached_property
+    def harmful(self) -> int:
+        """Return how many ends did harm to a block, as far as that is known, and were not asked for."""
+        ends = [(one, one.end) for one in self.ended if one.end is not None and not one.end.is_ours]
+        return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
+
+    @cached_property
+    def stands_again(self) -> bool:
+        """Return whether one of them stands, and has for ten seconds."""
+        return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
+
+    @cached_property
+    def goes_on(self) -> bool:
+        return any(one.is_built and one.end is None and len(one.messages) >= FEW for one in self.lines)
+
+    @cached_property
+    def has_stood(self) -> bool:
+        return any(one.is_built for one in self.lines)
 
     @cached_property
     def ordinary(self) -> int:
@@ -224,7 +242,7 @@ def _address(case: LineCase) -> Sign | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
-    has_stood = any(one.is_built for one in (*case.group.lines, *case.reverse.lines))
+    has_stood = case.group.has_stood or case.reverse.has_stood
     if not line.is_built and case.reverse.lines and not has_stood:
         texts = ("both ends call each other, and neither listens: both are active",)
         return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
@@ -291,12 +309,7 @@ def _storm(case: LineCase) -> Sign | None:
         return None
     if case.receiver is None and case.group.ordinary * 2 >= len(ended):
         return None  # short sessions that their caller ended
-    harmful = [one for one in ended if one.end is not None and one.has_harm_at(one.end.ns)]
-    if case.line.connect is not None:
-        harmful = [
-            one for one in harmful if one.end is not None and not one.end.by_plc
-        ]  # the others are ours
-    if len(harmful) * 2 <= len(ended):
+    if case.group.harmful * 2 <= len(ended):
         return None
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
@@ -308,8 +321,11 @@ def _storm(case: LineCase) -> Sign | None:
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
         f"{who}; {resets} by RST; each stood {duration(life)}",
     )
-    at, packets = SaidBytes(built[0].first_ns, 0, 0, 0), tuple([one.first_packet for one in built])
-    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets[:MOST_SHOWN])
+    at, packets = (
+        SaidBytes(built[0].first_ns, 0, 0, 0),
+        tuple([one.first_packet for one in built[:MOST_SHOWN]]),
+    )
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
 
 
 def _resets(case: LineCase) -> Sign | None:
@@ -328,7 +344,10 @@ def _resets(case: LineCase) -> Sign | None:
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None) or not line.has_harm_at(end.ns):
-        return said(0.0, "it was asked for here, or no block lost anything by it", is_remark=True)
+        is_asked = line.has_harm_at(end.ns)
+        return said(
+            0.0, "it was asked for here" if is_asked else "no block lost anything by it", is_remark=True
+        )
     part = _part_of_job(line, case.receiver) or _part_of_message(line)
     if part:
         return said(0.96, part)
@@ -368,7 +387,15 @@ def _part_of_message(line: LineFacts) -> str:
         return ""
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
-    last = line.to_plc.content[line.messages[-1].at :][:4]
+    content, part = bytes(line.to_plc.content), line.messages[-1]
+    whole = [content[one.at : one.at + part.size] for one in line.messages if one.size == usual]
+    begin = content[part.at : part.at + part.size]
+    if any(
+        len({each[n : n + 1] for each in whole}) == 1 and begin[n : n + 1] != whole[0][n : n + 1]
+        for n in (0, 1)
+    ):
+        return ""  # it begins as none of them: a message of another kind
+    last = begin[:4]
     is_unit = last[:1] == bytes([TPKT]) and int.from_bytes(last[2:4], "big") == sizes[-1]
     return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had come"
 
@@ -437,6 +464,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
         texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
         at = SaidBytes(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
+        is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
         if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
             texts.append("then RST: one end had forgotten the connection")
             return Sign(0.93, tuple(texts), at=at)
@@ -561,7 +589,10 @@ def _slow_ack(case: LineCase) -> Sign | None:
             continue  # a sender with a period meets ACKs by chance: then before and after them, too
         if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
             continue
-        usual, packets = median(one.wait_ns for one in slow), tuple([one.write.packet for one in slow])
+        usual, packets = (
+            median(one.wait_ns for one in slow),
+            tuple([one.write.packet for one in slow[:MOST_SHOWN]]),
+        )
         texts = (
             f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
             "and the next one left with it",
@@ -596,7 +627,8 @@ def _loss(case: LineCase) -> Sign | None:
         share = odd / max(said.segments + said.resent, 1)
         is_often = odd >= 3 and odd * 100 >= said.segments
         is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
-        text = f"{said.resent} segments sent again, {said.late} came late, of {said.segments}: {share:.1%}"
+        again, of_all = count(said.resent, "segment"), said.segments + said.resent
+        text = f"{again} sent again, {said.late} came late, of {of_all}: {share:.1%}"
         at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent", "early")
         if is_often or is_long:
             waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
@@ -619,8 +651,8 @@ def _incomplete(case: LineCase) -> Sign | None:
         return None
     texts, at = [], None
     for said, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
-        size = f"{said.missing} bytes" if said.missing < MOST_JUMP else "more bytes than a window has"
-        texts += [f"{size} {way} are missing in the capture only"] if said.missing else []
+        size = "more bytes than can be" if said.has_jumped else count(said.missing, "byte")
+        texts += [f"{size} {way}: missing in the capture only"] if said.missing else []
         at = at or said.first_of("missing")
     texts = texts or ["its sequence numbers jump further than any window"]
     return Sign(0.0, tuple(texts), at=at, is_remark=True)
@@ -770,27 +802,20 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
     """Return who takes the messages of a conversation; tell the facts how much a job of it reads."""
     found = next((one for one in receivers if one.fits(line)), None)
     if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
-        found = only if not only.connect or only.has_address_of(line) else None
+        found = only if only.has_end_of(line) else None
     if found is not None:
-        line.until_ns = found.until_ns
+        line.since_ns, line.until_ns = found.since_ns, found.until_ns
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found
 
 
 def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) -> Receiver | None:
-    """Return the only receiver of a project whose ports no conversation has.
-
-    It is meant all the same where a foreign capture has one of its addresses; without its name where it holds
-    what two ends said to each other, and nothing else.
-    """
+    """Return the only receiver of a project, where a foreign capture has its ends the other way round."""
     known = [one for one in receivers if not one.is_serial]
     if len(known) != 1 or any(known[0].fits(line) or line.connect is not None for line in lines):
         return None
-    if any(known[0].has_address_of(line) for line in lines):
-        return known[0]
-    is_one = len({_between(line) for line in lines}) == 1
-    return known[0]._replace(instance="", connect="") if is_one else None
+    return known[0] if any(known[0].has_end_of(line) for line in lines) else None
 
 
 _Ends = tuple[str, bytes, tuple[bytes, int]]

@@ -36,16 +36,18 @@ NOBODY: Final = 0  # the number of no conversation
 TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Mend, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
                 (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
-    "flood": (0.9, "in a second more bytes came than jobs took, so that more and more wait:", ()),
-    "plc-not-reading": (0.9, "in a second bytes waited at the PLC, and no job read:",
+    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
+    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
                         (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),)),
-    "partner-not-reading": (0.9, "in a second bytes waited to leave, and the partner had told no room:", ()),
-    "dead-link": (0.9, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
+    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
+    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
     "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
     "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
 }
 # fmt: on
+OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
+OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "filtered", "second-client")
 LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
 Verdict = dict[str, Any]
 
@@ -75,6 +77,7 @@ class RecordedFacts(NamedTuple):
     troubles: tuple[JobTrouble, ...]
     until_ns: int = 0
     lint: tuple[LineFinding, ...] = ()
+    is_running: bool = False  # the run goes on
 
 
 class DoctorQuestion(NamedTuple):
@@ -127,7 +130,8 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
             line.harms = known.harms.get(line.connect or "", ())
     cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
     told = {} if known is None else _told_of(known.troubles, cases)
-    verdicts = [verdict(path, case, told.get(case.line.number, [])) for case in cases]
+    is_running = known is not None and known.is_running
+    verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NOBODY, [])
     if alone:
         verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
@@ -146,7 +150,7 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
         mend = tuple([_for_instance(each, one.instance) for each in mends or remedy_of(one.cause)])
         said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
         made = finding_row(None, LineFinding(one.cause, sure, said, mend))
-        made["t_s"] = None if line is None else line.seconds(one.ns)
+        made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
         made["where"]["scan"] = one.scan
         found.setdefault(NOBODY if line is None else line.number, []).append(made)
     return found
@@ -165,13 +169,23 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
     return found
 
 
-def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> Verdict:
-    """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too."""
+def verdict(
+    path: str, case: LineCase, told: Sequence[dict[str, Any]] = (), is_running: bool = False
+) -> Verdict:
+    """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too.
+
+    In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
+    the messages of one when another one goes on.
+    """
     line = case.line
     ends = {"plc": line.plc, "partner": line.partner, "protocol": line.protocol}
     judged = verdict_of(case)
     words = case.receiver.words if case.receiver is not None else {}
-    made = _verdict(path, ends, judged.findings, line, words)
+    found = judged.findings
+    if is_running:
+        is_over = case.group.stands_again, line.end is not None and case.group.goes_on
+        found = tuple([one for one in found if not is_over[one.cause not in OF_ENDS]])
+    made = _verdict(path, ends, found, line, words)
     made["quality"] = sorted(line.qualities)
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
@@ -180,7 +194,7 @@ def verdict(path: str, case: LineCase, told: Sequence[dict[str, Any]] = ()) -> V
             one["cause"] == "shifted" for one in told
         ):  # the program did it: what it looks like is no cause
             made["findings"] = [one for one in made["findings"] if one["cause"] not in LIKE_SHIFTED]
-        made["findings"] = sorted((*made["findings"], *told), key=lambda one: -one["confidence"])
+        made["findings"] = sorted((*told, *made["findings"]), key=lambda one: -one["confidence"])
         made["healthy"] = False
     return made
 
@@ -240,7 +254,7 @@ def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
         },
         "evidence": list(said.evidence),
         "packets": [*packets],
-        "filter": "" if line is None else line.filter_of(words.filter),
+        "filter": "" if line is None else line.filter_of(words.filter, found.cause in OF_GROUP),
     }
 
 
@@ -355,32 +369,45 @@ MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
 def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    groups: dict[tuple[tuple[str, str | None, str | None], ...], list[Verdict]] = {}
+    """Yield what is said of one file: equal findings of several conversations once, healthy ones last."""
+    groups: dict[object, tuple[dict[str, Any], list[str]]] = {}
     for made in verdicts:
-        places = [(one["cause"], one["where"]) for one in made["findings"]]
-        key = tuple([(cause, where["direction"], where["instance"]) for cause, where in places])
-        groups.setdefault(key, []).append(made)
-    for _, some in sorted(groups.items(), key=lambda one: one[0] == ()):
-        first = some[0]
-        lines = [_ends_text(one["conversation"]) for one in some if one["conversation"] is not None]
-        what = count(len(some), "conversation") if len(some) > 1 else "".join(lines[:1])
-        yield ": ".join(filter(None, (first["file"], what, "healthy" if first["healthy"] else "")))
-        for one in first["findings"]:
-            yield from _finding_texts(one)
-        if len(some) > 1 and not first["healthy"]:
+        for one in made["findings"]:
+            same = groups.setdefault(same_finding(one, made["conversation"]), (one, []))
+            same[1].extend(_ends_text(made["conversation"]))
+    file, before = verdicts[0]["file"] if verdicts else "", None
+    for one, lines in sorted(groups.values(), key=lambda each: -each[0]["confidence"]):
+        what = count(len(lines), "conversation") if len(lines) > 1 else "".join(lines)
+        if lines != before:
+            yield ": ".join(filter(None, (file, what)))
+        before = lines
+        yield from _finding_texts(one)
+        if len(lines) > 1:
             more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
             yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
-        yield from _notes(some)
+    healthy = [made for made in verdicts if made["healthy"]]
+    if healthy:
+        ends = "".join(_ends_text(healthy[0]["conversation"])) if len(healthy) == 1 else ""
+        what = count(len(healthy), "conversation") if len(healthy) > 1 else ends
+        yield ": ".join(filter(None, (file, what, "healthy")))
+    yield from _notes(verdicts)
 
 
-def _ends_text(ends: dict[str, str]) -> str:
-    return f"{ends['protocol']} {ends['plc']} <- {ends['partner']}"
+def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
+    """Return what equal findings of several conversations have in common: the cause, whose, which port."""
+    where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
+    ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
+    return one["cause"], where["direction"], where["instance"], min(ports, default=0)
+
+
+def _ends_text(ends: dict[str, str] | None) -> list[str]:
+    return [f"{ends['protocol']} {ends['plc']} <- {ends['partner']}"] if ends is not None else []
 
 
 def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
     when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
     way = one["where"]["direction"]
-    place = "" if way is None else f", {way.replace('-', ' ')}"
+    place = "".join(f", {each}" for each in (way and way.replace("-", " "), one["where"]["instance"]) if each)
     yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
     yield from (MARK + text for text in one["evidence"])
     if one["status"]:

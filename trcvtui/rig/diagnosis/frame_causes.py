@@ -16,6 +16,7 @@ from trcvtui.records import NamedTuple
 from trcvtui.rig.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
 from trcvtui.rig.diagnosis.receiver import Receiver
 from trcvtui.rig.diagnosis.sign import Mend, Sign
+from trcvtui.rig.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.udt.layout.layout import Layout, Profile
@@ -163,9 +164,8 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     if sizes.usual >= wanted.need or (sizes.share < 0.7 and sizes.messages >= FEW):
         return None
     last = line.messages[-1]
-    text = (
-        f"{sizes.share:.0%} of {sizes.messages} messages have {sizes.usual} bytes, a job wants {wanted.need}"
-    )
+    of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')}"
+    text = f"{of_all} have {sizes.usual} bytes, a job wants {wanted.need}"
     sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
     is_soon = last.ns - line.messages[0].ns < 2_000_000_000  # pieces come soon after each other
     whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
@@ -181,7 +181,10 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None  # the rest may have been on its way
     if is_soon and last.at + last.size - _start(line) == wanted.need:
         return None  # the pieces of one job
-    return Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None, **_with_len(wanted, sizes.usual))
+    sign = Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None)
+    if sizes.messages < 2 and line.end is not None:
+        return sign  # one message may have been cut
+    return sign._replace(**_with_len(wanted, sizes.usual))
 
 
 def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -193,7 +196,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW):
             return None
         left = sizes.usual % wanted.need
-        of_all = f"{sizes.share:.0%} of {sizes.messages} messages have {sizes.usual} bytes"
+        of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8

@@ -118,6 +118,7 @@ class DirectionFacts:
         "cut",
         "early_ns",
         "ended",
+        "has_jumped",
         "highest_window",
         "is_heard",
         "is_reset_behind",
@@ -132,6 +133,7 @@ class DirectionFacts:
         "lowest_window",
         "missing",
         "moments",
+        "newest",
         "outages",
         "resent",
         "resent_since_heard",
@@ -149,11 +151,13 @@ class DirectionFacts:
         self.writes: list[SaidBytes] = []
         self.line_errors: Counter[str] = Counter()  # of a serial line, as its driver tells them
         self.content = bytearray()  # from byte 0 to the first hole, bounded
+        self.newest: SaidBytes | None = None
         self.syns: list[SaidBytes] = []
         self.resent = 0
         self.spurious = 0  # of what was acknowledged already, after a long wait for that ACK
         self.longest_wait_ns = 0  # from a segment to its copy
         self.is_heard = False  # bytes of it were acknowledged
+        self.has_jumped = False  # its sequence numbers, further than can be
         self.is_reset_behind = False  # its RST came right after its FIN
         self.late = 0  # holes that were filled later than a reordered packet would be
         self.early_ns: int | None = None
@@ -214,7 +218,7 @@ class LineFacts:
         self.guess = guess
         self.qualities: frozenset[Quality] = frozenset()
         self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: not known
-        self.until_ns = 1 << 62  # later messages are not judged
+        self.since_ns, self.until_ns = 0, 1 << 62  # messages before and after are not judged
         self.connect: str | None = None  # of a run of ours, "": none; None: not known
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
@@ -268,13 +272,17 @@ class LineFacts:
         """Return how long it was seen."""
         return self.last_ns - self.first_ns
 
-    def filter_of(self, evidence: str) -> str:
-        """Return what shows its packets in Wireshark, those of the evidence alone; "": nothing does."""
+    def filter_of(self, evidence: str, of_group: bool) -> str:
+        """Return what shows its packets in Wireshark, those of the evidence alone; "": nothing does.
+
+        `of_group`: and those of all conversations with the same listener.
+        """
         if self.protocol == "serial":
             return ""
         ends, ip = (self.plc_end, self.partner_end), "ip" if len(self.plc_end[0]) == 4 else "ipv6"
-        parts = [f"{ip}.addr == {ip_address(address)}" for address, _ in ends]
-        parts += [f"{self.protocol}.port == {port}" for _, port in ends]
+        parts = [f"{ip}.addr == {text}" for text in dict.fromkeys(str(ip_address(each)) for each, _ in ends)]
+        listener = self.partner_end if self.plc_calls else self.plc_end
+        parts += [f"{self.protocol}.port == {port}" for _, port in ((listener,) if of_group else ends)]
         parts += [f"({evidence})" if "||" in evidence else evidence] if evidence else []
         return " && ".join(parts)
 
@@ -289,7 +297,7 @@ class LineFacts:
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
         """Return the messages to the PLC, as pauses and turns tell them."""
-        writes = [one for one in self.to_plc.writes if one.ns < self.until_ns]
+        writes = [one for one in self.to_plc.writes if self.since_ns <= one.ns < self.until_ns]
         return _messages(writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
     @cached_property
@@ -384,9 +392,10 @@ class _Collector:
         if len(content) == at and at < MOST_CONTENT and self._content < MOST_CONTENT_OF_ALL:
             content += data
             self._content += size
+        own.newest = SaidBytes(ns, at, size, self.found.packets)
         if len(own.writes) < MOST_WRITES and self._writes < MOST_WRITES_OF_ALL:
             self._writes += 1
-            own.writes.append(SaidBytes(ns, at, size, self.found.packets))
+            own.writes.append(own.newest)
         late = own.late_ack
         if late is not None:
             own.late_ack = None
@@ -398,8 +407,8 @@ class _Collector:
         own.last_window = window
         own.highest_window = max(own.highest_window, window)
         own.lowest_window = window if own.lowest_window is None else min(own.lowest_window, window)
-        if other.writes:
-            last = other.writes[-1]
+        last = other.newest
+        if last is not None:
             wait = ns - last.ns
             if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL and other.late_ack is None:
                 other.late_ack = LateAck(last, wait, ns)
@@ -533,7 +542,7 @@ def facts_of(
             left = (direction.next - direction.acked) & 0xFFFFFFFF
             _heard(facts, None)
             facts.unacked = left if left < MOST_JUMP and direction.has_base else 0
-            facts.is_heard = direction.is_heard
+            facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
         lines[-1].qualities = frozenset(qualities_of(conversation, found.drops))
         lines[-1].connect = known.connect_of(guess.says) if known.connects else None

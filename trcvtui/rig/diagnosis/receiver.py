@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from trcvtui.udt.types import Type
 
 NEVER_NS: Final = 1 << 62
+LOOPBACK: Final = b"\x7f"  # of a project tried at home: its line has other addresses
 
 
 class Receiver(NamedTuple):
     """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`).
 
-    Of a run: until when it took so many (UTC).
+    Of a run: since when, and until when it took so many (UTC).
     """
 
     instance: str
@@ -42,6 +43,7 @@ class Receiver(NamedTuple):
     room: int = 0  # of DATA; 0: not known
     own_address: bytes = b""  # of the PLC; b"": any
     partner_address: bytes = b""
+    since_ns: int = 0
     until_ns: int = NEVER_NS
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
 
@@ -55,11 +57,17 @@ class Receiver(NamedTuple):
             return True
         if line.connect is not None:
             return self.connect == line.connect
-        if self.active or line.plc_calls:
-            return (self.remote_port or None) in (line.partner_end[1], None)
+        if self.active:
+            is_there = (
+                self.partner_address in (b"", line.partner_end[0]) or self.partner_address[:1] == LOOPBACK
+            )
+            return is_there and self.remote_port in (line.partner_end[1], 0)
+        if line.plc_calls:
+            return self.remote_port == line.partner_end[1]
         return self.local_port in (line.plc_end[1], 0)
 
-    def has_address_of(self, line: LineFacts) -> bool:
-        """Return whether one end of the conversation is at an address of its CONNECT."""
-        addresses = {line.plc_end[0], line.partner_end[0]} - {b""}
-        return self.own_address in addresses or self.partner_address in addresses
+    def has_end_of(self, line: LineFacts) -> bool:
+        """Return whether an address and a port of its CONNECT are in the conversation, at whichever end."""
+        (plc, plc_port), (partner, partner_port) = line.plc_end, line.partner_end
+        has_port = {plc_port, partner_port} & ({self.local_port, self.remote_port} - {0})
+        return bool(has_port) and bool({plc, partner} & ({self.own_address, self.partner_address} - {b""}))

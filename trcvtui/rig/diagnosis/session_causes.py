@@ -26,7 +26,6 @@ _REASONS: Final = {
 }  # fmt: skip
 _CR, _CC, _DR = 0xE0, 0xD0, 0x80
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
-LEAST_DATA: Final = 64  # bytes of a record that is data, and no alert or key
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
@@ -141,13 +140,10 @@ def tls_refused(line: LineFacts) -> Sign | None:
 
 
 def _has_data(told: dict[str, list[tuple[int, bytes]]]) -> bool:
-    for records in told.values():
-        kinds = [kind for kind, _ in records]
-        if _CHANGE in kinds and _HANDSHAKE in kinds[kinds.index(_CHANGE) :]:
-            return any(
-                kind == _DATA and len(body) > LEAST_DATA for each in told.values() for kind, body in each
-            )
-    return False
+    """Return whether a handshake up to TLS 1.2 ended well: both ends have encrypted, or data went through."""
+    kinds = [[kind for kind, _ in records] for records in told.values()]
+    ready = [_CHANGE in each and _HANDSHAKE in each[each.index(_CHANGE) :] for each in kinds]
+    return all(ready) or (any(ready) and any(_DATA in each for each in kinds))
 
 
 def _is_client_hello(kind: int, body: bytes) -> bool:

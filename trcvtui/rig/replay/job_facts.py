@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
@@ -14,7 +15,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.capture.journal import GAP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
-from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
 from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.project.project import Project
@@ -30,6 +31,8 @@ LARGER: Final = "larger than LEN or DATA"
 UNREAD, PATH = GAP + "unread", GAP + "path"
 SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
+RECENT_S: Final = 10
+GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
 PassScan = Callable[[RunAgain, int], bool]
@@ -58,6 +61,14 @@ class _Stack:
 
     def read(self, connect: str, t_ns: int) -> None:
         self._read.setdefault(connect, set()).add(t_ns // SECOND)
+
+    def forget_before(self, second: int) -> None:
+        """Forget what was long ago."""
+        for least in self._least.values():
+            for old in [each for each in least if each < second]:
+                del least[old]
+        for connect, paths in self._paths.items():
+            self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def floods(self) -> Iterator[tuple[str, int, int]]:
         """Yield each CONNECT for which more waits each second although jobs run: since when, for how long."""
@@ -141,11 +152,16 @@ def _facts_of(
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
     receivers = receivers_of(project, held, pins)
-    if not is_running:
-        receivers = tuple([facts.as_called(one) for one in receivers])
+    receivers = tuple([facts.as_called(one, is_running) for one in receivers])
     until_ns = facts.wall_ns + bench.now
     return RecordedFacts(
-        receivers, facts.by_ends, facts.harms, facts.troubles(), until_ns, lint(project, pins)
+        receivers,
+        facts.by_ends,
+        facts.harms,
+        facts.troubles(is_running),
+        until_ns,
+        lint(project, pins),
+        is_running,
     )
 
 
@@ -163,7 +179,10 @@ class _RunFacts:
         self._bench, self._stack = bench, _Stack(run)
         self._found: dict[tuple[str, str], JobTrouble] = {}
         self._jobs: dict[str, JobStarted] = {}  # the first of each instance
-        self._until: dict[str, int] = {}  # when its LEN or ADHOC changed (UTC)
+        self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
+        self._changed: dict[str, int] = {}  # and last
+        self._done = Counter[str]()  # jobs of each CONNECT
+        self._done_then: dict[tuple[str, str], int] = {}  # when a trouble was told last
         self._rose: dict[str, int] = {}  # in which scan REQ or EN_R of an instance rose last
         self._sends, self._stopped = set[str](), set[str]()
         self._dropped: dict[tuple[str, int], tuple[int, int]] = {}
@@ -195,9 +214,12 @@ class _RunFacts:
                     self._tell("request-too-fast", instance, scan, t_ns)
                 self._rose[instance] = scan
             case InputEdge(instance, "LEN" | "ADHOC") if instance in self._jobs:
+                self._changed[instance] = self.wall_ns + t_ns
                 self._until.setdefault(instance, self.wall_ns + t_ns)
             case ConnectionChanged():
                 self._take_ends(event.connection, event.local, event.peer)
+                if event.what is What.CONNECTED:
+                    self._done_then["shifted", event.connection] = -GOOD_JOBS
             case BytesReceived():
                 self._stack.read(event.connection, t_ns)
             case SendStarted():
@@ -212,7 +234,9 @@ class _RunFacts:
                 self._dropped[event.connection, event.incarnation] = scan, t_ns
             case JobStarted():
                 self._take_job(event)
-        if isinstance(event, SendEnded | JobEnded) and not event.done and event.size:
+        if isinstance(event, SendEnded | JobEnded) and event.done:
+            self._done[event.connection] += 1
+        elif isinstance(event, SendEnded | JobEnded) and event.size:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
     def _take_ends(self, connect: str, local: str, peer: str) -> None:
@@ -249,17 +273,32 @@ class _RunFacts:
         known = self._found.get((cause, connect))
         first = known or JobTrouble(cause, instance, connect, scan, self.wall_ns + t_ns, 0)
         self._found[cause, connect] = first._replace(times=first.times + 1)
+        # Jobs that begin inside messages end well, too: a new connection alone lets them begin anew.
+        self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
 
-    def as_called(self, receiver: Receiver) -> Receiver:
+    def as_called(self, receiver: Receiver, is_running: bool) -> Receiver:
         """Return a receiver with the length and kind of its first job, and until when these stayed."""
         job = self._jobs.get(receiver.instance)
+        if is_running:  # the pieces that static jobs took are none of an ad-hoc one
+            return receiver._replace(
+                since_ns=self._changed.get(receiver.instance, 0) if receiver.adhoc else 0
+            )
         if job is None or not receiver.need:
             return receiver
         until_ns = self._until.get(receiver.instance, NEVER_NS)
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
-    def troubles(self) -> tuple[JobTrouble, ...]:
-        """Return what the program did wrong, and what the stack of a CONNECT shows for long."""
+    def troubles(self, is_running: bool) -> tuple[JobTrouble, ...]:
+        """Return what the program did wrong, and what the stack of a CONNECT shows for long.
+
+        In a run that goes on, a trouble is over after two good jobs, and the stack counts of late alone.
+        """
+        if is_running:
+            then = self._done_then
+            over = [key for key in self._found if self._done[key[1]] - then[key] >= GOOD_JOBS]
+            for key in over:
+                del self._found[key]
+            self._stack.forget_before(self._bench.now // SECOND - RECENT_S)
         for cause, blocks, some in (
             ("flood", self._takers, self._stack.floods()),
             ("plc-not-reading", self._takers, self._stack.not_reading()),

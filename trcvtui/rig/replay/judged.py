@@ -20,7 +20,7 @@ from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, noting_reads, unnamed
 from trcvtui.rig import clock
-from trcvtui.rig.diagnosis.doctor import DoctorQuestion, finding_row, judge
+from trcvtui.rig.diagnosis.doctor import DoctorQuestion, finding_row, judge, same_finding
 from trcvtui.rig.recording.writer import POST_NS, write_all
 from trcvtui.rig.replay.job_facts import PassScan, recorded_facts
 from trcvtui.rig.replay.run_again import RunAgain
@@ -48,9 +48,16 @@ def found_in(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None 
                     ends = verdict["conversation"]
                     found.append({**one, "evidence": evidence, "ends": ends, "t_ns": t_ns})
     rows["findings"].sort(key=lambda one: -one["confidence"])
-    some = {kind: found[:MOST_FINDINGS] for kind, found in rows.items()}
+    some = {kind: _each_once(found)[:MOST_FINDINGS] for kind, found in rows.items()}
     lacks = [f"{quality} {often}" for quality, often in qualities.items()]
     return {"conversations": conversations, **some, "qualities": lacks, "trouble": ""}
+
+
+def _each_once(found: list[Found]) -> list[Found]:
+    first: dict[object, Found] = {}
+    for one in found:
+        first.setdefault(same_finding(one, one["ends"]), one)
+    return [*first.values()]
 
 
 def found_in_run(path: str, pass_scan: PassScan | None = None) -> Found:

@@ -85,6 +85,8 @@ def _conversation(
     told: dict[str, Any] = conversation_row(found, one, given, known)
     ends = [told[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
     to, back = told["to_plc"], told["from_plc"]
-    sizes = [str(size) for size in (to["bytes"], back["bytes"], to["missing"] + back["missing"])]
+    sizes = [
+        str(size) for size in (to["bytes"], back["bytes"], (to["missing"] or 0) + (back["missing"] or 0))
+    ]
     shadows = ", ".join(part.connect for part in plan.parts.get(one.number, ()))
     return (*ends, *sizes, plan.unassigned.get(one.number) or shadows)

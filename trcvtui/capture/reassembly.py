@@ -42,6 +42,7 @@ COPY_NS: Final = 200_000_000  # a copy of a mirror port: soon, with the number t
 UNNUMBERED_NS: Final = 300_000  # the same, where the host gave none
 BACK_NS: Final = 1_000_000  # packets may stand in a capture in another order by so much
 MOST_RECENT: Final = 4096  # packets that another one may be a copy of
+LEAST_WINDOW: Final = 4096  # a smaller one may be that of a SYN whose scale got lost
 FASTEST: Final = 1 << 26  # bytes in no time; then a byte a nanosecond: eight gigabits a second
 MOST_JUMP: Final = 1 << 30  # of a sequence number: the largest window
 OVER_NS: Final = 60_000_000_000  # after its end a conversation of a growing capture is known so long
@@ -270,7 +271,7 @@ class Conversations:
                     direction.largest = size
                 if (scale := direction.other.scale) is not None:
                     fly = (seq + size - direction.acked) & _MASK
-                    if direction.other.window << scale < fly < MOST_JUMP:
+                    if LEAST_WINDOW <= direction.other.window << scale < fly < MOST_JUMP:
                         direction.has_overrun = True
                 direction.segments += 1
                 payload = data[begin:end]
@@ -594,7 +595,8 @@ class Conversations:
             direction.largest = max(direction.largest, size)
             if direction.other.scale is not None and size > 1:  # 1: a probe of a closed window
                 fly = (seq + size - direction.acked) & _MASK
-                direction.has_overrun |= direction.other.window << direction.other.scale < fly < MOST_JUMP
+                room = direction.other.window << direction.other.scale
+                direction.has_overrun |= LEAST_WINDOW <= room < fly < MOST_JUMP
             direction.probe = b""
             if direction.fin is not None and at + size > direction.fin:
                 size = max(direction.fin - at, 0)

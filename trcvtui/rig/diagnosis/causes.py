@@ -321,10 +321,8 @@ def _storm(case: LineCase) -> Sign | None:
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
         f"{who}; {resets} by RST; each stood {duration(life)}",
     )
-    at, packets = (
-        SaidBytes(built[0].first_ns, 0, 0, 0),
-        tuple([one.first_packet for one in built[:MOST_SHOWN]]),
-    )
+    at = SaidBytes(built[0].first_ns, 0, 0, 0)
+    packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
     return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
 
 
@@ -343,11 +341,10 @@ def _resets(case: LineCase) -> Sign | None:
         return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
-    if end.is_ours or (end.by_plc and line.connect is not None) or not line.has_harm_at(end.ns):
-        is_asked = line.has_harm_at(end.ns)
-        return said(
-            0.0, "it was asked for here" if is_asked else "no block lost anything by it", is_remark=True
-        )
+    if end.is_ours or (end.by_plc and line.connect is not None):
+        return said(0.0, "it was asked for here", is_remark=True)
+    if not line.has_harm_at(end.ns):
+        return said(0.0, "no block lost anything by it", is_remark=True)
     part = _part_of_job(line, case.receiver) or _part_of_message(line)
     if part:
         return said(0.96, part)
@@ -555,7 +552,7 @@ def _flood(case: LineCase) -> Sign | None:
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
             return Sign(0.8, (text, *rate), way="to-plc")
-    return Sign(0.8, rate, way="to-plc") if rate else None
+    return Sign(0.8, rate, way="to-plc", at=line.to_plc.writes[0]) if rate else None
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
@@ -637,7 +634,8 @@ def _loss(case: LineCase) -> Sign | None:
             found = Sign(sure, texts, way=way, at=at, packets=packets)
         elif said.spurious >= 3 and said.spurious * 20 > said.segments:
             lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
-            found = Sign(0.7, (lost,), way=way, at=at)
+            packets = said.packets_of("spurious")
+            found = Sign(0.7, (lost,), way=way, at=said.first_of("spurious"), packets=packets)
         elif odd:
             found = Sign(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
         else:
@@ -793,7 +791,7 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     for line, receiver in zip(lines, fitting, strict=True):
         older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
         kind, caller, listener = _hosts(line)
-        reverse = reverses.get((kind, listener, caller), _NOBODY) if caller != listener else _NOBODY
+        reverse = reverses.get((kind, listener, caller), _NO_LINES) if caller != listener else _NO_LINES
         yield LineCase(line, groups[_between(line)], tuple(older), reverse, receiver, receivers, last_ns)
         older.append(line)
 
@@ -819,7 +817,7 @@ def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) ->
 
 
 _Ends = tuple[str, bytes, tuple[bytes, int]]
-_NOBODY: Final = EndsGroup(())
+_NO_LINES: Final = EndsGroup(())
 
 
 def _between(line: LineFacts) -> _Ends:

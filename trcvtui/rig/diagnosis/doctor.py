@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout.layout import Layout
 
 HEALTHY, FOUND, NOT_READ = 0, 1, 2
-NOBODY: Final = 0  # the number of no conversation
+NO_LINE: Final = 0  # the number of no conversation
 
 
 # What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
@@ -132,7 +132,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     told = {} if known is None else _told_of(known.troubles, cases)
     is_running = known is not None and known.is_running
     verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
-    alone = told.get(NOBODY, [])
+    alone = told.get(NO_LINE, [])
     if alone:
         verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
@@ -152,7 +152,7 @@ def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[
         made = finding_row(None, LineFinding(one.cause, sure, said, mend))
         made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
         made["where"]["scan"] = one.scan
-        found.setdefault(NOBODY if line is None else line.number, []).append(made)
+        found.setdefault(NO_LINE if line is None else line.number, []).append(made)
     return found
 
 
@@ -190,10 +190,9 @@ def verdict(
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if told:
-        if any(
-            one["cause"] == "shifted" for one in told
-        ):  # the program did it: what it looks like is no cause
-            made["findings"] = [one for one in made["findings"] if one["cause"] not in LIKE_SHIFTED]
+        # What frames look like that the program has shifted is no cause of its own.
+        like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
+        made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
         made["findings"] = sorted((*told, *made["findings"]), key=lambda one: -one["confidence"])
         made["healthy"] = False
     return made

@@ -447,7 +447,9 @@ class _Collector:
         waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
         wait = max(waits, default=0)
         if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
-            own.spurious += wait >= SPURIOUS_NS
+            if wait >= SPURIOUS_NS:
+                own.spurious += 1
+                own.mark(at, "spurious")
             return
         own.longest_wait_ns = max(own.longest_wait_ns, wait)
         own.resent += 1

@@ -98,7 +98,7 @@ def tls_refused(line: LineFacts) -> Sign | None:
     if not any(told.values()):
         return None
     hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
-    if hello is None or _has_data(told):
+    if (hello is None and not line.has_begin) or _has_data(told):
         return None  # its handshake is not in the capture, or went well
     for way, records in told.items():
         is_open = True  # not encrypted yet
@@ -113,10 +113,11 @@ def tls_refused(line: LineFacts) -> Sign | None:
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
                 text = f"TLS alert {body[1]} ({name}) from {who}"
-                return Sign(0.97, (text,), way=way, at=_first(said), is_fact=True)
-            if not is_open or len(body) > 2:
+                note = () if hello else ("the other end does not speak TLS",)
+                return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
+            if hello is not None and (not is_open or len(body) > 2):
                 return Sign(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
-    if line.end is None:
+    if hello is None or line.end is None:
         return None
     answer = told["from-plc" if hello == "to-plc" else "to-plc"]
     other = line.from_plc if hello == "to-plc" else line.to_plc

@@ -20,6 +20,7 @@ class CauseWords(NamedTuple):
 
 _SYN, _RST, _DATA = "tcp.flags.syn == 1", "tcp.flags.reset == 1", "tcp.len > 0"
 _COPY: Final = "tcp.analysis.retransmission"
+_LOST: Final = f"{_COPY} || tcp.analysis.out_of_order || tcp.analysis.lost_segment"
 _CLOSED: Final = "tcp.window_size == 0 || tcp.analysis.window_update"
 _GONE: Final = (Condition.PARTNER_CLOSED,)
 _WAITS: Final = (Condition.RECEIVING_PART,)
@@ -37,7 +38,8 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
      "look for a firewall, a wrong address, a cable: nothing comes back",
      (Condition.UNREACHABLE, Condition.ESTABLISHING), _SYN),
     ("wrong-tsap", "the TSAPs of both ends do not fit",
-     "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE, "cotp"),
+     "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE,
+     f"{_DATA} || tcp.flags.fin == 1 || {_RST}"),
     ("tls-refused", "the TLS handshake failed",
      "let both ends speak TLS, and trust the certificate that the other one shows",
      (Condition.TLS_HANDSHAKE,), "tls"),
@@ -63,12 +65,13 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("partner-not-reading", "the partner does not take what is there",
      "let the partner read, or send less often", (Condition.SENDING,), _CLOSED),
     ("flood", "more comes than the block takes",
-     "let the partner send less often, call the block faster, or take several messages a job", (), _CLOSED),
+     "let the partner send less often, call the block faster, or take several messages a job",
+     (), f"{_DATA} || {_CLOSED}"),
     ("slow-ack", "small writes wait for late acknowledgements",
      "send a message with one write, or set TCP_NODELAY at the end that waits",
-     (), "tcp.analysis.ack_rtt > 0.03"),
+     (), f"{_DATA} || tcp.analysis.ack_rtt > 0.03"),
     ("loss", "packets get lost on the way",
-     "look at cable, duplex, switch and radio of this way", _WAITS, f"{_COPY} || tcp.analysis.out_of_order"),
+     "look at cable, duplex, switch and radio of this way", _WAITS, _LOST),
     ("capture-incomplete", "the capture lacks packets that arrived",
      "", (), "tcp.analysis.ack_lost_segment || tcp.analysis.lost_segment"),
     ("header", "bytes stand before or after the members", "declare them as members", (), _DATA),

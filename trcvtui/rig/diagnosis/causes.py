@@ -400,8 +400,8 @@ def _part_of_message(line: LineFacts) -> str:
 # -- silence -------------------------------------------------------------------------------------------------
 
 
-def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool] | None:
-    """Return who said copies alone, how many, from when, how long, and whether it came back."""
+def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
+    """Return who said copies alone, how many, from when, how long, whether it came back, the first packet."""
     for said in (line.from_plc, line.to_plc):
         other = line.to_plc if said is line.from_plc else line.from_plc
         for one in said.outages:
@@ -412,7 +412,7 @@ def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool] | Non
             )
             since = _said_before(said, one.ns)
             if until - since >= SECOND and not closed:
-                return said, one.copies, since, until - since, one.until_ns is not None
+                return said, one.copies, since, until - since, one.until_ns is not None, one.packet
     return None
 
 
@@ -428,14 +428,14 @@ def _dead_link(case: LineCase) -> Sign | None:
         return None
     found = _outage(line)
     if found is not None:
-        said, copies, since, size, back = found
+        said, copies, since, size, back, packet = found
         who = "the PLC end" if said is line.from_plc else "the partner"
         other = "the partner" if said is line.from_plc else "the PLC end"
         texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
-        at = SaidBytes(since, 0, 0, 0)
+        at = SaidBytes(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Sign(sure, tuple(texts), way=way, at=at) if sure else None
     for said in (line.from_plc, line.to_plc):
@@ -551,7 +551,7 @@ def _flood(case: LineCase) -> Sign | None:
         falls = said.last_window * 3 < high or rate
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
-            return Sign(0.8, (text, *rate), way="to-plc")
+            return Sign(0.8, (text, *rate), way="to-plc", at=line.to_plc.writes[0])
     return Sign(0.8, rate, way="to-plc", at=line.to_plc.writes[0]) if rate else None
 
 
@@ -626,7 +626,7 @@ def _loss(case: LineCase) -> Sign | None:
         is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
         again, of_all = count(said.resent, "segment"), said.segments + said.resent
         text = f"{again} sent again, {said.late} came late, of {of_all}: {share:.1%}"
-        at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent", "early")
+        at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent")
         if is_often or is_long:
             waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6

@@ -183,7 +183,8 @@ class DirectionFacts:
 
     def packets_of(self, *kinds: str) -> tuple[int, ...]:
         """Return the numbers of the first packets with something odd."""
-        return tuple([write.packet for write, kind in self.moments if kind in kinds][:MOST_SHOWN])
+        found = dict.fromkeys(write.packet for write, kind in self.moments if kind in kinds)
+        return tuple([*found][:MOST_SHOWN])
 
     def first_of(self, kind: str) -> SaidBytes | None:
         """Return the first place of something odd."""

@@ -196,6 +196,7 @@ class BrokerConnection:
         self.dropped = 0  # messages that came faster than they were taken
         self._client: Client | None = None
         self._is_up = False
+        self._chance = random.Random()  # not the process's own: this is another thread
         self._ends = threading.Event()
         self._something = threading.Event()
         self._thread = threading.Thread(target=self._go_on, name="broker", daemon=True)
@@ -243,10 +244,10 @@ class BrokerConnection:
             self.wait(LOOP_S)
             if any(isinstance(news, Lost) or news == Taken(number) for news in self.news()):
                 break
-        self._ends.set()
         client = self._client
         if client is not None and self._is_up:
             client.disconnect()
+        self._ends.set()
         if self._thread.is_alive():
             self._thread.join(LOOP_S * 2)
 
@@ -273,6 +274,7 @@ class BrokerConnection:
                     while not why and client.has_more:
                         why = _told(client.loop_read())
                     began_up = began_up or self._is_up
+                client.loop_write()  # the DISCONNECT of `close`
                 why = self._why or why
             except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
                 why = _in_a_line(failed)
@@ -282,7 +284,7 @@ class BrokerConnection:
                 return
             self._tell(Lost(f"{self._broker}: {why}"))
             pause = LEAST_PAUSE_S if began_up else min(MOST_PAUSE_S, pause * 1.5)
-            self._ends.wait(pause * random.uniform(0.8, 1.0) if pause > LEAST_PAUSE_S else pause)
+            self._ends.wait(pause * self._chance.uniform(0.8, 1.0) if pause > LEAST_PAUSE_S else pause)
 
     def _connect(self, client: Client) -> str:
         from paho.mqtt.packettypes import PacketTypes
@@ -322,6 +324,9 @@ class BrokerConnection:
         client.on_message = self._on_message
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe
+        # With it paho leaves writing to the loop's thread. Without it `publish` writes too, and two threads that
+        # write swap messages or parts of them.
+        client.on_socket_register_write = lambda *_: None
         return client
 
     def _on_connect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:

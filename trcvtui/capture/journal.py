@@ -191,6 +191,11 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     "loss": (NOTHING, KernelLoss),
     "discard": (int,),
     "unread": (int,),
+    "arrived": (bytes,),
+    "message": (bytes,),
+    "ended": (str,),
+    "waiting": (int,),
+    "dropped": (int,),
     "path": (NOTHING, PathInfo),
     **dict.fromkeys(
         ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),

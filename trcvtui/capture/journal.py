@@ -192,8 +192,10 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     "discard": (int,),
     "unread": (int,),
     "arrived": (bytes,),
-    "ended": (str,),
     "message": (bytes,),
+    "ended": (str,),
+    "waiting": (int,),
+    "dropped": (int,),
     "path": (NOTHING, PathInfo),
     **dict.fromkeys(
         ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),

@@ -37,7 +37,7 @@ from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.capture.journal import Note
-    from trcvtui.capture.seam import Seam
+    from trcvtui.capture.seam import Seam, SeamKernel
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
@@ -142,6 +142,7 @@ class Bench:
         self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
         self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
+        self._note_arrivals = _nothing
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
@@ -199,7 +200,11 @@ class Bench:
 
     def _plc_kernel(self) -> ReadyKernel:
         make = self._with_sessions if self._has_sessions else self._tapped
-        return make() if self._seam is None else self._on_seam(self._seam, "PLC", make)
+        if self._seam is None:
+            return make()
+        kernel = self._on_seam(self._seam, "PLC", make, is_noted=True)
+        self._note_arrivals = kernel.note_arrivals
+        return kernel
 
     def _tapped(self) -> ReadyKernel:
         if self._seam is None:
@@ -209,10 +214,10 @@ class Bench:
         return wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
-    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
+    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
         from trcvtui.capture.seam import seam_kernel  # a bench that nobody records waits for none of it
 
-        return seam_kernel(seam, label, make)
+        return seam_kernel(seam, label, make, is_noted)
 
     def _with_sessions(self) -> LayerKernel:
         """Return what stands between the PLC and its kernel where a CONNECT has a session.
@@ -379,6 +384,7 @@ class Bench:
         if not self._program.is_over:
             self.containment.serve(("program", "program"), self._program.go_on)
         self.runtime.scan(self.now)
+        self._note_arrivals()
         if self._checks:
             self.containment.serve(("check", "check"), self._check_data)
         self.step_peers()

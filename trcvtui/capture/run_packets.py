@@ -12,14 +12,11 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from trcvtui.capture.journal import GAP, SHOWS, STEP, Answered, InPackets, WireCall
+from trcvtui.capture.arrivals import ARRIVED, ENDED, MESSAGE
+from trcvtui.capture.journal import GAP, RECV, SHOWS, STEP, Answered, InPackets, WireCall
 from trcvtui.capture.wire import RST, Flow, WirePacket, WirePackets
-from trcvtui.net.results import Datagram, Fault
+from trcvtui.net.results import Datagram
 
-READS: Final = frozenset({"recv", "recv_from"})
-ARRIVED: Final = GAP + "arrived"
-MESSAGE: Final = GAP + "message"
-ENDED: Final = GAP + "ended"
 LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
 OF_JOURNAL: Final = -1  # in place of a packet's number: the block's own packet
 
@@ -37,8 +34,8 @@ class RunPackets:
             STEP: self._step,
             SHOWS: self._shows,
             "set_options": self._option,
-            **dict.fromkeys(READS, self._read),
-            **dict.fromkeys((ARRIVED, MESSAGE), self._arrived),
+            **dict.fromkeys((RECV, "recv_from"), self._read),
+            **dict.fromkeys((GAP + ARRIVED, GAP + MESSAGE), self._arrived),
             **dict.fromkeys(("send", "send_to"), self._sent),
             "discard": self._discarded,
             **dict.fromkeys(("close", "abort"), self._freed),
@@ -54,10 +51,10 @@ class RunPackets:
 
     def tell(self, call: WireCall) -> None:
         """Make packets of a call, when its bytes are here."""
-        if call.call in READS and not call.data and call.answer and not isinstance(call.answer, Fault):
+        if call.call == RECV and not call.data and call.answer and isinstance(call.answer, int):
             self._coming = call
-            return
-        self._add(self.wire.of(call))
+        else:
+            self._add(self.wire.of(call))
 
     def _add(self, made: Iterator[WirePacket]) -> None:
         for packet in made:
@@ -118,7 +115,7 @@ class RunPackets:
         flows, data = self.wire.flows.get(_handle_of(entry)), entry.answer
         if flows is None or not isinstance(data, bytes):
             return entry
-        at = flows[1].told - len(data) - (entry.call == MESSAGE)
+        at = flows[1].told - len(data) - (entry.call == GAP + MESSAGE)
         return entry._replace(answer=self._place(flows[1], at, data))
 
     def _sent(self, entry: Answered) -> Answered:
@@ -209,9 +206,10 @@ class RunPackets:
             if handle not in self._layered:
                 unread = bytes(flow.tail[len(flow.tail) - max(0, flow.told - flow.taken) :])
                 place = self._place(flow, flow.told - len(unread), unread)
-                told.append(Answered(owner, ARRIVED, (handle, flow.whole, 0), place))
+                args = handle, flow.whole, flow.whole - flow.taken, 0
+                told.append(Answered(owner, GAP + ARRIVED, args, place))
                 if end:
-                    told.append(Answered(owner, ENDED, (handle, 0), "rst" if end & RST else "fin"))
+                    told.append(Answered(owner, GAP + ENDED, (handle, 0), "rst" if end & RST else "fin"))
         return told
 
 

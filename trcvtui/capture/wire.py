@@ -15,7 +15,7 @@ from typing import Final
 from trcvtui.capture.journal import WireCall
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress
-from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, octets
 from trcvtui.records import NamedTuple
 
 MOST_PAYLOAD: Final = 1460
@@ -29,7 +29,8 @@ MOST_ERRORS: Final = 16  # events of a kind and a second
 MOST_TAIL: Final = 320 << 10  # bytes of a direction that the next file may need again
 MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of reads, that are remembered
 DATA_TPDU: Final = 0xF0
-RESETS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED"})
+GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # a stream without an end at the wire
+RESETS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
 _IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
 _UDP: Final = struct.Struct(">HHHH").pack
@@ -155,7 +156,6 @@ class WirePackets:
             "ended": self._ended,
             "message": self._message,
             "send": self._sent,
-            "recv_from": self._datagram_in,
             "send_to": self._datagram_out,
             "shutdown": self._shut,
             "close": self._closed,
@@ -245,8 +245,10 @@ class WirePackets:
         yield self._segment(call, stream, 1 - who, ACK)
 
     def _refused(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
-        if isinstance(answer, Fault) and not answer.injected and answer.error in RESETS:
-            yield from self._end_comes(call, stream, RST | ACK)
+        if isinstance(answer, Fault) and not answer.injected:
+            stream.stands &= answer.error not in GONE
+            if answer.error in RESETS:
+                yield from self._end_comes(call, stream, RST | ACK)
 
     def _end_comes(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
         """Yield the partner's end, or keep it until all that came before it is told."""
@@ -318,8 +320,10 @@ class WirePackets:
 
     def _shut(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
-        if stream is not None and not isinstance(call.answer, Fault):
+        if stream is not None and call.answer is None:
             yield from self._end(call, stream, 0, FIN | ACK)
+        elif stream is not None:
+            yield from self._refused(call, stream, call.answer)
 
     def _closed(self, call: WireCall) -> Iterator[WirePacket]:
         """Yield our end: a stack that still has bytes for us, as it says or as is known here, sends RST."""
@@ -429,10 +433,6 @@ class WirePackets:
                 yield packet._replace(ns=self.wall_ns + now, remark="repeated: it came before")
 
     # -- UDP --------------------------------------------------------------------------------------------
-
-    def _datagram_in(self, call: WireCall) -> Iterator[WirePacket]:
-        if isinstance(call.answer, Datagram) and not self._ends_of(call)[1].unread:
-            yield from self._message(call._replace(args=(call.answer.source, call.answer.whole)))
 
     def _message(self, call: WireCall) -> Iterator[WirePacket]:
         source, flow = call.args[0], self._ends_of(call)[1]

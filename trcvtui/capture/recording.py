@@ -98,34 +98,36 @@ class RecordingWriter:
             + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
-    def go_on(self, told: RunPackets) -> None:
-        """Go on with the packets of the files before: what stands now begins in the middle of this one."""
-        self._told = told
-        for entry in told.begin_file():
-            self._block.take(entry)
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        for entry in old:
+            self._keep(entry)
+        packets.wire.wall_ns, self._told = self._wall_ns, packets
+        for entry in packets.begin_file():
+            self._keep(entry)
 
-    def take(self, entries: Iterable[Entry], has_packets: bool = True) -> None:
-        """Take entries in their order; whole blocks are written. `has_packets` False: theirs are no more."""
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order; whole blocks are written."""
         for entry in entries:
             if type(entry) is Answered:
-                if entry[1] == STEP and isinstance(entry[3], int):
-                    self._begin_scan(entry[3])
-                if has_packets:
-                    entry = self._told.take(entry)
+                self._keep(self._told.take(entry))
             elif isinstance(entry, WireCall):
                 self._told.tell(entry)
-                continue
             elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
-                continue
             elif isinstance(entry, Keyframe):
                 self.keyframe(entry)
-                continue
-            elif isinstance(entry, RunBegins):
-                self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
-            self._block.take(entry)
-            if self._block.size >= MOST_OF_A_SCAN:
-                self.flush()
+            else:
+                if isinstance(entry, RunBegins):
+                    self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
+                self._keep(entry)
+
+    def _keep(self, entry: Entry) -> None:
+        if type(entry) is Answered and entry[1] == STEP and isinstance(entry[3], int):
+            self._begin_scan(entry[3])
+        self._block.take(entry)
+        if self._block.size >= MOST_OF_A_SCAN:
+            self.flush()
 
     def _begin_scan(self, now: int) -> None:
         if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD:

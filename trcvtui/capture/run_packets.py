@@ -9,11 +9,11 @@ Rule 3: files of a run share one: what stands goes on in the next file, with num
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from trcvtui.capture.arrivals import ARRIVED, ENDED, MESSAGE
-from trcvtui.capture.journal import GAP, RECV, SHOWS, STEP, Answered, InPackets, WireCall
+from trcvtui.capture.journal import GAP, RECV, SHOWS, STEP, Answered, Entry, InPackets, WireCall
 from trcvtui.capture.wire import RST, Flow, WirePacket, WirePackets
 from trcvtui.net.results import Datagram
 
@@ -196,6 +196,15 @@ class RunPackets:
         self.comments.setdefault(number, []).append(text)
 
     # -- files that go on -------------------------------------------------------------------------------
+
+    def pass_by(self, entries: Iterable[Entry]) -> None:
+        """Pass entries that stand in no file, so that the next one knows what stands."""
+        for entry in entries:
+            if isinstance(entry, Answered):
+                self.take(entry)
+            elif isinstance(entry, WireCall):
+                self.tell(entry)
+        self.begin_block()
 
     def begin_file(self) -> list[Answered]:
         """Begin a file in which goes on what stands; return entries that tell what nobody has read yet."""

@@ -81,13 +81,15 @@ class Flow:
         self.tail += data
         del self.tail[: max(0, len(self.tail) - MOST_TAIL)]
 
-    def job_end(self, scan: int, length: int | None) -> int:
-        """Return where the job has ended that shows DONE in a scan, 0 where that is not known."""
+    def job_end(self, scan: int, expected: int, is_sent: bool) -> int:
+        """Return where the job has ended that shows DONE in a scan, 0 where that is not known.
+
+        That is the first end of what was sent, of what was read the last one, or the one that is expected.
+        """
         places = [place for since, place in self.ends if since <= scan]
         if not places:
             return 0
-        end = places[0] if length is None else self.job + length
-        self._end_job(end if end in places else places[-1])
+        self._end_job(expected if expected in places else places[0 if is_sent else -1])
         return self.job
 
     def give_up(self, scan: int) -> int:

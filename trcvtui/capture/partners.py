@@ -194,13 +194,15 @@ class PartnersAgain(Replay):
                 unread = self._arrived(socket) - socket.read
                 if unread > max(partner.most_unread, MOST_UNREAD):
                     self.note_guess(WhyGuess.PARTNER)  # the window closes
+                if partner.is_full and socket.read >= partner.whole:
+                    self.note_guess(WhyGuess.PARTNER)  # it was held back then, and would say more from now on
         for written in told.written.values():
             self._compare_told(written, before)
         for attempts in told.attempts.values():
             if attempts and attempts[0].began <= before:
                 self.note_guess(WhyGuess.PARTNER)
         for owner in {*told.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
-            if owner not in self.peers:
+            if owner and owner not in self.peers:
                 self._compare_listening(owner, before)
         while told.dropped and told.dropped[0][0] <= before:
             _, owner, read = told.dropped.pop(0)
@@ -433,8 +435,6 @@ class PartnersAgain(Replay):
             socket.read += size
             self.bytes_read += size
             self._told.forget(partner, socket.read)
-            if socket.read == there and partner.is_full:
-                self.note_guess(WhyGuess.PARTNER)  # it is held back then, and would say more from now on
             return size, bytes(size) if data is None else data
         if self._is_over(socket):
             return partner.fault or 0, b""
@@ -446,6 +446,8 @@ class PartnersAgain(Replay):
         socket = self._sockets[handle]
         found = self._message(socket)
         if owner in self.peers or found is None:
+            if not self._told.knows(owner, socket.partner):
+                self.note_guess(WhyGuess.BYTES)
             return self._no_message(socket)
         messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[owner]
         _, was, data = messages.popleft()

@@ -59,6 +59,7 @@ class Partner:
         self.is_known = is_known  # what lay unread at the beginning of the file
         self.chunks: deque[tuple[int, bytes]] = deque()  # that the run that asks has not read, by position
         self.known = self.read = self.whole = 0  # up to where bytes are told, are read, have come
+        self.hole = 0  # up to where a read alone tells them
         self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
         self._come = 0
         self.messages: deque[DatedMessage] = deque()
@@ -147,6 +148,8 @@ class RecordedRun:
         self.answers: dict[tuple[str, str], deque[tuple[CallPlace, object]]] = {}
         self.datagrams: dict[str, deque[DatedMessage]] = {}
         self.datagrams_read: Counter[str] = Counter()
+        self._unread: Counter[int] = Counter()  # messages, of each handle
+        self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
         self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
         self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
         self.written: dict[str, deque[Told]] = {}  # datagrams and serial bytes
@@ -183,6 +186,8 @@ class RecordedRun:
         elif one.use is SocketUse.CALLS:
             attempt = self.tried[one.handle] = DialledAttempt(self.first)
             self._dialled[one.handle] = UNKNOWN_END, attempt
+        elif one.use is SocketUse.DATAGRAMS:
+            self._unknown.add(one.owner)
         elif one.use is SocketUse.LISTENS:
             self._listen(one.owner, frozenset((one.handle,)))
 
@@ -286,7 +291,10 @@ class RecordedRun:
         if partner is None:
             return
         data, there, whole = cast(bytes, answer), self._there(flags, handle), partner.read + unread
-        self._more(partner, max(partner.known, partner.read) if partner.is_known else whole - len(data), data)
+        start = max(partner.known, partner.read)
+        if not partner.is_known and partner.known == partner.read:
+            start = partner.hole = whole - len(data)  # what is before it lay there when the file begins
+        self._more(partner, start, data)
         partner.note_bytes(there, whole)
         partner.most_unread = max(partner.most_unread, unread)
         if flags & FULL:
@@ -296,11 +304,18 @@ class RecordedRun:
 
     def _more(self, partner: Partner, start: int, data: bytes) -> None:
         """Take bytes of a stream from a position on; what lies between it and what is known is lost."""
+        if start < partner.hole:
+            self._put(partner, start, data[: partner.hole - start])
         new = data[max(0, partner.known - start) :]
         partner.known = max(partner.known, start + len(data))
-        if new and self.kept + len(new) <= MOST_BYTES:
-            partner.chunks.append((partner.known - len(new), new))
-            self.kept += len(new)
+        self._put(partner, partner.known - len(new), new)
+
+    def _put(self, partner: Partner, start: int, data: bytes) -> None:
+        if data and self.kept + len(data) <= MOST_BYTES:
+            is_next = start == partner.known - len(data)
+            at = len(partner.chunks) if is_next else sum(at < start for at, _ in partner.chunks)
+            partner.chunks.insert(at, (start, data))
+            self.kept += len(data)
 
     def forget(self, partner: Partner, position: int) -> None:
         """Forget the bytes of a partner before a position: the run that asks has read them."""
@@ -311,7 +326,8 @@ class RecordedRun:
     def _message_came(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         source, whole, flags = cast(tuple[Endpoint, int, int], args[1:])
         data, partner = cast(bytes, answer), self._partners.get(handle)
-        queue = self.datagrams.setdefault(owner, deque()) if partner is None else partner.messages
+        self._unread[handle] += 1
+        queue = self._messages_of(owner, partner)
         got = Datagram(len(data), source, whole)
         is_kept = self.kept + len(data) <= MOST_BYTES
         self.kept += len(data) * is_kept
@@ -391,6 +407,8 @@ class RecordedRun:
             return
         if isinstance(got, int) or got is WOULD_BLOCK:
             partner.is_known = partner.is_known or len(data) < cast(int, args[1])
+        elif isinstance(got, Fault) and not got.injected:
+            partner.is_known = True
         if data:
             self._more(partner, partner.read, data)
             partner.read += len(data)
@@ -408,14 +426,29 @@ class RecordedRun:
         got, data = answer
         partner, at = self._partners.get(handle), self._now(handle)
         if isinstance(got, Datagram):
+            if not self._unread[handle]:  # noted before the file begins
+                self._unread[handle] = 1
+                self._messages_of(owner, partner).append((at, got, data))
+            self._unread[handle] -= 1
             self.datagrams_read[owner] += 1
             self.bytes_read += len(data)
             return
         self._short.add(handle)
+        if got is WOULD_BLOCK and partner is not None:
+            partner.is_known = True
+        elif got is WOULD_BLOCK:
+            self._unknown.discard(owner)
         if isinstance(got, Fault) and partner is not None:
             partner.note_end(self._seen(handle), got)
         elif isinstance(got, Fault):
-            self.datagrams.setdefault(owner, deque()).append((at, got, data))
+            self._messages_of(owner, None).append((at, got, data))
+
+    def _messages_of(self, owner: str, partner: Partner | None) -> deque[DatedMessage]:
+        return self.datagrams.setdefault(owner, deque()) if partner is None else partner.messages
+
+    def knows(self, owner: str, partner: Partner | None) -> bool:
+        """Return whether it is known which messages lie there: not where the file begins with some."""
+        return owner not in self._unknown if partner is None else partner.is_known
 
     def _sent(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)

@@ -141,7 +141,7 @@ class RecordedRun:
     def __init__(self, peers: Collection[str], standing: Iterable[Standing] = (), first: int = 0) -> None:
         self.first, self.standing = first, tuple(standing)
         self.scan = first
-        self._times: deque[int] = deque(maxlen=8)  # of the newest scans
+        self._times: deque[int] = deque()  # of the newest scans
         self.came = 0  # the newest scan in which something came
         self.clients: dict[str, deque[Partner]] = {}
         self.attempts: dict[str, deque[DialledAttempt]] = {}
@@ -176,7 +176,9 @@ class RecordedRun:
             self._stand(one)
 
     def time_of(self, scan: int) -> int:
-        """Return when one of the newest scans began."""
+        """Return when a scan began, and forget those before the one before it."""
+        while len(self._times) > self.scan - scan + 2:
+            self._times.popleft()
         return self._times[scan - self.scan - 1]
 
     def _stand(self, one: Standing) -> None:

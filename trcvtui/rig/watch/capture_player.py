@@ -35,6 +35,7 @@ from trcvtui.rig.watch.talks import Talks
 
 MOST_LISTED: Final = 1000  # conversations in the last line
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
 _BEFORE_IT_STANDS: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})
 _NOT_DONE_AGAIN: Final = frozenset(
@@ -174,7 +175,7 @@ class CapturePlayer:
             return
         self._tell_hole(ns, event)
         for says, end in running.ends:
-            self._play(event, event.direction is says, end, running)
+            self._play(ns, event, event.direction is says, end, running)
 
     def _come(self, ns: int, event: ConversationEvent) -> None:
         """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
@@ -243,10 +244,18 @@ class CapturePlayer:
     def _plc_of(self, conversation: Conversation) -> WireDirection:
         return ends_of(self._plan.guesses[conversation.number], conversation)[0]
 
-    def _play(self, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running) -> None:
-        if end.has_ended:
+    def _play(
+        self, ns: int, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running
+    ) -> None:
+        is_left = not is_own and event.kind in OWN_ENDS and not event.conversation.is_ours
+        if end.has_left if is_left else end.has_ended:
             return
         end.begin()
+        if is_left:
+            if not end.has_ended and event.direction is self._plc_of(event.conversation):
+                self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
+            end.leave(event.direction.unread, end.has_ended and event.kind is EventKind.FIN)
+            return
         if is_own:
             running.probes = 0
         match event.kind:

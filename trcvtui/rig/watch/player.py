@@ -4,6 +4,8 @@ Rule 1: a scan sees what happened up to its time. Scans that change nothing are 
 Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
 Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
 would make the partner wait. Where nobody ever takes them they are left out, and that is told.
+Rule 4: who ends the connection of its own reads up to there what its program can have read: as many scans
+as it was late in the beginning, and one more.
 """
 
 from __future__ import annotations
@@ -14,11 +16,12 @@ from typing import Final, Protocol
 
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.results import Endpoint
+from trcvtui.net.sim.network import PLAYED_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
-MOST_UNREAD: Final = 128 << 10  # bytes of one partner that a shadow has not read
+MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
 QUIET: Final = 3  # scans without a change, after which none comes by itself
 MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
@@ -60,12 +63,14 @@ class Shadows:
         self.network = bench.network
         self.waiting: list[_Waits] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
+        self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
         self.not_run = 0  # scans of which nobody knows that they change nothing
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
         self.after_scan: Callable[[], None] = _do_nothing
         self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
         self.works_on = {each.name: each.connect for each in bench.project.instances}
+        self._left: list[tuple[int, Callable[[], None]]] = []  # until which scan who has left still reads
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
@@ -89,6 +94,13 @@ class Shadows:
     def wake(self) -> None:
         """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
         self._quiet = 0
+
+    def leave(self, connect: str, late: int, forget: Callable[[], None]) -> None:
+        """Do this when the blocks of a connection have had so many scans, and one more of their tasks."""
+        names = {each.task for each in self.bench.project.instances if each.connect == connect}
+        slowest = max([task.interval_ns for task in self.bench.project.tasks if task.name in names], default=0)
+        scans = self.bench.runtime.scans + late + max(slowest // self._interval, 1)
+        self._left.append((scans, forget))
 
     def settle(self) -> None:
         """Let scans pass until nothing changes: the capture is over."""
@@ -120,6 +132,10 @@ class Shadows:
         seq = ledger.last_seq
         self.bench.step()
         self.after_scan()
+        for until, forget in self._left:
+            if until <= runtime.scans:
+                forget()
+        self._left = [each for each in self._left if each[0] > runtime.scans]
         self.network.take_news()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
@@ -154,7 +170,8 @@ class Shadows:
         for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
             if not isinstance(event, BytesReceived) or event.connection not in self.holes:
                 continue
-            holes, end = self.holes[event.connection], event.offset + event.size
+            is_datagram = event.connection in self.of_datagrams
+            holes, end = self.holes[event.connection], event.recv if is_datagram else event.offset + event.size
             if holes and holes[0][0] < end:
                 self._lacking.add(event.instance)
             while holes and holes[0][1] <= end:
@@ -172,7 +189,7 @@ class PlayedEnd:
         self.connect = connect
         self.left_out = 0
         self.is_over = False
-        self.has_ended = False  # in the capture
+        self.has_ended = self.has_left = False  # in the capture: the partner; the shadow's own end
         self.gives_up_at = 0
         self.keeps_out = True
         self._shadows = shadows
@@ -181,6 +198,7 @@ class PlayedEnd:
         self._is_begun = self._has_called = False
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
+        self._late = 0  # scans from its beginning to the shadow's
         self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
@@ -189,6 +207,7 @@ class PlayedEnd:
         if not self._is_begun:
             self._is_begun = True
             self._shadows.holes.pop(self.connect, None)
+            self._late = -self._shadows.bench.runtime.scans
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
             self._connect()
             if self._stream is None:
@@ -229,6 +248,7 @@ class PlayedEnd:
             if stream is None:
                 return
         self._stream = stream
+        self._late += runtime.scans
         self._shadows.wake()
         stream.changed = self._drain
         while self._acts:
@@ -244,7 +264,7 @@ class PlayedEnd:
             self.begin()
         if self._stream is not None:
             act()
-        elif not self.is_over and self._kept + size <= MOST_UNREAD:
+        elif not self.is_over and self._kept + size <= PLAYED_ROOM:
             self._kept += size
             self._acts.append(act)
         else:
@@ -286,7 +306,7 @@ class PlayedEnd:
             self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)))
         self._sent += len(data)
         while rest:
-            part = rest[: max(MOST_UNREAD - stream.untaken, 0)]
+            part = rest[: max(PLAYED_ROOM - stream.untaken, 0)]
             got = stream.write(part) if part else 0
             if not isinstance(got, int):  # the shadow has ended the connection
                 self.left_out += len(rest)
@@ -320,6 +340,25 @@ class PlayedEnd:
         if self._stream is not None:
             self._stream.abort()
         self.is_over = True
+
+    def leave(self, unread: int, may_read: bool) -> None:
+        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may read."""
+        self._shadows.wake()
+        self.has_left = self.has_ended = True
+        self._do(lambda: self._leave(unread, may_read))
+
+    def _leave(self, unread: int, may_read: bool) -> None:
+        if self._stream is None:
+            return
+        self._stream.take_back(unread)
+        if not may_read:
+            self._stream.leave()
+            self._shadows.leave(self.connect, self._late, self._forget)
+
+    def _forget(self) -> None:
+        if self._stream is not None:
+            self.left_out += self._stream.untaken
+            self._stream.take_back(self._stream.untaken)
 
     def fall_silent(self) -> None:
         """Answer nothing any more."""
@@ -406,6 +445,9 @@ class PlayedLine:
                 shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after))
         self._sent += len(whole)
         if missing:
-            holes = shadows.holes.setdefault(self._link, deque())
-            holes.append((self._sent - len(whole) + len(data), self._sent))
+            hole = self._sent - len(whole) + len(data), self._sent
+            if self._address:
+                shadows.of_datagrams.add(self._link)
+                hole = self._packets - 1, self._packets
+            shadows.holes.setdefault(self._link, deque()).append(hole)
         return True

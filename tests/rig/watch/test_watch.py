@@ -92,6 +92,14 @@ class Watch:
         self.path.write_bytes(capture(packets, step_ns=step_ms * 1_000_000))
         return self.file(self.path, *words)
 
+    def refused(self, packets: list[bytes], *words: str) -> str:
+        """Return the one line of stderr."""
+        self.path.write_bytes(capture(packets))
+        self._capsys.readouterr()
+        assert main(["watch", str(self.path), *words]) == 2
+        (line,) = self._capsys.readouterr().err.splitlines()
+        return line
+
     def file(self, path: Path, *words: str) -> Watched:
         self._capsys.readouterr()
         assert main(["watch", str(path), *words, "--format", "jsonl"]) == 0
@@ -245,8 +253,17 @@ ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'
 def test_a_watch_row_says_which_line_a_connect_looks_on(
     watch: Watch, tmp_path: Path, row: str, is_watched: bool
 ) -> None:
-    seen = watch([*handshake(), *stream(12)], "--project", str(project(tmp_path, row, local=3000)))
-    assert (seen.jobs("R1")[-1:] == [("7008", 12)]) == is_watched
+    packets, words = [*handshake(), *stream(12)], ("--project", str(project(tmp_path, row, local=3000)))
+    if is_watched:
+        assert watch(packets, *words).jobs("R1")[-1:] == [("7008", 12)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
+
+
+def test_a_plc_that_no_conversation_has_is_refused_with_the_ends_that_are_there(watch: Watch) -> None:
+    line = watch.refused([*handshake(), *stream(12)], "--plc", "10.0.0.7")
+    assert line.startswith("--plc: found '10.0.0.7', which no conversation has, expected ")
+    assert line.endswith("one of the ends that are there: 10.0.0.5:2000, 10.0.0.9:51000")
 
 
 def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path) -> None:
@@ -416,14 +433,16 @@ def test_silence_in_which_a_program_waits_is_run_up_to_a_bound_that_is_told(
 
 
 def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.CaptureFixture[str]) -> None:
-    watch.path.write_bytes(capture([*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]))
+    packets = [*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]
+    watch.path.write_bytes(capture(packets, step_ns=60_000_000))
     assert main(["watch", str(watch.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(
         line.startswith("2023-11-14T22:13:20.") and line.endswith("C1_TO_PLC  7008  DONE 12 B")
         for line in lines
     )
-    assert any("C1_TO_PLC  80AA!  the partner reset" in line for line in lines)
+    assert any(line.endswith("C1: the PLC end has reset the connection") for line in lines)
+    assert [line.split("  ")[2] for line in lines if "the partner reset" in line] == ["C1_FROM_PLC"]
     assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 was played to C2, C2_BACK"]
 
 

@@ -97,9 +97,11 @@ def test_a_dialect_without_datagrams_says_so(watch: Watch) -> None:
 def test_the_udp_config_of_a_project_is_that_of_its_port_or_of_a_watch_row(
     watch: Watch, tmp_path: Path, more: str, words: tuple[str, ...], is_watched: bool
 ) -> None:
-    seen = watch([udp(bytes(8))], "--project", str(project(tmp_path, UDP + more)), *words)
-    assert seen.jobs("R1") == ([("7008", 8)] if is_watched else [])
-    assert bool(seen.last["unassigned"]) is not is_watched
+    packets, words = [udp(bytes(8))], ("--project", str(project(tmp_path, UDP + more)), *words)
+    if is_watched:
+        assert watch(packets, *words).jobs("R1") == [("7008", 8)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
 
 
 def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui.capture.command import take_captures
+from trcvtui.capture.plc_end import fits_nothing
 from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
@@ -313,13 +314,22 @@ def _shown(plan: ShadowPlan) -> set[str]:
 def plan_capture(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
-    """Return the shadows of a capture, what is in it, what could not be read; raise UserError."""
+    """Return the shadows of a capture, what is in it, what could not be read.
+
+    Raise UserError, also where the PLC end or the project is of none of its conversations.
+    """
     found, troubles = Conversations(), list[Problem]()
     plan_of, _ = planned(project, plc, dialect)
     take_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
-    return plan_of(found.all), found, troubles
+    plan = plan_of(found.all)
+    if plc is not None and found.all and not plan.guesses:
+        raise fits_nothing("--plc", f"'{plc}', which no conversation has", found.all)
+    if project is not None and found.all and not plan.parts:
+        fits = "no CONNECT (or several) for a conversation"
+        raise fits_nothing(f"--project {project}", fits, found.all)
+    return plan, found, troubles
 
 
 def planned(

@@ -221,6 +221,7 @@ class CapturePlayer:
         return running
 
     def _let_go(self, number: int, end: PlayedEnd) -> None:
+        end.leave_now()
         if end.left_out:
             self._left_out[number] += end.left_out
             end.left_out = 0

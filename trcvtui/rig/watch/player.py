@@ -4,8 +4,8 @@ Rule 1: a scan sees what happened up to its time. Scans that change nothing are 
 Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
 Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
 would make the partner wait. Where nobody ever takes them they are left out, and that is told.
-Rule 4: who ends the connection of its own reads up to there what its program can have read: as many scans
-as it was late in the beginning, and one more.
+Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
+ends in its next scan; so many scans later as it was late in the beginning, and not before its first job.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from trcvtui.rig.bench.bench import Bench
 
 MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
+FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
 QUIET: Final = 3  # scans without a change, after which none comes by itself
 MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
@@ -70,7 +71,7 @@ class Shadows:
         self.after_scan: Callable[[], None] = _do_nothing
         self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
         self.works_on = {each.name: each.connect for each in bench.project.instances}
-        self._left: list[tuple[int, Callable[[], None]]] = []  # until which scan who has left still reads
+        self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
@@ -95,17 +96,16 @@ class Shadows:
         """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
         self._quiet = 0
 
-    def leave(self, connect: str, late: int, forget: Callable[[], None]) -> None:
-        """Do this when the blocks of a connection have had so many scans, and one more of their tasks."""
+    def scans_of_task(self, connect: str) -> int:
+        """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
-        slowest = max([task.interval_ns for task in self.bench.project.tasks if task.name in names], default=0)
-        scans = self.bench.runtime.scans + late + max(slowest // self._interval, 1)
-        self._left.append((scans, forget))
+        tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
+        return max([-(-each // self._interval) for each in tasks], default=1)
 
     def settle(self) -> None:
         """Let scans pass until nothing changes: the capture is over."""
         left = SETTLING
-        while left and (self.network.take_news() or self._quiet < QUIET):
+        while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
             jobs = self._jobs
             self.step()
             left = left - 1 if self._jobs == jobs else SETTLING
@@ -116,6 +116,8 @@ class Shadows:
         limit = ns if until is None else min(until, ns)
         if self.waiting:
             limit = min(limit, *(end.gives_up_at for end in self.waiting))
+        if self.leaving:
+            limit = min(limit, *((end.due - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
         reached = self.network.pass_time(limit)
@@ -129,13 +131,15 @@ class Shadows:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._let_in()
+        over = [end for end in self.leaving if end.due <= runtime.scans + 1]
+        for end in over:
+            end.leave_now()
         seq = ledger.last_seq
         self.bench.step()
         self.after_scan()
-        for until, forget in self._left:
-            if until <= runtime.scans:
-                forget()
-        self._left = [each for each in self._left if each[0] > runtime.scans]
+        for end in over:
+            end.read_no_more()
+        self.leaving = [end for end in self.leaving if end not in over]
         self.network.take_news()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
@@ -198,7 +202,7 @@ class PlayedEnd:
         self._is_begun = self._has_called = False
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
-        self._late = 0  # scans from its beginning to the shadow's
+        self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
         self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
@@ -207,7 +211,7 @@ class PlayedEnd:
         if not self._is_begun:
             self._is_begun = True
             self._shadows.holes.pop(self.connect, None)
-            self._late = -self._shadows.bench.runtime.scans
+            self._begun = self._shadows.bench.runtime.scans
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
             self._connect()
             if self._stream is None:
@@ -248,7 +252,6 @@ class PlayedEnd:
             if stream is None:
                 return
         self._stream = stream
-        self._late += runtime.scans
         self._shadows.wake()
         stream.changed = self._drain
         while self._acts:
@@ -345,17 +348,31 @@ class PlayedEnd:
         """Let the shadow's own end be over; so many bytes it cannot have read, all others it may read."""
         self._shadows.wake()
         self.has_left = self.has_ended = True
+        self._stood = self._shadows.bench.runtime.scans - self._begun
         self._do(lambda: self._leave(unread, may_read))
 
     def _leave(self, unread: int, may_read: bool) -> None:
-        if self._stream is None:
-            return
-        self._stream.take_back(unread)
-        if not may_read:
-            self._stream.leave()
-            self._shadows.leave(self.connect, self._late, self._forget)
+        if self._stream is not None:
+            self._stream.take_back(unread)
+            if not may_read:
+                self._shadows.leaving.append(self)
 
-    def _forget(self) -> None:
+    @property
+    def due(self) -> int:
+        """Return in which scan a shadow is over that its own end has ended."""
+        runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
+        since = runtime.stands_since(self.connect)
+        if since > self._begun:
+            return since + max(self._stood + task - 1, FIRST_JOB * task)
+        return runtime.scans + (2 if self._shadows.network.now_ns < self.gives_up_at else 1)
+
+    def leave_now(self) -> None:
+        """Let the shadow's own end be over, where the capture has ended it."""
+        if self._stream is not None and self.has_left and not self.is_over:
+            self._stream.leave()
+
+    def read_no_more(self) -> None:
+        """Leave out what came and was not read."""
         if self._stream is not None:
             self.left_out += self._stream.untaken
             self._stream.take_back(self._stream.untaken)

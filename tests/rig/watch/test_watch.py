@@ -317,6 +317,54 @@ def test_skipped_scans_are_as_if_each_had_passed(
     assert all(any(record.get("STATUS") == "7006" for record in records) for records in fast)
 
 
+# -- ends --------------------------------------------------------------------------------------------------
+
+FLOOD = [tcp(bytes(120), 101 + 120 * n, 501) for n in range(40)]  # 400 jobs of 12 bytes
+
+
+@pytest.mark.parametrize("flags", [FIN | ACK, RST | ACK])
+def test_a_plc_end_that_leaves_bytes_unread_ends_its_shadow_there(
+    watch: Watch, tmp_path: Path, flags: int
+) -> None:
+    bench = str(project(tmp_path))
+    flood = [*handshake(), *FLOOD, answer(seq=501, ack=4901, window=0)]
+    silence = [answer(seq=501, ack=4901, window=0)] * 20
+    end = [answer(seq=501, ack=4901, flags=flags, window=0), tcp(seq=4901, ack=502, flags=RST)]
+    whole, cut = (watch([*flood, *silence, *more], "--project", bench, step_ms=10) for more in ([], end))
+    assert cut.notes == [f"the PLC end has {'reset' if flags & RST else 'closed'} the connection"]
+    (*jobs, over), at = cut.of("R1"), len(flood) + len(silence) + 1
+    assert (over["STATUS"], over["ERROR"], over["scan"]) == ("7002", False, at + 2)  # it came a scan late
+    assert jobs == whole.of("R1")[: len(jobs)] and (len(dones(cut)), len(dones(whole))) == (31, 400)
+
+
+@pytest.mark.parametrize(("window", "size"), [(8192, 24), (8192 - 12, 12)])
+def test_what_the_window_of_the_plc_end_misses_its_shadow_does_not_read(
+    watch: Watch, window: int, size: int
+) -> None:
+    end = answer(seq=501, ack=125, flags=FIN | ACK, window=window)
+    stands = [answer(seq=501, ack=101)] * 21  # no scan between the bytes and the end
+    seen = watch([*handshake(), *stands, tcp(bytes(24), 101, 501), end], step_ms=3)
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", size)
+
+
+@pytest.mark.parametrize(("flags", "jobs"), [(FIN | ACK, 5), (RST | ACK, 3)])
+def test_after_the_partners_end_its_bytes_are_read_as_long_as_the_plc_end_stands(
+    watch: Watch, tmp_path: Path, flags: int, jobs: int
+) -> None:
+    frames = [tcp(bytes(12), 101 + 12 * n, 501) for n in range(5)]
+    fin, waits = tcp(seq=161, ack=501, flags=FIN | ACK), [answer(seq=501, ack=162)] * 5
+    packets = [*handshake(), *frames, fin, *waits, answer(seq=501, ack=162, flags=flags)]
+    seen = watch(packets, "--project", str(project(tmp_path)), step_ms=5)
+    assert len(dones(seen)) == jobs
+    assert seen.jobs("R1")[-1][0] == "80C5" and not seen.notes
+
+
+def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path: Path) -> None:
+    end = answer(seq=501, ack=113, flags=RST | ACK)
+    seen = watch([*handshake(), tcp(bytes(12), 101, 501), end], "--project", str(project(tmp_path)), step_ms=1)
+    assert dones(seen) == [(12, None)]
+
+
 def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
     chance = random.Random(11)
     for _ in range(30):

@@ -7,7 +7,8 @@ import random
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,15 @@ from tests.capture.wire import (
     udp,
 )  # fmt: skip
 from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.capture.recording import RecordingWriter
 from trcvtui.cli import main
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.words import Set
+from trcvtui.rig.recording.recorder import RunRecorder
+from trcvtui.rig.watch.capture_player import CapturePlayer, plan_capture
 from trcvtui.rig.watch.command import MISSING
 from trcvtui.rig.watch.player import PlayedEnd
 
@@ -361,7 +366,9 @@ def test_after_the_partners_end_its_bytes_are_read_as_long_as_the_plc_end_stands
 
 def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path: Path) -> None:
     end = answer(seq=501, ack=113, flags=RST | ACK)
-    seen = watch([*handshake(), tcp(bytes(12), 101, 501), end], "--project", str(project(tmp_path)), step_ms=1)
+    seen = watch(
+        [*handshake(), tcp(bytes(12), 101, 501), end], "--project", str(project(tmp_path)), step_ms=1
+    )
     assert dones(seen) == [(12, None)]
 
 
@@ -726,3 +733,78 @@ def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: 
     seen = watch.file(tmp_path / "real.pcapng")
     assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
     assert seen.last["left_out"] == {}
+
+
+class Frames:
+    """The jobs of shadows: STATUS and bytes, and what is said of conversations."""
+
+    def __init__(self, path: Path, bench: Path, plc: str) -> None:
+        plan, found, _ = plan_capture([str(path)], bench, plc, None)
+        self.jobs, self.notes = list[tuple[int, bytes]](), list[str]()
+        self._player = CapturePlayer(plan, found.all, found.first_ns or 0, self)
+        self._player.play([str(path)])
+        self._player.close()
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        assert not lacking
+        self.jobs += jobs_of(self._player.shadows.bench, changed)
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        self.notes.append(text)
+
+
+def jobs_of(bench: Bench, edges: Sequence[StatusEdge]) -> list[tuple[int, bytes]]:
+    return [
+        (edge.outputs.status, bench.runtime.data("d") if edge.outputs.done else b"")
+        for edge in edges
+        if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
+    ]
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("by_plc", [False, True], ids=["the partner's end", "the PLC's own end"])
+def test_the_recording_and_a_capture_of_one_run_show_the_frames_of_the_run(
+    tmp_path: Path, by_plc: bool
+) -> None:
+    if shutil.which("dumpcap") is None:
+        pytest.skip("dumpcap is not installed")
+    path, jobs, text = tmp_path / "run.pcapng", list[tuple[int, bytes]](), random.Random(5).randbytes(79)
+    bench_file = project(tmp_path, "EN_R = true\nCONT = true", local=0)
+    with RunRecorder(lambda: RecordingWriter(path), path, secrets=False) as recorder:
+        bench = Bench(load_project(bench_file), "live", recorder.seam)
+        recorder.begin(bench, bench_file, (), is_scenario=False)
+        began = due = clock.now_ns()
+
+        def scan() -> None:
+            nonlocal due
+            while clock.now_ns() < due:
+                recorder.gap(bench)
+            due += 10_000_000
+            bench.step(clock.now_ns() - began)
+            bench.runtime.settle()
+            jobs.extend(jobs_of(bench, bench.runtime.changed))
+
+        while (port := bench.runtime.listening_port("C1")) is None:
+            scan()
+        wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
+        for at, size in zip(accumulate(PIECES, initial=0), PIECES, strict=False):
+            wire.send(text[at : at + size])
+            due = max(due, clock.now_ns())  # no scan makes up for the start of those programs
+            scan()
+        while len(bench.runtime.partial("R1")) != 7:  # six jobs of 12 bytes are done, the seventh has begun
+            scan()
+        if by_plc:
+            bench.do(Set("R1", (("COM_RST", True),)))
+        else:
+            wire.sender.communicate()
+        while bench.runtime.outputs("R1").status != 0x7002:
+            scan()
+        bench.close()
+        wire.end()
+    assert [data for _, data in jobs if data] == [text[at : at + 12] for at in range(0, 72, 12)]
+    for seen in (
+        Frames(path, bench_file, f"127.0.0.1:{port}"),
+        Frames(tmp_path / "real.pcapng", bench_file, f"127.0.0.1:{port}"),
+    ):
+        assert seen.jobs == jobs
+        assert seen.notes == ["the PLC end has reset the connection"] * by_plc

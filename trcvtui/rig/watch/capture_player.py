@@ -256,7 +256,8 @@ class CapturePlayer:
         if is_left:
             if not end.has_ended and event.direction is self._plc_of(event.conversation):
                 self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
-            end.leave(event.direction.unread, end.has_ended and event.kind is EventKind.FIN)
+            is_fin, has_read = event.kind is EventKind.FIN, event.conversation.sent is not None
+            end.leave(event.direction.unread, end.has_ended and is_fin, has_read)
             return
         if is_own:
             running.probes = 0

@@ -5,7 +5,8 @@ Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive
 Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
 would make the partner wait. Where nobody ever takes them they are left out, and that is told.
 Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
-ends in its next scan; so many scans later as it was late in the beginning, and not before its first job.
+ends in its next scan; so many scans later as it was late in the beginning, and not before its first job. Of a
+recording of ours it is known that all of it was read: it ends then.
 """
 
 from __future__ import annotations
@@ -203,6 +204,7 @@ class PlayedEnd:
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
         self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
+        self._has_read = False  # is known of that end: all that it can have
         self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
@@ -344,11 +346,12 @@ class PlayedEnd:
             self._stream.abort()
         self.is_over = True
 
-    def leave(self, unread: int, may_read: bool) -> None:
-        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may read."""
+    def leave(self, unread: int, may_read: bool, has_read: bool) -> None:
+        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may, or has."""
         self._shadows.wake()
         self.has_left = self.has_ended = True
-        self._stood = self._shadows.bench.runtime.scans - self._begun
+        self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
+        self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
         self._do(lambda: self._leave(unread, may_read))
 
     def _leave(self, unread: int, may_read: bool) -> None:
@@ -362,9 +365,10 @@ class PlayedEnd:
         """Return in which scan a shadow is over that its own end has ended."""
         runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
         since = runtime.stands_since(self.connect)
-        if since > self._begun:
-            return since + max(self._stood + task - 1, FIRST_JOB * task)
-        return runtime.scans + (2 if self._shadows.network.now_ns < self.gives_up_at else 1)
+        now_ns, stream = self._shadows.network.now_ns, self._stream
+        due = since + max(self._stood + task - 1, FIRST_JOB * task)
+        is_late = since <= self._begun or (self._has_read and stream is not None and stream.untaken > 0)
+        return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
 
     def leave_now(self) -> None:
         """Let the shadow's own end be over, where the capture has ended it."""

@@ -630,8 +630,8 @@ class Conversations:
         """Note what its program cannot have read: what it has not acknowledged, and its window misses."""
         other = direction.other
         waits = distance(other.next, other.acked) - other.has_fin if other.has_base else 0
-        misses = (direction.widest - direction.window << direction.scale) if direction.scale is not None else 0
-        direction.unread = max(waits, 0) + misses
+        misses = direction.widest - direction.window
+        direction.unread = max(waits, 0) + (0 if direction.scale is None else misses << direction.scale)
 
     # -- bytes -------------------------------------------------------------------------------------------
 

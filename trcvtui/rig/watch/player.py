@@ -175,8 +175,8 @@ class Shadows:
         for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
             if not isinstance(event, BytesReceived) or event.connection not in self.holes:
                 continue
-            is_datagram = event.connection in self.of_datagrams
-            holes, end = self.holes[event.connection], event.recv if is_datagram else event.offset + event.size
+            holes, end = self.holes[event.connection], event.offset + event.size
+            end = event.recv if event.connection in self.of_datagrams else end
             if holes and holes[0][0] < end:
                 self._lacking.add(event.instance)
             while holes and holes[0][1] <= end:

@@ -154,6 +154,7 @@ class _PageParts:
         counts = [each.error_edges.count for each in self._notes.instances.values()]
         at = sum(map(bool, counts))
         found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"
+        found = found if counts else "there is no instance"
         is_bad = at > 0
         remarks = sum(len(each.remarks) for each in self._notes.instances.values())
         found += f", {count(remarks, 'remark')} on frames" if remarks else ""

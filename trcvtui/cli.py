@@ -811,7 +811,9 @@ def _add_recording(parser: ArgumentRows) -> None:
     made.add_argument("target", metavar="OUT")
     made.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
     made.add_argument("--no-secrets", action="store_true", help="TLS stays closed")
-    made.add_argument("--anonymise", action="store_true", help="other addresses, no names")
+    made.add_argument(
+        "--anonymise", action="store_true", help="other addresses, no names, no TLS secrets; payload stays"
+    )
     made = commands.add_parser("dissector", help="print what shows the journal in Wireshark (Lua)")
     made.set_defaults(command=_recording_dissector)
 

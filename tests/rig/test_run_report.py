@@ -260,6 +260,25 @@ def test_keys_and_tls_secrets_are_never_on_the_page(
     assert not any(secret.decode() in text for pair in secrets for secret in pair)
 
 
+@NEEDS_OPENSSL
+def test_no_folder_is_on_the_page_not_in_settings_and_commands_either(
+    secure_bench: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "R&D of Meier"
+    shutil.copytree(secure_bench, folder)
+    scenario, out = folder / "tls-server.toml", tmp_path / "X.html"
+    added = f"add certificate 9 file='{folder / 'certificates' / 'ca.pem'}'\nremove certificate 9\n"
+    text = scenario.read_text().replace('steps = """\n', f'steps = """\n{added}')
+    scenario.write_text(text.replace('"certificates/plc', f'"{folder}/certificates/plc'))
+    file = recording(tmp_path, scenario)
+    for more in ([], ["--project", str(scenario)]):
+        assert main(["report", str(file), "--out", str(out), *more]) == 0
+        page = out.read_text()
+        assert "plc.key" in page and not re.search("Meier|R&amp;D|certificates/", page)
+    assert main(["report", str(file), "--out", str(out)]) == 0
+    assert "add certificate 9 file=&#x27;ca.pem&#x27;" in plain(out.read_text())
+
+
 # -- the command -----------------------------------------------------------------------------------------
 
 

@@ -46,6 +46,7 @@ MOST_HEX: Final = 512  # bytes of a frame
 MOST_TEXT: Final = 20_000  # characters of `start` and `program`
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'"
 PLAIN: Final = frozenset({"set", "pulse", "run", "wait", "fault", "plc", "hold", "go", "create", "delete"})
+PATHS: Final = frozenset({"file", "key"})  # keys whose value is one
 SPOKEN: Final = frozenset({"says", "replies", "message", "steps"})  # keys that hold what is sent
 LEFT, WIDTH, RIGHT, ROW = 150, 1000, 24, 20  # of the time line: names, columns, height of a lane
 SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
@@ -118,6 +119,11 @@ class ReportSource(NamedTuple):
     files: tuple[Sequence[str], ...] = ()
     conversations: tuple[Sequence[str], ...] = ()
     findings: tuple[FoundCause, ...] = ()
+
+
+def last_part(path: str) -> str:
+    """Return the name of a file without its folders: they say who made it, and nothing else."""
+    return path.replace("\\", "/").rpartition("/")[2]
 
 
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
@@ -366,7 +372,7 @@ class _PageParts:
                 yield f"[[{kind_name(decl)}]]"
                 for key, value in entry_of(decl):
                     if self._has_payload or key not in SPOKEN:
-                        yield f"{key} = {_value(value)}"
+                        yield f"{key} = {_value(last_part(str(value)) if key in PATHS else value)}"
         for word, text in (("start", project.start), ("program", project.program)):
             if text and self._has_payload:
                 yield ""

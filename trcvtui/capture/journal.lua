@@ -56,7 +56,11 @@ function value(text, at, depth)
     return "(" .. table.concat(found, ", ") .. ")", at
   end
   if tag == 8 then return SINGLES[text:byte(at + 1)] or "?", at + 1 end
-  if tag == 9 then return u(text, at + 8, 4) .. " bytes in packets", at + 12 end
+  if tag == 9 then
+    local count, size = u(text, at, 2), 0
+    for i = 0, count - 1 do size = size + u(text, at + 10 + 12 * i, 4) end
+    return size .. " bytes in packets", at + 2 + 12 * count
+  end
   local record = RECORDS[tag]
   if record == nil then error("tag " .. tostring(tag)) end
   local found

@@ -276,6 +276,7 @@ _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
 _WHOLE: Final = struct.Struct("<Bq").pack
 _COUNTED: Final = struct.Struct("<BH").pack
+_RUN: Final = struct.Struct("<III").pack
 _NONE_TAG: Final = bytes([_NONE])
 _TAGS: Final = {kind: _FIRST_RECORD + at for at, (kind, _) in enumerate(_RECORDS)}
 
@@ -309,7 +310,7 @@ def value_bytes(value: object) -> bytes:
             parts = [value_bytes(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
     if isinstance(value, InPackets):
-        return struct.pack("<BIII", _PLACED, *value)
+        return _COUNTED(_PLACED, len(value.runs)) + b"".join([_RUN(*run) for run in value.runs])
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
     tag = _TAGS.get(type(value))
@@ -320,11 +321,12 @@ def value_bytes(value: object) -> bytes:
 
 
 class InPackets(NamedTuple):
-    """Bytes that stand in packets before their block: in `packets` of them, from number `first` on."""
+    """Bytes in packets before their block: of each run the first packet, bytes to skip in it, and its size.
 
-    first: int
-    packets: int
-    size: int
+    A run goes on in the packets that follow.
+    """
+
+    runs: tuple[tuple[int, int, int], ...]
 
 
 class _Cursor:
@@ -421,11 +423,15 @@ class _Cursor:
         return self.take(self._number(4))
 
     def _placed(self) -> bytes:
-        first, count, size = self._number(4), self._number(4), self._number(4)
-        found = b"".join(self._payloads[first : first + count])
-        if len(found) != size:
-            raise self.wrong(f"{len(found)} bytes in packets", f"the {size} of the journal")
-        return found
+        found: list[bytes] = []
+        for _ in range(self._number(2)):
+            number, skip, left = self._number(4), self._number(4), self._number(4)
+            while left and number < len(self._payloads):
+                found.append(self._payloads[number][skip : skip + left])
+                left, number, skip = left - len(found[-1]), number + 1, 0
+            if left:
+                raise self.wrong(f"{left} bytes less in packets", "those of the journal")
+        return b"".join(found)
 
     def _text(self, raw: bytes) -> str:
         try:

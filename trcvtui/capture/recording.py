@@ -20,12 +20,10 @@ from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.journal import (
     MOST_STATE,
-    SHOWS,
     STEP,
     Answered,
     BlockWriter,
     Entry,
-    InPackets,
     Keyframe,
     RunBegins,
     Secrets,
@@ -34,13 +32,12 @@ from trcvtui.capture.journal import (
     in_blocks,
 )
 from trcvtui.capture.packets import TCP
-from trcvtui.capture.wire import WirePacket, WirePackets
+from trcvtui.capture.run_packets import OF_JOURNAL, RunPackets
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, create, open_to_read, reason_of
 from trcvtui.records import NamedTuple
 
 WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
-READS: Final = frozenset({"recv", "recv_from"})
 JOURNAL_NAME: Final = "trcvtui journal"
 MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
 LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
@@ -89,96 +86,55 @@ class RecordingWriter:
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
         self._index: list[BlockPlace] = []
-        self._wire = WirePackets(0)
+        self._told = RunPackets()
         self._wall_ns = self._now = self._flushed = 0
         self._scans = self._block_scans = self._block_ns = 0
-        self._jobs: dict[str, int] = {}
-        self._packets: list[WirePacket] = []  # of the block under way
-        self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._secrets = b""  # of the packets of this block
-        self._scan_from = 0  # number of the first packet of this scan
-        self._called = InPackets(0, 0, 0), b""  # the newest call's bytes, and where they stand
-        self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._block = BlockWriter(0)
-        self._blocks = self._payload_size = 0
+        self._blocks = 0
         self._write(
             pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
             + pcap.interface_block(pcap.RAW_IP, "wire")
             + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        for entry in old:
+            self._keep(entry)
+        packets.wire.wall_ns, self._told = self._wall_ns, packets
+        for entry in packets.begin_file():
+            self._keep(entry)
+
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; whole blocks are written."""
         for entry in entries:
             if type(entry) is Answered:
-                call = entry[1]
-                if call == STEP and isinstance(entry[3], int):
-                    self._begin_scan(entry[3])
-                elif call == SHOWS:
-                    self._comment(entry)
-                if self._coming is not None or self._called[1]:
-                    entry = self._pointing(entry)
+                self._keep(self._told.take(entry))
             elif isinstance(entry, WireCall):
-                if entry.call in READS and not entry.data and entry.answer:
-                    self._coming = entry
-                else:
-                    self._take_call(entry)
-                continue
+                self._told.tell(entry)
             elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
-                continue
             elif isinstance(entry, Keyframe):
                 self.keyframe(entry)
-                continue
-            elif isinstance(entry, RunBegins):
-                self._wall_ns = entry.wall_ns
-                self._wire = WirePackets(entry.wall_ns)
-            self._block.take(entry)
-            if self._block.size >= MOST_OF_A_SCAN:
-                self.flush()
+            else:
+                if isinstance(entry, RunBegins):
+                    self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
+                self._keep(entry)
 
-    def _take_call(self, call: WireCall) -> None:
-        first = len(self._packets)
-        self._packets.extend(self._wire.of(call))
-        count = len(self._packets) - first
-        self._payload_size += len(call.data)
-        if call.data and sum(packet.payload for packet in self._packets[first:]) == len(call.data):
-            self._called = InPackets(first, count, len(call.data)), call.data
-
-    def _pointing(self, entry: Answered) -> Answered:
-        """Return it with a pointer in place of bytes that the newest packets carry."""
-        answer = entry.answer
-        if self._coming is not None and isinstance(answer, tuple) and isinstance(answer[-1], bytes):
-            self._take_call(self._coming._replace(data=answer[-1]))
-        self._coming = None
-        placed, data = self._called
-        if not data:
-            return entry
-        if isinstance(answer, tuple) and len(answer) == 2 and answer[1] == data:
-            return entry._replace(answer=(answer[0], placed))
-        return entry._replace(answer=placed) if answer == data else entry
+    def _keep(self, entry: Entry) -> None:
+        if type(entry) is Answered and entry[1] == STEP and isinstance(entry[3], int):
+            self._begin_scan(entry[3])
+        self._block.take(entry)
+        if self._block.size >= MOST_OF_A_SCAN:
+            self.flush()
 
     def _begin_scan(self, now: int) -> None:
-        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._payload_size >= MOST_PAYLOAD:
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD:
             self.flush()
             self._flushed = now
         self._now = now
         self._scans += 1
-        self._scan_from = len(self._packets)
-
-    def _comment(self, shows: Answered) -> None:
-        """Write a job's end beside the packet that brought it, where this scan has one."""
-        connect, status, _, done, error, length = (*shows.args, *[None] * 6)[:6]
-        if not (done or error) or not isinstance(status, int):
-            return
-        job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
-        size = "" if length is None or error else f" {length} B"
-        ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self._scans}"
-        text = f"{shows.owner}: 16#{status:04X} {ends}"
-        for number in range(len(self._packets) - 1, self._scan_from - 1, -1):
-            if connect in self._packets[number].owners:
-                self._comments.setdefault(number, []).append(text)
-                return
 
     def flush(self) -> None:
         """Write what has come; a block of the journal ends with it."""
@@ -186,23 +142,22 @@ class RecordingWriter:
             return
         written = [pcap.secrets_block(self._secrets)] if self._secrets else []
         self._secrets = b""
-        for number, packet in enumerate(self._packets):
+        for number, packet in enumerate(self._told.packets):
             if packet.line and packet.line not in self._lines:
                 self._lines[packet.line] = FIRST_LINE + len(self._lines)
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
             interface = self._lines[packet.line] if packet.line else WIRE
-            comments = tuple(self._comments.get(number, ()))
+            comments = tuple(self._told.comments.get(number, ()))
             written.append(pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent))
         packets = b"".join(written)
-        journal = self._journal_packets(self._block.block())
+        journal = self._journal_packets(self._block.block(), self._told.comments.get(OF_JOURNAL, ()))
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
         self._index.append(row)
         self._blocks += 1
         self._block_scans, self._block_ns = self._scans, self._now
-        self._packets, self._comments, self._block = [], {}, BlockWriter(self._blocks)
-        self._called = InPackets(0, 0, 0), b""
-        self._scan_from = self._payload_size = 0
+        self._block = BlockWriter(self._blocks)
+        self._told.begin_block()
 
     def keyframe(self, frame: Keyframe) -> None:
         """Write a keyframe of the scans that have been taken."""
@@ -215,11 +170,13 @@ class RecordingWriter:
         )
         self._index.append(row)
 
-    def _journal_packets(self, block: bytes) -> bytes:
+    def _journal_packets(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
         pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
         marks = [MORE] * (len(pieces) - 1) + [LAST]
         ns = self._wall_ns + self._now
-        return b"".join([pcap.packet_block(JOURNAL, ns, m + p) for m, p in zip(marks, pieces, strict=True)])
+        said = [tuple(comments), *[()] * (len(pieces) - 1)]
+        parts = zip(marks, pieces, said, strict=True)
+        return b"".join([pcap.packet_block(JOURNAL, ns, mark + piece, text) for mark, piece, text in parts])
 
     def _write(self, data: bytes) -> None:
         """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""

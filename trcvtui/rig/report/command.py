@@ -162,7 +162,7 @@ def report_file(
         source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
     else:
         run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
-        lines = [recording.stopped or stopped]
+        lines = [recording.damage() or stopped]
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets

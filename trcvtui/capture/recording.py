@@ -19,7 +19,6 @@ from typing import IO, Final
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.journal import (
-    MOST_STATE,
     SHOWS,
     STEP,
     Answered,
@@ -54,7 +53,6 @@ INDEX: Final = b"trcvtui index\n\0\0"
 KEYFRAME: Final = b"trcvtui state\n\0\0"
 IS_KEYFRAME: Final = (1 << 64) - 1  # in a row of the index, in place of the block of the journal
 _KEYFRAME: Final = struct.Struct("<IqIIII")  # scan, ns; scans and entries before; bytes; of the text
-MOST_PIECES: Final = MOST_STATE // MOST_PIECE
 _ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
 _LENGTH: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<II")
@@ -426,10 +424,26 @@ class Recording:
         return self._index
 
     def _rebuilt(self) -> list[BlockPlace]:
-        self._keyframes = []
+        """Return the rows that the index would have; scans and times are counted by reading."""
         rows: list[BlockPlace] = []
+        payloads: list[bytes] = []
+        scans = ns = 0
         try:
-            rows.extend(self._found())
+            for block, row in self._journal(0, payloads):
+                if block.startswith(KEYFRAME):
+                    with suppress(UserError):
+                        frame = _keyframe_of(block, self.path)
+                        self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
+                elif not block.startswith(INDEX):
+                    row = row._replace(scans=scans, ns=ns)
+                    for entry in entries_of([block], self.path, payloads, len(rows)):
+                        if (
+                            isinstance(entry, Answered)
+                            and entry.call == STEP
+                            and isinstance(entry.answer, int)
+                        ):
+                            scans, ns = scans + 1, entry.answer
+                    rows.append(row)
         except UserError as wrong:
             self.stopped = str(wrong)
         return rows
@@ -441,40 +455,11 @@ class Recording:
 
     def keyframe(self, place: BlockPlace) -> Keyframe:
         """Return a keyframe; raise UserError."""
-        pieces: list[bytes] = []
         where = f"{self.path}: byte {place.packets_at}"
-        with self._opened() as file:
-            for kind, body, _ in self._blocks(file, place.packets_at):
-                if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8 or len(pieces) > MOST_PIECES:
-                    break
-                interface, _, _, size = _PACKET.unpack_from(body)
-                data = body[AT_DATA - 8 : AT_DATA - 8 + size]
-                if interface != JOURNAL:
-                    break
-                pieces.append(data[1:])
-                if data[:1] != MORE:
-                    frame = _keyframe_of(b"".join(pieces), where)
-                    if frame.scan == place.scans:
-                        return frame
-                    break
+        found = next(self._journal(place.packets_at, []), None)
+        if found is not None and (frame := _keyframe_of(found[0], where)).scan == place.scans:
+            return frame
         raise mistake(where, "no keyframe", "one, as the index says")
-
-    def _found(self) -> Iterator[BlockPlace]:
-        """Yield the rows that the index would have; scans and times are counted by reading."""
-        scans = ns = number = 0
-        payloads: list[bytes] = []
-        for block, row in self._journal(0, payloads):
-            if block.startswith(KEYFRAME):
-                with suppress(UserError):
-                    frame = _keyframe_of(block, self.path)
-                    self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
-            elif not block.startswith(INDEX):
-                before = scans, ns
-                for entry in entries_of([block], self.path, payloads, number):
-                    if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
-                        scans, ns = scans + 1, entry.answer
-                yield row._replace(scans=before[0], ns=before[1])
-                number += 1
 
 
 def _with_check(magic: bytes, content: bytes) -> bytes:

@@ -795,7 +795,7 @@ def _add_certificates(parser: ArgumentRows) -> None:
 
 def _add_replay(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_replay)
-    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("file", metavar="FILE", help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
     parser.add_argument(
@@ -824,7 +824,7 @@ def _add_recording(parser: ArgumentRows) -> None:
 
 def _add_report(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_report)
-    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("file", metavar="FILE", help="a recording or a capture, also .gz")
     parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
     parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
     _add_shadows(parser)

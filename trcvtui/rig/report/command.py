@@ -166,7 +166,7 @@ def report_file(
         source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
     else:
         run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
-        lines, folders = [recording.stopped or stopped], _folders(run.replay.files, run.begins.path)
+        lines, folders = [recording.damage() or stopped], _folders(run.replay.files, run.begins.path)
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets

@@ -33,7 +33,7 @@ def check(run: RunAgain) -> str:
 def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
     """Write what the run has printed, or would have; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
-    report = JsonLines(write, bench.runtime.interval_ns)
+    report = JsonLines(write, bench.runtime.interval_ns, bench)
     if scenario is None or bench.runtime.scans:  # of one that begins in the middle the steps are gone
         while run.scan():
             if bench.runtime.changed:

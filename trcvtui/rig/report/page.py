@@ -24,6 +24,7 @@ from trcvtui.rig.report.run_notes import (
     BUSY,
     DONE,
     ERROR,
+    MOST_LATE,
     UP,
     EdgeTold,
     EventTold,
@@ -203,10 +204,12 @@ class _PageParts:
     def facts(self) -> Iterator[str]:
         """Yield where all of it comes from."""
         source, scans = self._source, count(self._notes.until.scan, "scan")
-        each = self._notes.bench.runtime.interval_ns / 1e6
+        each, late = self._notes.bench.runtime.interval_ns / 1e6, self._notes.late
+        which = ", ".join(told for _, told in late) + " and others" * (late.count > 2 * MOST_LATE)
         yield _definitions(
             ("begin", utc_text(source.begin_ns)),
             ("length", f"{_seconds(self._notes.until.t_ns)} s, {scans}, one each {each:g} ms"),
+            *[("late", f"{count(late.count, 'scan')} by more than half an interval: {which}")][: late.count],
             ("PLC", f"{self._project.dialect.title}, {self._project.model}"),
             ("network", source.network),
             ("file", source.file),

@@ -26,10 +26,11 @@ from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 from trcvtui.records import NamedTuple
 
-VERSION: Final = 1
+VERSION: Final = 2
 MOST_STATE: Final = 64 << 20  # bytes of a state that a reader takes
 MAGIC: Final = b"trcvtui journal\n"
-_HEAD: Final = struct.Struct("<16sHII")  # magic, version, number of the block, of entries unlike each other
+_HEAD: Final = struct.Struct("<16sHI")  # magic, version, CRC-32 of the packets before and of what follows
+_COUNTS: Final = struct.Struct("<II")  # number of the block, of entries unlike each other
 MOST_BLOCK: Final = 1 << 20  # bytes of entries, from which on a block is full
 MOST_ENTRIES: Final = 1 << 20  # from which on it is full, too
 DEEPEST: Final = 8  # values inside values
@@ -37,7 +38,7 @@ STEP: Final = "step"  # the call that begins a scan; its answer is the time in n
 SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
 MOST_SKIPPED: Final = 1 << 40  # scans in one entry
 SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
-DO, REST, CLOSE = "do", "rest", "close"  # a command in words; the peers go on in a hold; the end of the run
+DO, REST, CLOSE = "do", "rest", "close"  # a command in words; peers act beside a scan; the end of the run
 GAP: Final = "gap "
 RECV: Final = "recv"  # its arguments: a handle, and how many bytes there is room for
 READ: Final = GAP + "read"  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
@@ -341,6 +342,19 @@ class _Cursor:
     def wrong(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
 
+    def head(self, expected: int) -> tuple[int, int]:
+        """Return the CRC-32 that a block bears, and how many entries unlike each other it has."""
+        where = f"{self._where}: journal"
+        magic, version, check = _HEAD.unpack(self.take(_HEAD.size))
+        if magic != MAGIC:
+            raise mistake(where, "another interface's packet", "a block of our journal")
+        if version != VERSION:
+            raise mistake(where, f"version {version}", f"version {VERSION}, all that is known here")
+        number, unlike = _COUNTS.unpack(self.take(_COUNTS.size))
+        if number != expected:
+            raise mistake(where, f"block {number}", f"block {expected}")
+        return check, unlike
+
     def take(self, size: int) -> bytes:
         left = len(self._block) - self.at
         if size > left:
@@ -562,12 +576,14 @@ class BlockWriter:
                 return head + _READ.pack(_TUPLE, 2, _INT, size, _BYTES, len(data)) + data
         return head + value_bytes(entry.answer)
 
-    def block(self) -> bytes:
+    def block(self, packets: int = 0) -> bytes:
+        """Return it; `packets`: the CRC-32 of those before it."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
-        head = _HEAD.pack(MAGIC, VERSION, self.number, len(self._parts))
-        return b"".join((head, *self._parts, order.tobytes()))
+        counts = _COUNTS.pack(self.number, len(self._parts))
+        content = b"".join((counts, *self._parts, order.tobytes()))
+        return _HEAD.pack(MAGIC, VERSION, zlib.crc32(content, packets)) + content
 
 
 def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
@@ -594,20 +610,20 @@ def entries_of(
     return chain.from_iterable(in_blocks(found, where, payloads, first))
 
 
+def check_block(block: bytes, number: int, packets: int, where: str) -> None:
+    """Raise UserError for what is no block of this number, or not as written; `packets` as of BlockWriter."""
+    check, _ = _Cursor(where, block, ()).head(number)
+    if zlib.crc32(block[_HEAD.size :], packets) != check:
+        found, expected = f"block {number} with another checksum", "that of its packets and entries"
+        raise mistake(f"{where}: journal", found, expected)
+
+
 def in_blocks(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Iterator[Entry]]:
     for expected, block in enumerate(found, first):
         cursor = _Cursor(where, block, payloads)
-        magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))
-        if magic != MAGIC:
-            raise mistake(f"{where}: journal", "another interface's packet", "a block of our journal")
-        if version != VERSION:
-            raise mistake(
-                f"{where}: journal", f"version {version}", f"version {VERSION}, all that is known here"
-            )
-        if number != expected:
-            raise mistake(f"{where}: journal", f"block {number}", f"block {expected}")
+        _, unlike = cursor.head(expected)
         if unlike > len(block):
             raise cursor.wrong(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
         known: list[Entry] = []

@@ -233,6 +233,11 @@ class SimKernel:
         """Return the virtual time in ns."""
         return self._wire.now
 
+    @property
+    def due(self) -> int | None:
+        """Return when something happens by itself next, None: never."""
+        return self._wire.agenda.due
+
     def advance(self, now_ns: int) -> None:
         """Move the clock to now_ns; everything due until then happens at its own time."""
         if now_ns < self._wire.now:

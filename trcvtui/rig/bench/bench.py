@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar, cast
 
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
@@ -22,6 +23,7 @@ from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containm
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
+from trcvtui.project.tables import LEAST_INTERVAL_NS
 from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench.program import Program, read_program
@@ -37,10 +39,12 @@ from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.capture.journal import Note
+    from trcvtui.capture.replay import Replay
     from trcvtui.capture.seam import Seam, SeamKernel
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
+NEVER: Final = 1 << 62
 
 
 def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
@@ -104,6 +108,9 @@ class Checking:
         """Return the instance whose DATA is judged, "" where none is."""
         return self._command.instance
 
+    def due(self, now: int) -> int | None:
+        return self._next if self._peer.can_send and not self._peer.unsent else None
+
     def step(self, now: int) -> None:
         if self._peer.can_send and now >= self._next and not self._peer.unsent:
             self._next = next_due(self._next or now, self._command.every_ns, now)
@@ -146,6 +153,8 @@ class Bench:
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
+        self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
+        self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
         self._is_replay = seam is not None and seam.answers
         self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
@@ -355,6 +364,9 @@ class Bench:
     def step(self, now: int | None = None) -> None:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        if self.peers and self._sim is not None:
+            while isinstance(at := self._acts_at(due), int):
+                self._outside("rest", at, partial(self._act, at))
         if self._seam is None:
             self._pass(due)
             return
@@ -377,7 +389,10 @@ class Bench:
             self._seam.is_busy = False
 
     def _pass(self, now: int) -> None:
-        self.now = now
+        late, interval = now - self._scan_at, self.runtime.interval_ns
+        self.late_ns = late if late > interval // 2 else 0
+        self.late_scans += late > interval // 2
+        self.now, self._scan_at = now, now + interval if self.kernel_name == "live" else NEVER
         if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
@@ -414,9 +429,39 @@ class Bench:
                     contained.out.add(("peer", name))
 
     def rest(self) -> None:
-        self._outside("rest", "", self.step_peers)
+        self._scan_at = NEVER
+        self._outside("rest", 0, self.step_peers)
 
-    def _outside(self, call: str, line: str, do: Callable[[], T]) -> T:
+    def _acts_at(self, scan: int) -> object:
+        """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
+
+        It is a multiple of the shortest interval that a task can have, so that there are only so many.
+        """
+        if self._is_replay:
+            entry = cast("Replay", self._seam).coming()
+            return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
+        assert self._sim is not None
+        due = min(scan, self._sim.wire.agenda.due or scan, *self._due())
+        at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
+        return at if at < scan else None
+
+    def _act(self, at: int) -> None:
+        self.now = at
+        if self._sim is not None and not self._is_replay:
+            self._sim.advance(at)
+        self.step_peers()
+        if any(due <= at for due in self._due()):  # it is connected, or has nothing unsent, only now
+            self.step_peers()
+
+    def _due(self) -> Iterator[int]:
+        """Yield when each peer acts next by its own time."""
+        for steps in (self._self_acting, self._checks, self.peers):
+            for name, each in steps.items():
+                due = each.due(self.now)
+                if due is not None and ("peer", name) not in self.containment.out:
+                    yield due
+
+    def _outside(self, call: str, line: str | int, do: Callable[[], T]) -> T:
         if self._seam is None or self._seam.is_busy:
             return do()
         self.tell_outputs()

@@ -1,4 +1,4 @@
-"""The partner of the PLC, over TCP or UDP: commanded, stepped between scans; and what it does by itself."""
+"""The partner of the PLC, over TCP or UDP: commanded, stepped when it is due; and what it does by itself."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ class Peer:
         self.transport: DatagramTransport | StreamTransport = transport(
             decl, kernel, resolve, self.queues, options
         )
+        self.due = self.queues.outbox.next_due
         # What the transport does alone.
         self.listen = self.transport.listen
         self.connect = self.transport.connect
@@ -171,6 +172,13 @@ class SelfActing:
         self._turn = 0
         self._next_word = 0
         self._next_attempt = 0
+
+    def due(self, now: int) -> int | None:
+        """Return when it acts next, None: not by time alone."""
+        peer, routine = self._peer, self._routine
+        if peer.can_send:
+            return self._next_word if routine.says and not peer.unsent else None
+        return self._next_attempt if routine.reconnect_ns and peer.state != "connecting" else None
 
     def step(self, now: int) -> None:
         """Connect again or say the next message, when it is due."""

@@ -151,6 +151,10 @@ class Outbox:
         """Return how many more answers may wait."""
         return max(0, MOST_WAITING - len(self._sendings))
 
+    def next_due(self, now: int) -> int | None:
+        """Return when something is due next; None: never, or it waits for room in the stack."""
+        return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
+
     def due(self, now: int) -> memoryview | None:
         """Return what is to be sent now, None while nothing is due."""
         if not self._sendings or self._sendings[0].due > now:

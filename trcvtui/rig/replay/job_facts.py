@@ -141,7 +141,6 @@ def recorded_facts(
         return None
     if sets:
         what_if = WhatIf(keyframes, sets, None)
-        what_if.read_all()
         return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
     try:
         run = keyframes.begin()

@@ -424,8 +424,10 @@ class WirePackets:
                 stream.begun_before += "; TLS, ciphertext that cannot be opened here"
             call = WireCall(now, stream.owners[0], "", 0, (), None, b"")
             for who, at in ((1, come), (0, out)):
-                flow, missing = stream.flows[who], at - stream.flows[who].job
+                flow = stream.flows[who]
+                missing, unread = at - flow.job, flow.whole - flow.taken if who else 0
                 remark = f"repeated: {len(again[who])} bytes of a job that goes on"
+                remark += f", {unread} of them unread" if unread else ""
                 remark += f", {missing} before them are missing" if missing else ""
                 flow.told = at
                 yield from self._pieces(call, stream, who, at, again[who], remark)

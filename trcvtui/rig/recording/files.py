@@ -166,7 +166,7 @@ class NumberedFiles:
             if self._limits.before_ns >= 0:
                 if now > self._until:
                     self._end()
-            elif self._limits.split and self._file.size >= self._beside + self._limits.split:
+            elif self._limits.split and self._is_large(self._file):
                 self._end()
                 self._open()
         self._scans.append((now, []))
@@ -177,6 +177,11 @@ class NumberedFiles:
             if some:  # no file has it
                 self._packets.pass_by(some)
                 self._remember(some)
+
+    def _is_large(self, file: NumberedFile) -> bool:
+        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
+        split = self._limits.split
+        return file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
         """Keep the entries of a scan, before those that wait; what is too old is counted alone."""

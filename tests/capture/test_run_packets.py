@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 from trcvtui.capture.journal import RECV, SHOWS, SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
@@ -55,7 +56,7 @@ def shows(
     return Answered(instance, SHOWS, ("C1", *outputs), None)
 
 
-def written(path: Path, *entries: Entry | list[Entry]) -> list[Packet]:
+def written(path: Path, *entries: Entry | Sequence[Entry]) -> list[Packet]:
     """Write a recording; return its packets, those of the journal too."""
     writer = RecordingWriter(path)
     flat = [one for some in entries for one in (some if isinstance(some, list) else [some])]
@@ -260,7 +261,7 @@ def test_a_message_of_iso_on_tcp_ends_where_it_ends(tmp_path: Path) -> None:
 # -- files that go on --------------------------------------------------------------------------------------
 
 
-def numbered(folder: Path, limits: FileLimits, *entries: Entry | list[Entry]) -> list[Path]:
+def numbered(folder: Path, limits: FileLimits, *entries: Entry | Sequence[Entry]) -> list[Path]:
     folder.mkdir()
     files = RecordTo(folder, limits=limits).file_sink(folder / "R")
     files.take([BEGINS])

@@ -104,6 +104,7 @@ class RecordingWriter:
         packets.wire.wall_ns, self._told = self._wall_ns, packets
         for entry in packets.begin_file():
             self._keep(entry)
+        self.flush()
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; whole blocks are written."""

@@ -29,6 +29,7 @@ class RunPackets:
         self._now = 0
         self._layered: set[int] = set()  # handles whose bytes are not those of the wire
         self._jobs: dict[str, int] = {}
+        self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
         self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._at: dict[str, Callable[[Answered], Answered]] = {
             STEP: self._step,
@@ -161,17 +162,23 @@ class RunPackets:
 
     def _shows(self, shows: Answered) -> Answered:
         """Write a job's end beside the packet that brought it."""
-        connect, status, _, done, error, length = (*shows.args, *[None] * 6)[:6]
+        connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
+        ours, theirs = self.wire.newest.get(str(connect), (Flow(), Flow()))
+        readers = self._readers.setdefault(str(connect), set())
+        if length is not None:
+            readers.add(shows.owner)
         if not (done or error) or not isinstance(status, int):
+            if not busy and readers == {shows.owner}:  # its job was given up
+                theirs.give_up(self.wire.scan)
             return shows
         job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
         size = "" if length is None or error else f" {length} B"
         ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self.wire.scan}"
         text = f"{shows.owner}: 16#{status:04X} {ends}"
-        ours, theirs = self.wire.newest.get(str(connect), (Flow(), Flow()))
         flow, scan = ours if length is None else theirs, self.wire.scan
         if done:
-            place = flow.job_end(scan, length if isinstance(length, int) else None) - 1
+            expected = flow.job + length if isinstance(length, int) and len(readers) > 1 else 0
+            place = flow.job_end(scan, expected, flow is ours) - 1
         else:
             place = flow.give_up(scan) - 1
             if theirs.ended_in >= scan - LOSS_SCANS:

@@ -81,13 +81,15 @@ class Flow:
         self.tail += data
         del self.tail[: max(0, len(self.tail) - MOST_TAIL)]
 
-    def job_end(self, scan: int, length: int | None) -> int:
-        """Return where the job has ended that shows DONE in a scan, 0 where that is not known."""
+    def job_end(self, scan: int, expected: int, is_sent: bool) -> int:
+        """Return where the job has ended that shows DONE in a scan, 0 where that is not known.
+
+        That is the first end of what was sent, of what was read the last one, or the one that is expected.
+        """
         places = [place for since, place in self.ends if since <= scan]
         if not places:
             return 0
-        end = places[0] if length is None else self.job + length
-        self._end_job(end if end in places else places[-1])
+        self._end_job(expected if expected in places else places[0 if is_sent else -1])
         return self.job
 
     def give_up(self, scan: int) -> int:
@@ -422,8 +424,10 @@ class WirePackets:
                 stream.begun_before += "; TLS, ciphertext that cannot be opened here"
             call = WireCall(now, stream.owners[0], "", 0, (), None, b"")
             for who, at in ((1, come), (0, out)):
-                flow, missing = stream.flows[who], at - stream.flows[who].job
+                flow = stream.flows[who]
+                missing, unread = at - flow.job, flow.whole - flow.taken if who else 0
                 remark = f"repeated: {len(again[who])} bytes of a job that goes on"
+                remark += f", {unread} of them unread" if unread else ""
                 remark += f", {missing} before them are missing" if missing else ""
                 flow.told = at
                 yield from self._pieces(call, stream, who, at, again[who], remark)

@@ -77,7 +77,9 @@ class FileSink(Sink, Protocol):
 
 
 class NumberedFile(FileSink, Protocol):
-    """Who writes one of several files of a run."""
+    """Who writes one of several files of a run, with so many bytes."""
+
+    size: int
 
     def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take entries whose packets are no more; then go on with the packets of the files before."""
@@ -115,6 +117,7 @@ class NumberedFiles:
         packets: RunPackets,
     ) -> None:
         self._packets = packets
+        self._beside = 0  # bytes of the file that are not of its scans
         self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
         self._begins: RunBegins | None = None
         self._file: NumberedFile | None = None
@@ -163,7 +166,7 @@ class NumberedFiles:
             if self._limits.before_ns >= 0:
                 if now > self._until:
                     self._end()
-            elif self._limits.split and os.stat(self._path).st_size >= self._limits.split:
+            elif self._limits.split and self._is_large(self._file):
                 self._end()
                 self._open()
         self._scans.append((now, []))
@@ -174,6 +177,11 @@ class NumberedFiles:
             if some:  # no file has it
                 self._packets.pass_by(some)
                 self._remember(some)
+
+    def _is_large(self, file: NumberedFile) -> bool:
+        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
+        split = self._limits.split
+        return file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
         """Keep the entries of a scan, before those that wait; what is too old is counted alone."""
@@ -205,6 +213,7 @@ class NumberedFiles:
         """Take the state after a scan that has been taken."""
         if self._file is not None:
             self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+            self._beside += len(frame.content)
         if self._limits.before_ns >= 0:
             self._frames.append(frame)
             while self._frames and self._frames[0].scan <= self._passed_scans:
@@ -229,6 +238,7 @@ class NumberedFiles:
         for frame in self._frames:
             if frame.scan > self._file_from:
                 self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+        self._beside = self._file.size
         self._remove_the_oldest()
 
     def _write(self) -> None:

@@ -47,6 +47,7 @@ class Told(NamedTuple):
     guess_from: int | None
     sums: Mapping[str, Any]
     stderr: str
+    text: str
 
 
 class Verdict(NamedTuple):
@@ -116,7 +117,7 @@ def ask(recording: Path, case: Case) -> Told:
     guess = last.get("guess_from_scan")
     first = [at for at, _ in moments([r for r in records(out, "what-if") if r.get("guess")], asked)][:1]
     guess_ns = min([*([] if guess is None else [(guess - 1) * asked]), *first], default=None)
-    return Told(code, parts, guess_ns, guess, last, err)
+    return Told(code, parts, guess_ns, guess, last, err, out)
 
 
 def verdict(case: Case, told: Told, true: list[Moment], end_ns: int) -> Verdict:

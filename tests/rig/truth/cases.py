@@ -14,8 +14,8 @@ from tests.rig.truth.runs import Case
 LOCAL = 'LocalAddress = "127.0.0.1"\n'
 TCP = f"ActiveEstablished = false\n{LOCAL}LocalPort = 0\n"
 CALLS = f'ActiveEstablished = true\n{LOCAL}RemoteAddress = "127.0.0.1"\nRemotePort = "@P1"\n'
-ISO = 'type = "TCON_IP_RFC"\nLocalTSelector = "E0.02"\nRemoteTSelector = "E0.01"\nIsoPort = 0\n'
-ISO += "ActiveEstablished = false\n"
+ISO = 'type = "TCON_IP_RFC"\nActiveEstablished = false\nLocalTSelector = "E0.02"\nRemoteTSelector = "E0.01"\n'
+ISO += "IsoPort = 0\n"
 PEER = 'active = true\nremote = "@C1"\nreconnect = "T#100ms"\n'
 ISO_PEER = f'iso = true\nlocal_tsap = "E0.01"\nremote_tsap = "E0.02"\n{PEER}'
 LISTENS = 'active = false\nlocal = "127.0.0.1:0"\n'
@@ -27,14 +27,23 @@ def array(size: int) -> str:
 
 
 def pins(**inputs: object) -> str:
-    return "".join(f"{name} = {str(value).lower()}\n" for name, value in inputs.items() if value is not None)
+    return "".join(f"{name} = {str(value).lower()}\n" for name, value in inputs.items())
 
 
 def receiver(block: str, data: int, inputs: str, on: str = 'connect = "C1"\n') -> str:
-    return (
-        f'[[data]]\nname = "rx"\ntype = "{array(data)}"\n'
-        f'[[instance]]\nname = "R"\nblock = "{block}"\n{on}data = "rx"\n{inputs}'
-    )
+    rx = f'[[data]]\nname = "rx"\ntype = "{array(data)}"\n'
+    return f'{rx}[[instance]]\nname = "R"\nblock = "{block}"\n{on}data = "rx"\n{inputs}'
+
+
+def udp_receiver(data: int, dialect: str, **inputs: object) -> str:
+    block, held = ("URECV_C", {"CONT": True}) if dialect == "baosky" else ("TURCV", {})
+    on = 'config = "U1"\naddr = "SOURCE"\n'
+    return SOURCE + receiver(block, data, pins(**held, **inputs), on)
+
+
+def sender(size: int) -> str:
+    tx = f'[[data]]\nname = "tx"\ntype = "{array(size)}"\n'
+    return f'{tx}[[instance]]\nname = "S"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "tx"\nCONT = true\n'
 
 
 def scenario(dialect: str, connect: str, parts: str, peer: str, steps: list[str], interval: int = 10) -> str:
@@ -47,60 +56,51 @@ def scenario(dialect: str, connect: str, parts: str, peer: str, steps: list[str]
 
 def says(random: Random, *lengths: int, every: int, cut: bool = True) -> str:
     """Return what the partner says by itself: messages of these lengths in turn, some of them in pieces."""
-    options = [
-        f" split={random.randint(1, max(1, n - 1))} gap=T#20ms" if cut and random.random() < 0.3 else ""
-        for n in lengths
-    ]
-    told = [f'"random {n} seed={n}{option}"' for n, option in zip(lengths, options, strict=True)]
-    return f'says = [{", ".join(told)}]\nevery = "T#{every}ms"\n'
+    told = []
+    for length in lengths:
+        is_cut = cut and length > 1 and random.random() < 0.3
+        told.append(f"random {length} seed={length}")
+        told[-1] += f" split={random.randint(1, length - 1)} gap=T#20ms" if is_cut else ""
+    return f'says = {str(told).replace(chr(39), chr(34))}\nevery = "T#{every}ms"\n'
 
 
-def acts(random: Random, length: int, count: int, instance: str = "R", stream: bool = True) -> list[str]:
+STREAM_ENDS = ("peer P1 close", "peer P1 rst", "pulse R COM_RST", "link C1 down\nrun T#200ms\nlink C1 up")
+
+
+def acts(random: Random, length: int, most: int, ends: tuple[str, ...] = ()) -> list[str]:
     """Return steps: what the partner and the PLC's program do, each at a multiple of 100 ms."""
-    of_streams = [
-        "peer P1 close",
-        "peer P1 rst",
-        f"pulse {instance} COM_RST",
-        "link C1 down\nrun T#200ms\nlink C1 up",
-    ]
     may = [f"peer P1 send random {n} seed={n}" for n in (length, length - 1, 3 * length + 2)]
-    may += of_streams if stream else []
     steps = ["run T#500ms"]
-    for _ in range(count):
-        steps += [random.choice(may), f"run T#{100 * random.randint(2, 8)}ms"]
+    for _ in range(random.randint(0, most)):
+        steps += [random.choice([*may, *ends]), f"run T#{100 * random.randint(2, 8)}ms"]
     return [*steps, "run T#500ms"]
 
 
-def near(random: Random, length: int) -> int:
-    """Return a length that is a little too small, too large, or right."""
-    return max(1, length + random.choice([-7, -4, -1, 0, 2, 4, 9]))
-
-
-def stream(random: Random, question: str, dialect: str = "baosky") -> tuple[str, str]:
-    """Return a TRCV_C with a partner and a question about it."""
+def stream(kind: str, questions: tuple[str, ...], dialects: tuple[str, ...], random: Random) -> Case:
+    """A TRCV_C whose LEN and DATA are too small, too large, or right."""
+    dialect, question = random.choice(dialects), random.choice(questions)
     message, is_ad_hoc = random.choice([8, 12, 20, 33]), random.random() < 0.5
-    data = near(random, message) if random.random() < 0.6 else message + 20
-    length = (
-        random.choice([0, min(data, message), min(data, near(random, message))]) if question != "DATA" else 0
-    )
-    now = {"LEN": length, "ADHOC": is_ad_hoc}
-    other = random.choice(
-        [n for n in (message, data, data + 5, max(1, message - 4)) if n != (length or data)]
-    )
-    sizes = [n for n in (message, message + 1, data + 8) if n != data]
-    asks = {
-        "LEN": f"instance.R.LEN={other}",
-        "ADHOC": f"instance.R.ADHOC={str(not is_ad_hoc).lower()}",
-        "DATA": f"data.rx.type={array(random.choice(sizes))}",
-        "EN_R": "instance.R.EN_R=true",
+    data = message + random.choice([-7, -4, -1, 0, 2, 4, 9, 20])
+    length = random.choice([0, min(data, message), data - 1, 5]) if question != "DATA" else 0
+    length = min(length, data)
+    asks: dict[str, list[object]] = {
+        "LEN": [n for n in (data, data - 2, message - 4, 6, data + 5) if n != (length or data)],
+        "ADHOC": [str(not is_ad_hoc).lower()],
+        "DATA": [array(n) for n in (message, message + 1, data + 8) if n != data],
+        "EN_R": ["true"],
+        "dialect": [d for d in ("baosky", "s7-1500", "s7-1200") if d != dialect],
     }
-    parts = receiver("TRCV_C", data, pins(EN_R=question != "EN_R", CONT=True, **now))
-    every = random.choice([70, 100, 150])
-    lengths = (message,) if random.random() < 0.7 else (message, max(1, message - 3), message + 2)
+    asked = random.choice(asks[question])
+    parts = receiver("TRCV_C", data, pins(EN_R=question != "EN_R", CONT=True, LEN=length, ADHOC=is_ad_hoc))
+    lengths = (message,) if random.random() < 0.7 else (message, message - 3, message + 2)
     calls = random.random() < 0.25
-    peer = (LISTENS if calls else PEER) + says(random, *lengths, every=every)
-    few = [step for step in acts(random, message, random.randint(0, 3)) if not (calls and "COM_RST" in step)]
-    return scenario(dialect, CALLS if calls else TCP, parts, peer, few), asks[question]
+    peer = (LISTENS if calls else PEER) + says(random, *lengths, every=random.choice([70, 100, 150]))
+    steps = acts(random, message, 3, STREAM_ENDS[: 2 if calls else 4])
+    text = scenario(dialect, CALLS if calls else TCP, parts, peer, steps)
+    if question == "dialect":
+        return Case(kind, text, (), str(asked))
+    path = "data.rx.type" if question == "DATA" else f"instance.R.{question}"
+    return Case(kind, text, (f"{path}={asked}",))
 
 
 def intervals(was: int, asked: int, every: int, random: Random) -> Case:
@@ -108,133 +108,74 @@ def intervals(was: int, asked: int, every: int, random: Random) -> Case:
     message = random.choice([8, 10, 20])
     parts = receiver("TRCV_C", message, pins(EN_R=True, CONT=True, ADHOC=random.random() < 0.3))
     peer = 'active = true\nremote = "@C1"\n' + says(random, message, every=every, cut=False)
-    steps = ["run T#500ms", "peer P1 connect", *acts(random, message, random.randint(0, 2), stream=False)]
-    ends = random.choice([[], ["peer P1 close"], ["peer P1 rst"]])
-    text = scenario("baosky", TCP, parts, peer, [*steps, *ends, "run T#500ms"], was)
+    ends = random.choice([["run T#100ms"], ["peer P1 close"], ["peer P1 rst"]])
+    steps = ["run T#500ms", "peer P1 connect", *acts(random, message, 2), *ends, "run T#500ms"]
+    text = scenario("baosky", TCP, parts, peer, steps, was)
     return Case(f"{was} ms/{every}", text, (f"task.MAIN.interval=T#{asked}ms",), interval=was)
 
 
 def late_en_r(random: Random) -> Case:
     """EN_R comes late, by the program; or it never does, and is asked for."""
-    message = random.choice([8, 20, 33])
-    is_asked, data = random.random() < 0.5, near(random, message)
-    parts = receiver("TRCV_C", data, pins(CONT=True, EN_R=None if not is_asked else False))
-    late = [] if is_asked else [f"run T#{100 * random.randint(3, 12)}ms", "set R EN_R=1"]
-    dropped = [] if is_asked else ["set R EN_R=0", "run T#400ms", "set R EN_R=1"]
+    message, is_asked = random.choice([8, 20, 33]), random.random() < 0.5
+    data = message + random.choice([-4, 0, 2])
+    parts = receiver("TRCV_C", data, pins(CONT=True, **({"EN_R": False} if is_asked else {})))
+    late = ["run T#400ms", "set R EN_R=1"], ["set R EN_R=0", "run T#400ms", "set R EN_R=1"]
+    begins, drops = ([], []) if is_asked else late
     ends = random.choice([[], ["peer P1 close"], ["peer P1 rst"]])
-    steps = [*late, *acts(random, message, 1, stream=False), *ends, *dropped, "run T#1s"]
+    steps = [*begins, *acts(random, message, 2), *ends, *drops, "run T#1s"]
     peer = PEER + says(random, message, every=random.choice([100, 150]))
-    own = random.choice([f"instance.R.LEN={min(data, message) - 2}", "instance.R.ADHOC=true"])
-    asked = "instance.R.EN_R=true" if is_asked else own
-    return Case("late EN_R", scenario("baosky", TCP, parts, peer, steps), (asked,))
+    asks = ["instance.R.EN_R=true"] if is_asked else [f"instance.R.LEN={data - 2}", "instance.R.ADHOC=true"]
+    return Case("late EN_R", scenario("baosky", TCP, parts, peer, steps), (random.choice(asks),))
 
 
 def duplex(random: Random) -> Case:
-    """A sender and a receiver on one CONNECT; the partner answers what comes."""
-    dialect = random.choice(["baosky", "baosky", "s7-1500"])
-    message, sent = random.choice([8, 20]), random.choice([4, 16])
-    data = near(random, message)
-    tx = f'[[data]]\nname = "tx"\ntype = "{array(sent)}"\n[[instance]]\nname = "S"\nblock = "TSEND_C"\n'
-    tx += 'connect = "C1"\ndata = "tx"\nCONT = true\n'
-    parts = tx + receiver("TRCV_C", data, pins(EN_R=True, CONT=True))
+    """A sender and a receiver on one CONNECT; some partners answer what comes."""
+    message, data = random.choice([8, 20]), random.choice([7, 16, 22])
     replies = f"replies = ['regex \".\" send random {message} seed=3']\n" if random.random() < 0.4 else ""
     peer = PEER + replies + says(random, message, every=100)
-    steps = [s for n in range(3) for s in ("run T#300ms", f"write tx hex {n:02X} {n + 1:02X}", "pulse S REQ")]
-    asked = [
-        f"instance.R.LEN={min(data, message) - 2}",
-        "instance.R.ADHOC=true",
-        f"data.rx.type={array(message)}",
-    ]
-    if data == message:
-        asked[-1] = f"data.rx.type={array(message + 4)}"
-    asked += [f"instance.S.LEN={sent - 2}"] if random.random() < 0.3 else []
-    return Case(
-        "duplex",
-        scenario(dialect, TCP, parts, peer, [*steps, *acts(random, message, 1, "S")]),
-        (random.choice(asked),),
-    )
+    sends = [s for n in range(3) for s in ("run T#300ms", f"write tx hex {n:02X} {n + 1:02X}", "pulse S REQ")]
+    asks = [f"instance.R.LEN={data - 2}", "instance.R.ADHOC=true", f"data.rx.type={array(data + 4)}"]
+    asks += ["instance.S.LEN=6"] if random.random() < 0.4 else []
+    parts = sender(8) + receiver("TRCV_C", data, pins(EN_R=True, CONT=True))
+    steps = [*sends, *acts(random, message, 2, STREAM_ENDS[:2])]
+    text = scenario(random.choice(["baosky", "baosky", "s7-1500"]), TCP, parts, peer, steps)
+    return Case("duplex", text, (random.choice(asks),))
 
 
-def iso(random: Random) -> Case:
-    message = random.choice([8, 16, 40])
-    data = random.choice([message, message - 3, message - 2])
-    peer = ISO_PEER + says(random, message, max(1, message - 5), every=random.choice([80, 130]), cut=False)
-    asked = random.choice(
-        [
-            f"data.rx.type={array(data + 3)}",
-            f"instance.R.LEN={min(data, message) - 2}",
-            "instance.R.EN_R=true",
-        ]
-    )
-    parts = receiver("TRCV_C", data, pins(EN_R="EN_R" not in asked, CONT=True))
-    return Case(
-        "ISO", scenario("s7-1500", ISO, parts, peer, acts(random, message, random.randint(0, 2))), (asked,)
-    )
+def whole_messages(kind: str, random: Random) -> Case:
+    """ISO-on-TCP and UDP: a job takes a message, whatever its length."""
+    message, is_late, is_small = random.choice([8, 16, 40]), random.random() < 0.4, random.random() < 0.5
+    data = message - 3 if is_small else message + 2
+    dialect = random.choice(["baosky", "s7-1500"]) if kind == "UDP" else "s7-1500"
+    if kind == "UDP":
+        connect, own, peer = "", udp_receiver(data, dialect, EN_R=not is_late), 'udp = true\nremote = "@U1"\n'
+    else:
+        connect, own, peer = ISO, receiver("TRCV_C", data, pins(EN_R=not is_late, CONT=True)), ISO_PEER
+    peer += says(random, message, message - 5, every=random.choice([50, 90]), cut=False)
+    steps = acts(random, message, 3, () if kind == "UDP" else STREAM_ENDS[:2])
+    asked = f"data.rx.type={array(message)}" if is_small else f"instance.R.LEN={message - 4}"
+    asked = "instance.R.EN_R=true" if is_late else asked
+    return Case(kind, scenario(dialect, connect, own, peer, steps), (asked,))
 
 
-def udp(random: Random) -> Case:
-    is_baosky = random.random() < 0.5
-    message = random.choice([8, 20])
-    data = random.choice([message, message - 3, message + 6])
-    on = 'config = "U1"\naddr = "SOURCE"\n'
-    held = pins(EN_R=random.random() < 0.7, CONT=True if is_baosky else None)
-    parts = SOURCE + receiver("URECV_C" if is_baosky else "TURCV", data, held, on)
-    peer = 'udp = true\nremote = "@U1"\n' + says(
-        random, message, max(1, message - 5), every=random.choice([50, 90]), cut=False
-    )
-    asked = random.choice([f"data.rx.type={array(data + 3)}", f"instance.R.LEN={min(data, message) - 2}"])
-    asked = asked if "EN_R = true" in held else "instance.R.EN_R=true"
-    steps = acts(random, message, 2, stream=False)
-    return Case("UDP", scenario("baosky" if is_baosky else "s7-1500", "", parts, peer, steps), (asked,))
-
-
-def of_streams(kind: str, question: str, dialect: str = "baosky") -> Callable[[Random], Case]:
-    def make(random: Random) -> Case:
-        text, asked = stream(random, question, dialect)
-        return Case(kind, text, (asked,))
-
-    return make
-
-
-def siemens(random: Random) -> Case:
-    dialect = random.choice(["s7-1500", "s7-1200"])
-    text, asked = stream(random, random.choice(["LEN", "ADHOC", "DATA", "EN_R"]), dialect)
-    return Case(dialect, text, (asked,))
-
-
-def dialects(random: Random) -> Case:
-    was, asked = random.choice(
-        [("s7-1500", "s7-1200"), ("baosky", "s7-1500"), ("s7-1200", "baosky"), ("baosky", "s7-1200")]
-    )
-    text, _ = stream(random, "LEN", was)
-    return Case("dialect", text, (), asked)
-
-
+B, S7 = ("baosky",), ("s7-1500", "s7-1200")
 # recorded interval, asked one, how often the partner speaks: at multiples of both, of one, of none
-TIMES = [
-    (10, 50, 100),
-    (10, 20, 60),
-    (10, 100, 200),
-    (20, 100, 300),
-    (10, 50, 30),
-    (10, 100, 70),
-    (10, 20, 33),
-    (50, 10, 30),
-]
-KINDS: tuple[Callable[[Random], Case], ...] = (
-    *[of_streams("static", "LEN")] * 9,
-    *[of_streams("ad hoc", "ADHOC")] * 9,
-    *[of_streams("DATA", "DATA")] * 8,
-    *[partial(intervals, *times) for times in TIMES],
-    *[late_en_r] * 6,
-    *[duplex] * 5,
-    *[iso] * 4,
-    *[udp] * 4,
-    *[siemens] * 4,
-    *[dialects] * 3,
+TIMES = (10, 50, 100), (10, 20, 60), (10, 100, 200), (20, 100, 300), (10, 50, 30), (10, 100, 70), (10, 20, 33)
+KINDS: tuple[tuple[int, Callable[[Random], Case]], ...] = (
+    (9, partial(stream, "static", ("LEN",), B)),
+    (9, partial(stream, "ad hoc", ("ADHOC",), B)),
+    (8, partial(stream, "DATA", ("DATA",), B)),
+    (4, partial(stream, "s7", ("LEN", "ADHOC", "DATA", "EN_R"), S7)),
+    (4, partial(stream, "dialect", ("dialect",), B + S7)),
+    *((1, partial(intervals, *times)) for times in (*TIMES, (50, 10, 30))),
+    (6, late_en_r),
+    (4, duplex),
+    (4, partial(whole_messages, "ISO")),
+    (4, partial(whole_messages, "UDP")),
 )
 
 
 def cases() -> Iterator[Case]:
-    for number, make in enumerate(KINDS):
+    each = [make for count, make in KINDS for _ in range(count)]
+    for number, make in enumerate(each):
         yield make(Random(f"case {number}"))

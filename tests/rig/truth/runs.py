@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,9 +13,10 @@ from trcvtui.cli import main
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.scenario.command import run_files
 
-SHOWN = ("STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "RxTimeout", "ReceivedByte")
+Line = dict[str, Any]  # of jsonl
+KEYS = ("instance", "STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "RxTimeout", "ReceivedByte")
 CANNOT = "a recording cannot answer this: "
-Moment = tuple[int, list[tuple[Any, ...]]]  # ns since the start, and what instances show from then on
+MS = 1_000_000
 
 
 class Case(NamedTuple):
@@ -27,117 +28,90 @@ class Case(NamedTuple):
     dialect: str = ""
     interval: int = 10  # ms
 
-    @property
-    def question(self) -> str:
-        return " ".join(self.sets) or self.dialect
-
-    @property
-    def steps(self) -> tuple[int, int]:
-        """Return the interval of the recorded run and the one that is asked for, in ns."""
-        said = [int(text.split("#")[1][:-2]) for text in self.sets if text.startswith("task.MAIN.interval=")]
-        return self.interval * 1_000_000, (said or [self.interval])[-1] * 1_000_000
-
 
 class Told(NamedTuple):
-    """What `replay --set` has answered; `guess_ns`: from when on it is a guess."""
+    """What `replay --set` has answered: lines of the recorded run and of the what-if, and the last one."""
 
     code: int
-    moments: Mapping[str, list[Moment]]
-    guess_ns: int | None
-    guess_from: int | None
-    sums: Mapping[str, Any]
     stderr: str
-    text: str
+    both: tuple[list[Line], list[Line]]
+    sums: Line
+
+    @property
+    def guess_from(self) -> int | None:
+        guess: int | None = self.sums.get("guess_from_scan")
+        marked = [int(line["scan"]) for line in self.both[1] if line.get("guess")]
+        return min([*marked[:1], *([] if guess is None else [guess])], default=None)
 
 
 class Verdict(NamedTuple):
-    """What the answer is worth: equal, refused, marked, or SILENT; `differs`: ns, asked and true."""
+    """What the answer is worth: equal, refused, marked (a guess up to the first difference), or SILENT."""
 
     word: str
-    differs: tuple[int, object, object] | None
+    differs: str
     told: Told
-    true: list[Moment]
+    true: list[Line]
+
+    @property
+    def changes(self) -> bool:
+        return [shown(line) for line in self.told.both[0]] != [shown(line) for line in self.true]
 
     def __str__(self) -> str:
-        runs = (*(self.told.moments.get(name, []) for name in ("recorded", "what-if")), self.true)
-        changes = "" if list(runs[0]) != list(runs[2]) else " nothing changes"
-        done = "/".join(str(len(sizes(one, ""))) for one in runs)
-        guess = "" if self.told.guess_from is None else f" guess {self.told.guess_from}"
-        if self.differs is None:
-            return f"{self.word:8}{guess} DONE {done}{changes}"
-        ns, asked, true = self.differs
-        return f"{self.word:8}{guess} DONE {done}, at {ns / 1e9:.2f} s what-if {asked} truth {true}"
+        guess = "" if self.told.guess_from is None else f"guess {self.told.guess_from}"
+        done = "/".join(str(len(sizes(run))) for run in (*self.told.both, self.true))
+        return f"{self.word:8}{guess:10} {done} DONE {'' if self.changes else '(same)'} {self.differs}"
 
 
-def run_here(call: Callable[[], int]) -> tuple[int, str, str]:
+def _here(call: Callable[[], int]) -> tuple[int, str, str]:
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         code = call()
     return code, out.getvalue(), err.getvalue()
 
 
-def run(path: Path, *sets: str, record: Path | None = None, kernel: str = "sim") -> str:
+def run(path: Path, *sets: str, record: Path | None = None) -> str:
     """Run a scenario, on record where a file is named; return its jsonl."""
     to = None if record is None else RecordTo(record, overwrite=True)
-    code, out, err = run_here(lambda: run_files([path], kernel, "jsonl", None, sets, record=to))
+    code, out, err = _here(lambda: run_files([path], "sim", "jsonl", None, sets, record=to))
     assert (code, err) == (0, ""), (sets, err, out[-400:])
     return out
 
 
-def records(text: str, run: str = "") -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = [json.loads(line) for line in text.splitlines()]
-    return [one for one in found if "instance" in one and one.get("run", "") == run]
+def records(text: str, run: str = "") -> list[Line]:
+    lines = map(json.loads, text.splitlines())
+    return [line for line in lines if "instance" in line and line.get("run", "") == run]
 
 
-def moments(lines: Sequence[Mapping[str, Any]], interval_ns: int) -> list[Moment]:
-    """Return what changed when; the clock's time counts where it is told, else scan x interval."""
-    found: dict[int, list[tuple[Any, ...]]] = {}
-    for line in lines:
-        at = round(line["at"] * 1e9) if "at" in line else (line["scan"] - 1) * interval_ns
-        shown = (line["instance"], *(line.get(key) for key in SHOWN))
-        found.setdefault(at, []).append(shown)
-    return [(at, sorted(shown, key=str)) for at, shown in sorted(found.items())]
+def shown(line: Line) -> tuple[Any, ...]:
+    return tuple(line.get(key) for key in KEYS)
 
 
-def sizes(all_moments: Sequence[Moment], instance: str) -> list[int]:
-    """Return RCVD_LEN of each DONE; "" is any instance."""
-    return [one[5] for _, shown in all_moments for one in shown if instance in ("", one[0]) and one[3]]
+def sizes(lines: Sequence[Line]) -> list[int | None]:
+    """Return RCVD_LEN of each DONE."""
+    return [line.get("RCVD_LEN") for line in lines if line["DONE"]]
 
 
 def ask(recording: Path, case: Case) -> Told:
     """Ask the recording; nothing else is left of the run."""
     given = [word for text in case.sets for word in ("--set", text)]
     given += ["--dialect", case.dialect] if case.dialect else []
-    code, out, err = run_here(lambda: main(["replay", str(recording), *given, "--format", "jsonl"]))
-    interval, asked = case.steps
-    parts = {
-        name: moments(records(out, name), step) for name, step in (("recorded", interval), ("what-if", asked))
-    }
+    code, out, err = _here(lambda: main(["replay", str(recording), *given, "--format", "jsonl"]))
     last = json.loads(out.splitlines()[-1]) if out else {}
-    guess = last.get("guess_from_scan")
-    first = [at for at, _ in moments([r for r in records(out, "what-if") if r.get("guess")], asked)][:1]
-    guess_ns = min([*([] if guess is None else [(guess - 1) * asked]), *first], default=None)
-    return Told(code, parts, guess_ns, guess, last, err, out)
+    return Told(code, err, (records(out, "recorded"), records(out, "what-if")), last)
 
 
-def verdict(case: Case, told: Told, true: list[Moment], end_ns: int) -> Verdict:
-    """Compare every line of every scan up to the end of the shorter run."""
-    if told.code == 2 and CANNOT in told.stderr:
-        return Verdict("refused", None, told, true)
-    assert told.code == 0, (case.kind, case.question, told.stderr)
-    asked, real = (
-        {at: shown for at, shown in one if at <= end_ns} for one in (told.moments["what-if"], true)
-    )
-    at = min((at for at in asked.keys() | real.keys() if asked.get(at) != real.get(at)), default=None)
-    if at is None:
-        return Verdict("equal" if told.guess_ns is None else "marked", None, told, true)
-    word = "marked" if told.guess_ns is not None and told.guess_ns <= at else "SILENT"
-    what_if, truth = [[f"{one[0]}:{one[1]}/{one[5]}" for one in side.get(at, [])] for side in (asked, real)]
-    return Verdict(word, (at, what_if, truth), told, true)
+def _by_time(lines: Sequence[Line], step: int, end: int) -> dict[int, list[tuple[Any, ...]]]:
+    """Return what changed when, up to the end; the clock counts where it is told, else scan x interval."""
+    found: dict[int, list[tuple[Any, ...]]] = {}
+    for line in lines:
+        at = round(line["at"] * 1e9) if "at" in line else (line["scan"] - 1) * step
+        if at <= end:
+            found.setdefault(at, []).append(shown(line))
+    return {at: sorted(each, key=str) for at, each in found.items()}
 
 
 def judge(case: Case, folder: Path) -> Verdict:
-    """Record with A, ask for B without the scenario's file, run B."""
+    """Record with A, ask for B without the scenario's file, and run B; compare up to the first end."""
     folder.mkdir()
     path, recording = folder / "case.toml", folder / "case.pcapng"
     path.write_text(case.text)
@@ -145,13 +119,22 @@ def judge(case: Case, folder: Path) -> Verdict:
     path.unlink()
     told = ask(recording, case)
     path.write_text(case.text)
-    sets = case.sets + ((f"dialect={case.dialect}",) if case.dialect else ())
-    true = run(path, *sets)
-    interval, asked = case.steps
-    lasts = [
-        (json.loads(text.splitlines()[-1])["scans"] - 1) * step
-        for text, step in ((recorded, interval), (true, asked))
-    ]
-    if told.code == 0 and interval == asked:
-        assert told.moments["recorded"] == moments(records(recorded), interval), case
-    return verdict(case, told, moments(records(true), asked), min(lasts))
+    truth = run(path, *case.sets, *([f"dialect={case.dialect}"] if case.dialect else []))
+    true = records(truth)
+    if told.code == 2 and CANNOT in told.stderr:
+        return Verdict("refused", "", told, true)
+    assert told.code == 0, (case, told.stderr)
+    said = [int(text.split("#")[1][:-2]) for text in case.sets if text.startswith("task.MAIN.interval=")]
+    step = (said or [case.interval])[0] * MS
+    if not said:
+        assert list(map(shown, told.both[0])) == list(map(shown, records(recorded))), case
+    scans = [json.loads(text.splitlines()[-1])["scans"] - 1 for text in (recorded, truth)]
+    end = min(scans[0] * case.interval * MS, scans[1] * step)
+    asked, real = _by_time(told.both[1], step, end), _by_time(true, step, end)
+    at = min((at for at in asked.keys() | real.keys() if asked.get(at) != real.get(at)), default=None)
+    if at is None:
+        return Verdict("equal" if told.guess_from is None else "marked", "", told, true)
+    is_marked = told.guess_from is not None and (told.guess_from - 1) * step <= at
+    brief = [" ".join(f"{one[0]}:{one[1]}/{one[5]}" for one in side.get(at, [])) for side in (asked, real)]
+    differs = f"at {at / 1e9:.2f} s what-if {brief[0] or '-'}, really {brief[1] or '-'}"
+    return Verdict("marked" if is_marked else "SILENT", differs, told, true)

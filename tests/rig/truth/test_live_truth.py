@@ -195,7 +195,8 @@ def test_a_question_of_what_socat_has_sent_is_answered_as_a_real_run_goes(
     number: int, tmp_path: Path
 ) -> None:
     text, messages, question = QUESTIONS[number]
-    pin, _, value = question.rpartition(".")[2].partition("=")
+    key, _, value = question.partition("=")
+    pin = key.rpartition(".")[2]
     plain = re.sub(rf"(?m)^{pin} = .*\n", "", text)
     other = plain + f"{pin} = {value}\n" if pin != "type" else re.sub("ARRAY.*BYTE", value, text)
     was = spoken_by_socat(text, messages, tmp_path / "A")

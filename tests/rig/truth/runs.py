@@ -14,7 +14,7 @@ from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.scenario.command import run_files
 
 Line = dict[str, Any]  # of jsonl
-KEYS = ("instance", "STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "RxTimeout", "ReceivedByte")
+KEYS = ("instance", "STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "RxTimeout", "ReceivedByte", "cause")
 CANNOT = "a recording cannot answer this: "
 MS = 1_000_000
 

@@ -15,7 +15,7 @@ from trcvtui.rig.scenario.command import run_files
 
 Line = dict[str, Any]  # of jsonl
 KEYS = ("instance", "STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "RxTimeout", "ReceivedByte", "cause")
-CANNOT = "a recording cannot answer this: "
+CANNOT = "a recording cannot answer this"
 MS = 1_000_000
 
 

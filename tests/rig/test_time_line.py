@@ -287,16 +287,3 @@ def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     position = Stood("end", entries).update().position
     assert position is not None and (position.scan, position.note) == (200, told)
     assert check(RunAgain(iter(entries), "a recording")) == told
-
-
-def test_a_what_if_reads_the_journal_in_slices_and_the_screen_goes_on() -> None:
-    stood = Stood("200")
-    stood.line.take(1, f"if instance.{INSTANCE}.LEN=1")
-    beside = stood.line._beside
-    assert beside is not None
-    is_reading = [beside.run.is_reading]
-    position = stood.update().position
-    assert position is not None and position.what_if == (f"what if instance.{INSTANCE}.LEN=1: reading ..",)
-    stood.line.take(1, "at 100")
-    stood.settle()
-    assert [*is_reading, beside.run.is_reading, beside.is_over] == [True, False, True]

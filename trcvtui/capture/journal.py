@@ -37,7 +37,7 @@ STEP: Final = "step"  # the call that begins a scan; its answer is the time in n
 SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
 MOST_SKIPPED: Final = 1 << 40  # scans in one entry
 SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
-DO, REST, CLOSE = "do", "rest", "close"  # a command in words; the peers go on in a hold; the end of the run
+DO, REST, CLOSE = "do", "rest", "close"  # a command in words; peers act beside a scan; the end of the run
 GAP: Final = "gap "
 RECV: Final = "recv"  # its arguments: a handle, and how many bytes there is room for
 READ: Final = GAP + "read"  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
@@ -191,6 +191,11 @@ ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     "loss": (NOTHING, KernelLoss),
     "discard": (int,),
     "unread": (int,),
+    "arrived": (bytes,),
+    "message": (bytes,),
+    "ended": (str,),
+    "waiting": (int,),
+    "dropped": (int,),
     "path": (NOTHING, PathInfo),
     **dict.fromkeys(
         ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),

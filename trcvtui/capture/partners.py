@@ -1,8 +1,8 @@
-"""Partners of a recorded run, who do again what they did then, for a bench that asks other questions.
+"""Partners of a recorded run that do again what they did then, for a bench that asks other questions.
 
-Rule 1: a partner does not react. Where he would have, `guess_from` says so; what follows is a guess.
+Rule 1: a partner does not react. Where it would see something else of us, or see it at another time,
+`guess_from` says so; what follows is a guess (docs/recording.md, "What if").
 Rule 2: a scan meets what the recorded run met in that scan: bytes that had come, an end, a client, a refusal.
-Rule 3: bytes that nobody has read in the recorded run are a number; nobody knows them.
 """
 
 from __future__ import annotations
@@ -10,20 +10,26 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from enum import StrEnum
 from typing import Final, TypeVar, cast
 
 from trcvtui.capture.journal import STEP, Answered
 from trcvtui.capture.recorded_run import (
+    CLOSED,
+    MOST_UNREAD,
     NEVER,
-    NOBODY,
+    RESET,
+    SHUT,
     STAYS,
     TRANSPARENT,
+    UNKNOWN_END,
     CallPlace,
     DatedMessage,
     DialledAttempt,
     Partner,
     RecordedRun,
     Standing,
+    Told,
 )
 from trcvtui.capture.replay import Replay
 from trcvtui.net.connection.connection import SocketUse
@@ -35,17 +41,25 @@ FIRST_MADE: Final = 1 << 32  # the number of the first socket; smaller ones were
 LAST: Final = 1 << 30  # a call after all others of a scan
 
 
+class WhyGuess(StrEnum):
+    """Why an answer is a guess from a scan on."""
+
+    PARTNER = "partner"  # it would have seen something else of us, or at another time
+    BYTES = "bytes"  # that stand in no entry
+    TIME = "time"  # something came between two scans of the run that asks
+
+
 class _Socket:
     """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` who is there."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
-        self.port = NOBODY
+        self.port = UNKNOWN_END
         self.listens = self.is_polled = False
         self.is_udp = False
         self.attempt: DialledAttempt | None = None
         self.partner: Partner | None = None
-        self.read = self.messages_read = self.sent = 0
+        self.read = self.sent = 0
 
 
 class _Sockets(dict[int, _Socket]):
@@ -59,26 +73,30 @@ class _Sockets(dict[int, _Socket]):
 class PartnersAgain(Replay):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
-    `guess_from`: the first scan in which a partner would perhaps have done something else, None: none.
+    `told` goes on with the recorded run, which is never behind. `intervals_ns`: of the bench that asks and of
+    the recorded one, where these are two; scans pass at multiples of it, and those of the recorded run before
+    them, and one beyond.
+    `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
     """
 
     def __init__(self, told: RecordedRun, peers: Collection[str]) -> None:
         super().__init__(iter(() if told.begins is None else (told.begins,)), "what-if")
         self.guess_from: int | None = None
+        self.guess_why: WhyGuess | None = None
         self.bytes_read = 0
         self.peers = peers
+        self.intervals_ns: tuple[int, int] | None = None
+        self._is_on_time = True  # a scan of the recorded run began when this one does
         self._told = told
         self.scan = told.first
+        self._steps = 0
         self._calls = 0
         self._is_between = False
         self._sockets = _Sockets()
         self._made = FIRST_MADE
         self._seen: dict[Handle, str] = {}
-        self._clients = {owner: deque(found) for owner, found in told.clients.items()}
-        self._attempts = {owner: deque(found) for owner, found in told.attempts.items()}
-        self._datagrams = {owner: deque(found) for owner, found in told.datagrams.items()}
-        self._serial = {owner: deque(found) for owner, found in told.serial.items()}
-        self._answers = {key: deque(found) for key, found in told.answers.items()}
+        self._sessions: set[str] = set()  # owners of connections with a session
+        self._datagrams_read: Counter[str] = Counter()
         self._newest: dict[tuple[str, str], tuple[CallPlace, object]] = {}
         self._nth = Counter[tuple[str, str]]()
         self._calls_at = {
@@ -96,8 +114,6 @@ class PartnersAgain(Replay):
         socket.is_polled = True
         socket.partner = self._told.stands.get(one.handle)
         socket.attempt = self._told.tried.get(one.handle)
-        if socket.attempt is not None and self._attempts.get(one.owner):
-            self._attempts[one.owner].popleft()
         return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -129,38 +145,97 @@ class PartnersAgain(Replay):
         nothing = cast(Callable[[], T], None)
         return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
 
+    @property
+    def due(self) -> int:
+        """Return when the next scan of a bench with another interval begins."""
+        return self._steps * self.intervals_ns[0] if self.intervals_ns is not None else 0
+
+    @property
+    def slack(self) -> int:
+        """Return by how much two scans may differ and begin at one time."""
+        return (min(self.intervals_ns) - 1) // 2 if self.intervals_ns is not None else 0
+
     def _step(self) -> int:
-        self.scan += 1
+        told = self._told
         self._calls = 0
         self._nth.clear()
-        times = self._told.times
-        if self.scan > self._told.first + 1:
-            self._look_back()
-        if self.scan in self._told.failures:
-            self.note_guess()
-        if self.scan <= self._told.scan:
-            self._now = times[self.scan - self._told.first - 1]
+        if self.intervals_ns is None:
+            self.scan += 1
+            if self.scan <= told.scan:
+                self._now = told.time_of(self.scan)
+        else:
+            self._go_on_to(self.due)
+            self._steps += 1
+        if self.scan in told.failures:
+            self.note_guess(WhyGuess.PARTNER)
+        if told.is_broken:
+            self.note_guess(WhyGuess.BYTES)
         return self._now
 
-    def _look_back(self) -> None:
-        """Find out whether the scan before has told partners something that they were not told."""
-        before = self.scan - 1
+    def _go_on_to(self, due: int) -> None:
+        """Take all that the recorded run was told up to a time; what comes next is told there, too."""
+        told, latest = self._told, due + self.slack
+        while self.scan < told.scan and told.time_of(self.scan + 1) <= latest:
+            self.scan += 1
+            if told.injected == self.scan:
+                self.note_guess(WhyGuess.TIME)  # a planned fault counts calls
+        self._now = due
+        self._is_on_time = self.scan > told.first and told.time_of(self.scan) >= due - self.slack
+        if not self._is_on_time and told.came > self.scan:
+            self.note_guess(WhyGuess.TIME)
+
+    def look_back(self) -> None:
+        """Find out, after a scan, whether partners were told something that they are not told now."""
+        told, before = self._told, self.scan
         for socket in self._sockets.values():
             partner = socket.partner
-            if partner is None or self.guess_from is not None:
-                continue
-            unread = self._arrived(socket) - socket.read
-            if (
-                socket.sent != partner.taken_by(before)[0]
-                or partner.let_go.scan <= before
-                or unread > partner.most_unread
-            ):
-                self.note_guess()
+            if partner is not None:
+                self._compare_told(partner.told, before, partner.was_reset)
+                unread = self._arrived(socket) - socket.read
+                if unread > max(partner.most_unread, MOST_UNREAD):
+                    self.note_guess(WhyGuess.PARTNER)  # the window closes
+                if partner.is_full and socket.read >= partner.whole:
+                    self.note_guess(WhyGuess.PARTNER)  # it was held back then, and would say more from now on
+        for written in told.written.values():
+            self._compare_told(written, before)
+        for attempts in told.attempts.values():
+            if attempts and attempts[0].began <= before:
+                self.note_guess(WhyGuess.PARTNER)
+        for owner in {*told.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
+            if owner and owner not in self.peers:
+                self._compare_listening(owner, before)
+        while told.dropped and told.dropped[0][0] <= before:
+            _, owner, read = told.dropped.pop(0)
+            if self._datagrams_read[owner] > read:
+                self.note_guess(WhyGuess.PARTNER)  # here was room
 
-    def note_guess(self) -> None:
-        """Note that from this scan on a partner would perhaps have done something else."""
+    def _compare_told(self, told: deque[Told], before: int, is_deaf: bool = False) -> None:
+        while told and told[0].scan <= before:
+            told.popleft()
+            if not is_deaf:
+                self.note_guess(WhyGuess.PARTNER)
+
+    def _compare_listening(self, owner: str, before: int) -> None:
+        """A partner that calls meets a listener only where one is."""
+        listens = any(one.owner == owner and one.listens for one in self._sockets.values())
+        if listens and not self._told.listens(owner, before):
+            self.note_guess(WhyGuess.PARTNER)
+        clients = self._told.clients.get(owner)
+        if not listens and clients and clients[0].since.scan <= before:
+            self.note_guess(WhyGuess.PARTNER)
+
+    def _tell(self, told: deque[Told], what: tuple[object, ...], is_deaf: bool = False) -> Told | None:
+        """Tell a partner something; return the same of the recorded run, None where it was another thing."""
+        if told and told[0].scan == self.scan and told[0].what == what and self._is_on_time:
+            return told.popleft()
+        if not is_deaf:
+            self.note_guess(WhyGuess.PARTNER)
+        return None
+
+    def note_guess(self, why: WhyGuess) -> None:
+        """Note that the answer is a guess from this scan on."""
         if self.guess_from is None:
-            self.guess_from = max(self.scan, 1)
+            self.guess_from, self.guess_why = max(self.scan, 1), why
 
     def _has_come(self, at: CallPlace) -> bool:
         return at <= (self.scan, self._calls)
@@ -169,7 +244,7 @@ class PartnersAgain(Replay):
         """Return the Fault of the same call in the recorded scan; of a call in STAYS, the newest answer."""
         key = owner, call
         self._nth[key] += LAST if self._is_between else 1
-        now, answers = CallPlace(self.scan, self._nth[key]), self._answers.get(key)
+        now, answers = CallPlace(self.scan, self._nth[key]), self._told.answers.get(key)
         while answers and answers[0][0] <= now:
             at, answer = answers.popleft()
             self._newest[key] = at, answer
@@ -178,7 +253,7 @@ class PartnersAgain(Replay):
         return newest if at == now or not is_of_once else None
 
     def coming(self) -> Answered | None:
-        """Return nothing: who tells this bench what to do has read the journal himself."""
+        """Return nothing: what tells this bench what to do has read the journal itself."""
         return None
 
     def end(self) -> None:
@@ -217,6 +292,8 @@ class PartnersAgain(Replay):
         return ""
 
     def _at_set_options(self, owner: str, *args: object) -> object:
+        if args[-1]:
+            self._sessions.add(owner)
         refused = self._as_told(owner, "set_options")
         return refused if isinstance(refused, tuple) else ()
 
@@ -264,11 +341,10 @@ class PartnersAgain(Replay):
         if socket.owner in self.peers:
             return False
         if socket.listens:
-            clients = self._clients.get(socket.owner)
+            clients = self._told.clients.get(socket.owner)
             return bool(clients and self._has_come(clients[0].since))
         if socket.is_udp:
-            datagrams = self._datagrams.get(socket.owner)
-            return bool(datagrams and self._has_come(datagrams[0][0]))
+            return self._message(socket) is not None
         if socket.attempt is not None:
             return self._has_come(socket.attempt.answered)
         return (
@@ -280,23 +356,28 @@ class PartnersAgain(Replay):
         return socket.partner.come_by(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
 
     def _message(self, socket: _Socket) -> DatedMessage | None:
-        messages = socket.partner.messages if socket.partner is not None else []
-        if socket.messages_read < len(messages) and self._has_come(messages[socket.messages_read][0]):
-            return messages[socket.messages_read]
-        return None
+        if socket.is_udp:
+            messages = self._told.datagrams.get(socket.owner)
+        else:
+            messages = socket.partner.messages if socket.partner is not None else None
+        return messages[0] if messages and self._has_come(messages[0][0]) else None
 
     def _is_over(self, socket: _Socket) -> bool:
         return socket.partner is not None and self._has_come(socket.partner.ended)
 
     def _at_accept(self, owner: str, handle: int) -> object:
-        clients = self._clients.get(owner)
+        clients = self._told.clients.get(owner)
         if owner in self.peers or not clients or not self._has_come(clients[0].since):
             return WOULD_BLOCK
         partner = clients.popleft()
+        if partner.accepted > (self.scan, LAST):
+            self.note_guess(
+                WhyGuess.BYTES
+            )  # who it is, and what it says before the recorded run listens to it
         if partner.refused is not None:
             return partner.refused
-        if partner.since.scan < self.scan:
-            self.note_guess()  # he would have waited for an answer
+        if owner in self._sessions and partner.accepted.scan != self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # the handshake is answered at another time
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
                 self._give_up(socket.partner)
@@ -315,12 +396,12 @@ class PartnersAgain(Replay):
     def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
         if owner in self.peers:
             return None
-        attempts = self._attempts.get(owner)
+        attempts = self._told.attempts.get(owner)
+        if not attempts or attempts[0].began != self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # it is called at another time
         while attempts and attempts[0].is_before(self.scan):
             attempts.popleft()
-            self.note_guess()
         if not attempts:
-            self.note_guess()
             return None
         attempt = self._sockets[handle].attempt = attempts.popleft()
         return attempt.answer if attempt.is_at_once else None
@@ -343,15 +424,18 @@ class PartnersAgain(Replay):
         fault = failed[0] if isinstance(failed, tuple) else None
         if isinstance(fault, Fault) and fault.error == "EAGAIN":
             return fault, b""
+        if not partner.is_known and partner.read < socket.read + size:
+            self.note_guess(WhyGuess.BYTES)
         there = self._arrived(socket)
-        if there > socket.read:
-            data = bytes(partner.data[socket.read : min(there, socket.read + size)])
-            if len(data) < min(there - socket.read, size):
-                self.note_guess()  # rule 3
-            if data:
-                socket.read += len(data)
-                self.bytes_read += len(data)
-                return len(data), data
+        size = min(size, there - socket.read)
+        if size > 0:
+            data = partner.bytes_at(socket.read, socket.read + size)
+            if data is None:
+                self.note_guess(WhyGuess.BYTES)
+            socket.read += size
+            self.bytes_read += size
+            self._told.forget(partner, socket.read)
+            return size, bytes(size) if data is None else data
         if self._is_over(socket):
             return partner.fault or 0, b""
         return WOULD_BLOCK, b""
@@ -361,19 +445,21 @@ class PartnersAgain(Replay):
     ) -> tuple[Datagram | WouldBlock | Fault, bytes]:
         socket = self._sockets[handle]
         found = self._message(socket)
-        if socket.is_udp:
-            datagrams = self._datagrams.get(owner)
-            found = datagrams.popleft() if datagrams and self._has_come(datagrams[0][0]) else None
         if owner in self.peers or found is None:
+            if not self._told.knows(owner, socket.partner):
+                self.note_guess(WhyGuess.BYTES)
             return self._no_message(socket)
-        socket.messages_read += 1
-        _, was, data = found
+        messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[owner]
+        _, was, data = messages.popleft()
         if isinstance(was, Fault):
             return was, b""
-        self.bytes_read += min(size, was.size)
-        if size > was.size < was.whole:
-            self.note_guess()  # the recorded run had no room for the rest
-        return Datagram(min(size, was.size), was.source, was.whole), data[:size]
+        self._told.kept -= len(data)
+        self._datagrams_read[owner] += 1
+        if len(data) < was.size:
+            self.note_guess(WhyGuess.BYTES)
+        size = min(size, was.size)
+        self.bytes_read += size
+        return Datagram(size, was.source, was.whole), data[:size].ljust(size, b"\0")
 
     def _no_message(self, socket: _Socket) -> tuple[WouldBlock | Fault, bytes]:
         fault = socket.partner.fault if socket.partner is not None else None
@@ -404,43 +490,54 @@ class PartnersAgain(Replay):
         partner = socket.partner
         if partner is None:
             return WOULD_BLOCK
+        is_deaf = partner.was_reset and self._is_over(socket)
+        same = self._tell(partner.told, (size, check), is_deaf)
         told = self._as_told(owner, "send")
         if isinstance(told, Fault):
             return told
-        if partner.fault is not None and self._is_over(socket):
+        if is_deaf:
             return partner.fault
         taken = size
-        whole, took_all = partner.taken_by(self.scan)
-        if not took_all:
-            taken = max(0, min(size, whole - socket.sent))
+        if same is not None:
+            taken = same.answer if isinstance(same.answer, int) else 0
+        elif not partner.took_all:
+            taken = max(0, min(size, partner.taken - socket.sent))
         socket.sent += taken
         return taken or WOULD_BLOCK
 
     def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
         if owner in self.peers:
             return WOULD_BLOCK
+        self._tell(self._told.written.get(owner, deque()), (size, check, end))
         told = self._as_told(owner, "send_to")
         return told if isinstance(told, Fault) else size
+
+    def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
+        partner = self._sockets[handle].partner
+        if partner is not None:
+            self._tell(partner.told, (SHUT,), partner.was_reset)
+        return self._as_told(owner, "shutdown")
 
     def _gone(self, owner: str, call: str, handle: int) -> object:
         socket = self._sockets.pop(handle, None)
         self._seen.pop(Handle(handle), None)
-        partner = socket.partner if socket is not None and not self._is_over(socket) else None
-        if partner is not None and partner.let_go.scan != self.scan:
-            self.note_guess()
+        partner = socket.partner if socket is not None else None
+        if socket is not None and partner is not None:
+            how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
+            self._tell(partner.told, (how,), partner.was_reset and self._is_over(socket))
         told = self._as_told(owner, call)
         return told if isinstance(told, Fault) else None
 
     def _at_close(self, owner: str, handle: int) -> object:
-        return self._gone(owner, "close", handle)
+        return self._gone(owner, CLOSED, handle)
 
     def _at_abort(self, owner: str, handle: int) -> object:
-        return self._gone(owner, "abort", handle)
+        return self._gone(owner, RESET, handle)
 
     # -- a serial line ---------------------------------------------------------------------------------
 
     def _at_port_read(self, owner: str, most: int) -> object:
-        parts = self._serial.get(owner)
+        parts = self._told.serial.get(owner)
         told = self._as_told(owner, "port read")
         if isinstance(told, Fault):
             return told
@@ -453,6 +550,7 @@ class PartnersAgain(Replay):
         return data[:most]
 
     def _at_port_write(self, owner: str, size: int, check: int) -> object:
+        self._tell(self._told.written.get(owner, deque()), (size, check))
         told = self._as_told(owner, "port write")
         return told if isinstance(told, Fault) else size
 

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol, TypeVar, cast
 
+from trcvtui.capture.arrivals import THROWN, Arrivals
 from trcvtui.capture.journal import GAP, STEP, WITH_BYTES, Answered, Entry, Note, WireCall
 from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
@@ -110,6 +111,11 @@ class SeamRecorder:
             return answer
 
         return recorded
+
+    def arrived(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
+        """Keep what lies unread: a replay passes over it."""
+        if not self.is_off:
+            self._keep(_NEW(Answered, (owner, GAP + call, args, answer)))
 
     def wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
@@ -232,12 +238,18 @@ class _SeamKernel:
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
-            got = self._inner.recv_from(handle, into)
+            got = self._do_recv_from(handle, into)
             return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
 
         got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), do)
         into[: len(data)] = data
         return got
+
+    def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        return self._inner.recv_from(handle, into)
+
+    def note_arrivals(self) -> None:
+        """Do nothing: a replay has them in its journal, of a peer they are not noted."""
 
     def direct_read(self, handle: Handle) -> DirectRead | None:
         """Return one that tells what it reads; None in a replay, which reads by `recv`."""
@@ -294,9 +306,136 @@ class _SeamKernel:
         return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
 
 
-def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
-    """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay."""
-    return cast(ReadyKernel, _SeamKernel(seam, label, _of_nobody(make, seam.answers)))
+_landing: Final = memoryview(bytearray(1 << 16))  # no datagram is larger
+
+
+class _NotedKernel(_SeamKernel):
+    """The kernel of a PLC that is recorded: what has arrived and lies unread is noted, too."""
+
+    def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
+        super().__init__(seam, label, inner)
+        self._arrivals = Arrivals(seam, inner, self._owners, label)
+        calls = ("listen", "connect_result", "readable", "renew", "discard")
+        self._asked = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
+
+    def note_arrivals(self) -> None:
+        if not self._seam.is_off:
+            self._arrivals.note_all()
+
+    def ready_handles(self) -> dict[Handle, str] | None:
+        seen = super().ready_handles()
+        self._arrivals.poll(seen)
+        return seen
+
+    def readable(self, handle: Handle) -> bool:
+        if is_readable := bool(self._asked["readable"](handle)):
+            self._arrivals.look(handle)
+        return is_readable
+
+    def renew(self, handle: Handle) -> bool:
+        self._arrivals.look(handle)
+        return bool(self._asked["renew"](handle))
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        failed: Fault | None = self._asked["listen"](handle, backlog)
+        if failed is None:
+            self._arrivals.listen(handle)
+        return failed
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        got = super().accept(handle)
+        if isinstance(got, Accepted):
+            self._arrivals.begin(got.handle)
+        elif isinstance(got, WouldBlock):
+            self._arrivals.empty(handle)
+        return got
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        answer: WouldBlock | Fault | None = self._asked["connect_result"](handle)
+        if answer is None:
+            self._arrivals.begin(handle)
+        return answer
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        made = super().datagram_socket(owner)
+        if not isinstance(made, Fault):
+            self._arrivals.begin(made, is_udp=True)
+        return made
+
+    def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        got, data = super()._do_recv(handle, size)
+        if isinstance(got, int) or got is WOULD_BLOCK:
+            self._arrivals.read(handle, got if isinstance(got, int) else 0, size)
+        return got, data
+
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        direct, arrivals = super().direct_read(handle), self._arrivals
+        if direct is None:
+            return None
+
+        def read(into: bytearray | memoryview) -> int:
+            size = direct.read(into)
+            if size == len(into):
+                arrivals.read(handle, size, size)
+            return size
+
+        def read_on(into: memoryview, size: int) -> int:
+            whole = direct.read_on(into, size)
+            arrivals.read(handle, whole, len(into))
+            return whole
+
+        def unasked(size: int) -> None:
+            arrivals.empty(handle)
+            if direct.unasked is not None:
+                direct.unasked(size)
+
+        return DirectRead(read, read_on, direct.failed, unasked)
+
+    def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        got = self._inner.recv_from(handle, _landing)
+        if not isinstance(got, Datagram):
+            if got is WOULD_BLOCK:
+                self._arrivals.empty(handle)
+            return got
+        self._arrivals.read_message(handle, got.source, bytes(_landing[: got.size]), got.whole)
+        size = min(got.size, len(into))
+        into[:size] = _landing[:size]
+        return Datagram(size, got.source, got.whole)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        self._arrivals.note(handle, THROWN)
+        gone: int = self._asked["discard"](handle, most)
+        self._arrivals.read(handle, gone, gone)
+        return gone
+
+    def abort(self, handle: Handle) -> Fault | None:
+        return self._free(handle, super().abort)
+
+    def close(self, handle: Handle) -> Fault | None:
+        return self._free(handle, super().close)
+
+    def _free(self, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
+        self._arrivals.note(handle, THROWN)
+        self._arrivals.forget(handle)
+        return free(handle)
+
+
+class SeamKernel(ReadyKernel, Protocol):
+    """A kernel that asks its seam."""
+
+    def note_arrivals(self) -> None:
+        """Note what lies unread after a scan, where the run is recorded."""
+        ...
+
+
+def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+    """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay.
+
+    `is_noted`: of a PLC, whose arrivals stand in the recording.
+    """
+    if is_noted and isinstance(seam, SeamRecorder):
+        return cast(SeamKernel, _NotedKernel(seam, label, make()))
+    return cast(SeamKernel, _SeamKernel(seam, label, _of_nobody(make, seam.answers)))
 
 
 class SeamPort:

@@ -324,8 +324,8 @@ class BrokerConnection:
         client.on_message = self._on_message
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe
-        # With it paho leaves writing to the loop's thread. Without it `publish` writes too, and two threads that
-        # write swap messages or parts of them.
+        # With it paho leaves writing to the loop's thread. Without it `publish` writes too, and two threads
+        # that write swap messages or parts of them.
         client.on_socket_register_write = lambda *_: None
         return client
 

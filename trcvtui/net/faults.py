@@ -22,7 +22,7 @@ from trcvtui.net.kernel import (
     PathInfo,
     SocketOptions,
 )
-from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
 from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
 from trcvtui.records import dataclass, replace
 
@@ -221,6 +221,12 @@ class FaultyKernel:
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
         return self.inner.unread(handle)
+
+    def left(self, handles: Collection[Handle]) -> list[Handle]:
+        return self.inner.left(handles)
+
+    def peek(self, handle: Handle, skip: int) -> Unread:
+        return self.inner.peek(handle, skip)
 
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state, or None where the system does not say."""

@@ -8,11 +8,11 @@ The facts that every kernel must share are the contract suite tests/net/contract
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final, NewType, Protocol
 
 from trcvtui.net.layer import LayerSettings
-from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
 from trcvtui.records import dataclass
 
 Handle = NewType("Handle", int)
@@ -226,6 +226,18 @@ class Kernel(Protocol):
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
+        ...
+
+    def left(self, handles: Collection[Handle]) -> list[Handle]:
+        """Return those of the poll's handles at which something is unread, or an end was seen."""
+        ...
+
+    def peek(self, handle: Handle, skip: int) -> Unread:
+        """Return what lies unread at a handle that `left` or the poll named; nothing is consumed.
+
+        Bytes are looked at only where more than `skip` lie there: a look at an empty queue would take a
+        pending error away from the next `recv`.
+        """
         ...
 
     def path(self, handle: Handle) -> PathInfo | None:

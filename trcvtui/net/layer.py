@@ -10,6 +10,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Protocol
 
+from trcvtui.net.results import Endpoint, Unread
 from trcvtui.records import NamedTuple, dataclass
 
 
@@ -83,6 +84,10 @@ class LayerSession(Protocol):
     @property
     def has_data(self) -> bool:
         """Return whether something can be read."""
+        ...
+
+    def unread(self, peer: Endpoint, skip: int) -> Unread:
+        """Return what can be read, after the first `skip` bytes or messages."""
         ...
 
     @property

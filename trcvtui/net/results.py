@@ -6,7 +6,7 @@ import errno
 from enum import Enum
 from typing import Final
 
-from trcvtui.records import dataclass, field
+from trcvtui.records import NamedTuple, dataclass, field
 
 
 class WouldBlock(Enum):
@@ -124,3 +124,34 @@ def pair(end: Endpoint) -> tuple[str, int]:
     if not 0 <= end.port < 65536:
         raise OSError(errno.EINVAL, "not a port")
     return end.address, end.port
+
+
+PEEK_DEPTH: Final = 256 << 10  # bytes behind the read position that are looked at: what lies deeper is a size
+
+
+class WaitingMessage(NamedTuple):
+    """A datagram or message that lies unread; `whole`: bytes that it had when it was sent."""
+
+    source: Endpoint
+    data: bytes
+    whole: int
+
+
+class Unread(NamedTuple):
+    """What lies unread at a handle.
+
+    `size`: bytes of a stream; `data`: those after the first `skip`, up to PEEK_DEPTH.
+    `end`: fin, rst, "" where the poll has seen no end. `is_full`: so much that the partner's
+    window may be small. `messages`: those after the first `skip`; None: it is a stream. `clients`: those that
+    wait at a listener. `dropped`: datagrams that the stack had no room for. `has_session`: the wire has other
+    bytes.
+    """
+
+    size: int = 0
+    data: bytes = b""
+    end: str = ""
+    is_full: bool = False
+    messages: tuple[WaitingMessage, ...] | None = None
+    clients: int = 0
+    dropped: int = 0
+    has_session: bool = False

@@ -289,17 +289,12 @@ class Runtime:
         """Count scans that change nothing, as if they had passed."""
         self._env.scan += scans
 
-    def sample(self, of_all: bool) -> None:
-        """Ask how much is unread where something came, and `of_all` what the stack says: for a recording."""
-        for handle, name in (self._ready_handles or {}).items():
-            connection = self._connections.get(name)
-            if connection is not None and connection.handle == handle:
-                connection.unread()
-        for connection in self._connections.values() if of_all else ():
+    def sample(self) -> None:
+        """Ask what the stack says of each connection: for a recording."""
+        for connection in self._connections.values():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
-        if of_all:
-            self._lines.ask_errors()
+        self._lines.ask_errors()
 
     # -- one scan ------------------------------------------------------------------------------------------
 

@@ -109,7 +109,8 @@ class Key:
     `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
     `default`: the value where the key is missing. `is_said`: it is written though it is the default.
     `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
-    `help`: one sentence.
+    `is_played`: a recording can answer what another value would have done (capture/partners.py): it decides
+    what a PLC does with what comes, not what comes. `help`: one sentence.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Key:
     is_said: bool = False
     only: Callable[[Table, Around], bool | Refusal] = _always
     reads: Callable[[Values], None] | None = None
+    is_played: bool = False
 
     def read(self, values: Values) -> None:
         """Read the key, where it belongs to this table."""

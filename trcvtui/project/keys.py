@@ -7,7 +7,7 @@ Rule 2: a key that would only say its default is left out, except where a reader
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from trcvtui.blocks.pins import Direction, Pin
@@ -408,7 +408,7 @@ _COMBUFFER: Final = TableRow(
             "line", "", Ask("what sends what is written", _lines),
             Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
         Key("size", QUEUE_SIZE, "Bytes that have room; none: what suits the source.", "size", 0,
-            Ask("bytes that have room, 300")),
+            Ask("bytes that have room, 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; none: all.", "per_cycle", 0,
             Ask("bytes a scan, 0: all")),
     ),
@@ -420,7 +420,7 @@ _COMBUFFER: Final = TableRow(
 
 
 def _chosen(name: str, kind: Kind[Any], help_: str, ask: Ask | None = None) -> Key:
-    return Key(name, kind, help_, f"choice.{name}", ask=ask)
+    return Key(name, kind, help_, f"choice.{name}", ask=ask, is_played=True)
 
 
 _CHOICE: Final = (
@@ -470,9 +470,10 @@ _DATA: Final = TableRow(
     (
         _named("variable"),
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
-            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True),
+            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
+            is_played=True),
         Key("optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
-            False, only=lambda table, around: around.rules.area.symbolic_alone),
+            False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
         *_CHOICE,
     ),
     "DATA variable", "a DATA variable", "rx", also=_laid_out, shares=("instance",),
@@ -870,8 +871,9 @@ _TASK: Final = TableRow(
     "task", "tasks", Task, "A task: it calls its instances; without one there is MAIN with 10 ms.",
     (
         _named("task"),
-        Key("interval", INTERVAL, "How often it calls them.", "interval_ns", DEFAULT_INTERVAL_NS),
-        Key("priority", PRIORITY, "The smallest number goes first.", "priority", 1),
+        Key("interval", INTERVAL, "How often it calls them.", "interval_ns", DEFAULT_INTERVAL_NS,
+            is_played=True),
+        Key("priority", PRIORITY, "The smallest number goes first.", "priority", 1, is_played=True),
     ),
     "task",
 )  # fmt: skip
@@ -949,6 +951,18 @@ def read_table(kind: str, table: Table, around: Around, number: int = 1) -> Any:
     row = table_row(kind, around.dialect)
     plain = kind == "addr" and not descriptions.is_structure(table)
     return (TABLES[kind] if plain else row).read(table, around, number)
+
+
+def is_played(path: Sequence[str]) -> bool:
+    """Return whether a recording can answer what another value would have done.
+
+    A key of an instance that has no row is an input pin. Where nothing has that name the file says so.
+    """
+    kind, key = path[0], path[-1]
+    if kind not in TABLES:
+        return kind not in {SIM.kind, UDT.kind, *(row.name for row in TOP.keys)}
+    rows = [row for row in TABLES[kind].keys if row.name == key]
+    return rows[0].is_played if rows else kind == _INSTANCE.kind
 
 
 def list_keys() -> frozenset[str]:

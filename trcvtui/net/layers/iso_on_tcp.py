@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections import deque
 from enum import Enum, IntEnum, auto
+from itertools import islice
 from typing import Final
 
 from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
+from trcvtui.net.results import Endpoint, Unread, WaitingMessage
 from trcvtui.records import NamedTuple, dataclass
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
@@ -366,6 +368,11 @@ class IsoOnTcp:
     def has_data(self) -> bool:
         """Return whether a message is complete."""
         return bool(self._messages)
+
+    def unread(self, peer: Endpoint, skip: int) -> Unread:
+        """Return the messages that are complete."""
+        found = [WaitingMessage(peer, *one) for one in islice(self._messages, skip, None)]
+        return Unread(messages=tuple(found), has_session=True)
 
     @property
     def wants_more(self) -> bool:

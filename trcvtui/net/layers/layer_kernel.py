@@ -9,7 +9,7 @@ session that ends by itself, and of what was passed over.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Final, Protocol
 
 from trcvtui.net.connection.resources import Party, Work
@@ -39,7 +39,7 @@ from trcvtui.net.layers.layered_stream import (
     choosing,
     raise_it,
 )
-from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock
 
 # Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
 # from one who is not there.
@@ -350,6 +350,21 @@ class LayerKernel:
         """Return how many received bytes wait: in the stack as they are, in the session unpacked."""
         stream = self._streams.get(handle)
         return self.inner.unread(handle) + (stream.session.held if stream else 0)
+
+    def left(self, handles: Collection[Handle]) -> list[Handle]:
+        """Return those of the poll's handles at which something is unread; a session with news is one."""
+        plain = [
+            handle for handle in handles if handle not in self._streams and handle not in self._listeners
+        ]
+        return self.inner.left(plain) + [h for h in handles if h in self._streams]
+
+    def peek(self, handle: Handle, skip: int) -> Unread:
+        """Return what lies unread; in a session what is unpacked, whose end its calls tell."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            return stream.session.unread(stream.peer, skip)
+        member = self._member(handle)
+        return self.inner.peek(handle, skip) if member is None else Unread(clients=len(member.ready))
 
     def discard(self, handle: Handle, most: int) -> int:
         stream = self._streams.get(handle)

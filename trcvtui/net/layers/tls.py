@@ -17,6 +17,7 @@ from typing import Final
 from trcvtui.files import check_readable, is_disk_left_alone
 from trcvtui.net.connection.resources import HANDSHAKE as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, Ended, LayerMessage, LayerSession, TlsError
+from trcvtui.net.results import Endpoint, Unread
 from trcvtui.records import dataclass
 
 # X509_V_ERR_...: what is wrong with the partner's certificate; every other number discards it.
@@ -138,6 +139,10 @@ class Tls:
     def wants_more(self) -> bool:
         """Return whether bytes may be fed."""
         return self.ended is None and not self.partner_is_done and self.held < CAP
+
+    def unread(self, peer: Endpoint, skip: int) -> Unread:
+        """Return the bytes that are decrypted."""
+        return Unread(len(self._plain), bytes(self._plain[skip:]), has_session=True)
 
     @property
     def held(self) -> int:

@@ -13,7 +13,15 @@ from collections.abc import Callable, Collection
 from functools import partial
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, DirectRead, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
+from trcvtui.net.kernel import (
+    Accepted,
+    DirectRead,
+    Handle,
+    KernelLoss,
+    LocalAddress,
+    PathInfo,
+    SocketOptions,
+)
 from trcvtui.net.os.network import Questions, interface_addresses
 from trcvtui.net.os.system_calls import (
     BASE,
@@ -31,12 +39,14 @@ from trcvtui.net.os.system_calls import (
     error_name,
     limit_unacknowledged,
     look_at,
+    may_have_unread,
     new_poll_set,
     path_of,
+    peek_at,
     read_away,
     unread_bytes,
 )
-from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, pair
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock, pair
 
 # A late ICMP message about a datagram that was sent says nothing about the socket. Windows tells it to the
 # next call (ECONNRESET, ENETRESET), others may tell ECONNREFUSED; the call is then made once more.
@@ -331,6 +341,20 @@ class OsKernel:
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
         return unread_bytes(self._sockets.get(handle))
+
+    def left(self, handles: Collection[Handle]) -> list[Handle]:
+        """Return those of the poll's handles at which something is unread, or an end was seen."""
+        sockets, ready = self._sockets, self._ready
+        return [
+            handle
+            for handle in handles
+            if handle in sockets and (ready.get(handle, 0) & GONE or may_have_unread(sockets[handle]))
+        ]
+
+    def peek(self, handle: Handle, skip: int) -> Unread:
+        """Return what lies unread."""
+        sock = self._sockets.get(handle)
+        return Unread() if sock is None else peek_at(sock, skip, bool(self._ready.get(handle, 0) & GONE))
 
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state from TCP_INFO, or None where the system does not say."""

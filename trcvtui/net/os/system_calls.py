@@ -13,6 +13,7 @@ from contextlib import suppress
 from typing import Final, Protocol
 
 from trcvtui.net.kernel import PathInfo, SocketOptions
+from trcvtui.net.results import PEEK_DEPTH, Endpoint, Unread, WaitingMessage
 
 # poll and epoll share these numbers.
 IN: Final = 0x1
@@ -180,6 +181,13 @@ else:
     CAN_ASK = True
 
 PEEK_BYTES: Final = 65536
+MOST_DATAGRAMS: Final = 1024  # of one look
+_COUNT: Final = bytearray(4)  # where FIONREAD writes
+_NOTHING: Final = bytes(4)
+# TCP_INFO: the state stands first (CLOSE: a reset); of a listener tcpi_unacked is the number of its clients.
+CLOSED, LISTENS = b"\x07", b"\x0a"
+CLIENTS_AT: Final = 24
+SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
 # struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer ones have the bytes
 # that were sent again (4.19), and the window that the other end has told (5.4).
@@ -200,6 +208,60 @@ def unread_bytes(sock: socket.socket | None) -> int:
         return _ask(sock, termios.FIONREAD) if CAN_ASK else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
     except (OSError, ValueError):
         return 0
+
+
+def may_have_unread(sock: socket.socket) -> bool:
+    """Return whether something lies at a socket that the poll saw; also of a listener and of datagrams."""
+    if not CAN_ASK:
+        return True
+    try:
+        fcntl.ioctl(sock, termios.FIONREAD, _COUNT)
+    except OSError:  # a listener
+        return True
+    return _COUNT != _NOTHING or sock.type == socket.SOCK_DGRAM
+
+
+def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
+    """Return what lies unread at a socket that the poll saw; `is_gone`: with an end.
+
+    Where the system does not count (no FIONREAD) bytes are looked at only while no end has been seen.
+    """
+    try:
+        if sock.type == socket.SOCK_DGRAM:
+            return _peek_at_datagrams(sock, skip)
+        info = _state_of(sock)
+        if info[:1] == LISTENS:
+            return Unread(clients=int.from_bytes(info[CLIENTS_AT : CLIENTS_AT + 4], sys.byteorder))
+        size = _ask(sock, termios.FIONREAD) if CAN_ASK else 0
+        most = min(size, PEEK_DEPTH) if CAN_ASK else 0 if is_gone else PEEK_BYTES
+        data = sock.recv(most, socket.MSG_PEEK)[skip:] if most > skip else b""
+        end = "" if not is_gone or not info else "rst" if info[:1] == CLOSED else "fin"
+        room = sock.getsockopt(BASE, socket.SO_RCVBUF)
+        return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)
+    except (OSError, ValueError):
+        return Unread()
+
+
+def _state_of(sock: socket.socket) -> bytes:
+    """Return the first bytes of TCP_INFO, b"" where there is none."""
+    return sock.getsockopt(TCP, socket.TCP_INFO, CLIENTS_AT + 4) if sys.platform == "linux" else b""
+
+
+def _peek_at_datagrams(sock: socket.socket, skip: int) -> Unread:
+    """Return the datagrams that no look has told yet: with SO_PEEK_OFF each look gives the next."""
+    found: list[WaitingMessage] = []
+    dropped = 0
+    if sys.platform == "linux":
+        if sock.getsockopt(BASE, SO_PEEK_OFF) < 0:
+            sock.setsockopt(BASE, SO_PEEK_OFF, 0)
+        drops = sock.getsockopt(BASE, SO_MEMINFO, DROPS_AT + 4)[DROPS_AT:]
+        dropped = int.from_bytes(drops, sys.byteorder)
+    with suppress(BlockingIOError):
+        while (sys.platform == "linux" or not skip) and len(found) < MOST_DATAGRAMS:
+            data, (address, port) = sock.recvfrom(PEEK_BYTES, socket.MSG_PEEK)
+            found.append(WaitingMessage(Endpoint(address, port), data, len(data)))
+            skip += 1
+    return Unread(messages=tuple(found), dropped=dropped)
 
 
 def read_away(sock: socket.socket | None, most: int) -> int:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import random
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
+from itertools import islice
 from typing import Final
 
 from trcvtui.net.kernel import Accepted, DirectRead, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
@@ -19,6 +20,8 @@ from trcvtui.net.results import (
     Datagram,
     Endpoint,
     Fault,
+    Unread,
+    WaitingMessage,
     WouldBlock,
     broadcast_of,
     is_group,
@@ -92,14 +95,14 @@ class DatagramWire:
 class SimDatagrams(SimSocket):
     """One UDP socket. The methods answer "" or an errno name, as the system calls of Linux do."""
 
-    __slots__ = ("_datagrams", "_queue", "_used")
+    __slots__ = ("_datagrams", "_dropped", "_queue", "_used")
 
     def __init__(self, datagrams: DatagramWire, owner: str) -> None:
         super().__init__(datagrams.wire, owner)
         self.tuning.receive_room = RECEIVE_ROOM
         self._datagrams = datagrams
         self._queue: deque[tuple[Endpoint, bytes]] = deque()
-        self._used = 0
+        self._used = self._dropped = 0
 
     @property
     def is_readable(self) -> bool:
@@ -148,10 +151,16 @@ class SimDatagrams(SimSocket):
             return "EACCES" if remote.address == BROADCAST else ""
         return self._no_way_to(remote.address)
 
+    def peek(self, skip: int) -> Unread:
+        """Return the datagrams that wait, after the first `skip`."""
+        found = [WaitingMessage(source, data, len(data)) for source, data in islice(self._queue, skip, None)]
+        return Unread(messages=tuple(found), dropped=self._dropped)
+
     def arrive(self, source: Endpoint, data: bytes) -> bool:
         """Queue a datagram; return False where there is no room: it is the newest that is dropped."""
         cost = _cost(data)
         if self._queue and self._used + cost > self.tuning.receive_room:
+            self._dropped += 1
             return False
         self._queue.append((source, data))
         self._used += cost
@@ -223,6 +232,11 @@ class SimKernel:
     def now_ns(self) -> int:
         """Return the virtual time in ns."""
         return self._wire.now
+
+    @property
+    def due(self) -> int | None:
+        """Return when something happens by itself next, None: never."""
+        return self._wire.agenda.due
 
     def advance(self, now_ns: int) -> None:
         """Move the clock to now_ns; everything due until then happens at its own time."""
@@ -495,6 +509,20 @@ class SimKernel:
         """Return how many received bytes wait in the stack."""
         socket = self._sockets.get(handle)
         return 0 if socket is None or socket.stream is None else socket.stream.unread
+
+    def left(self, handles: Collection[Handle]) -> list[Handle]:
+        """Return those of the handles that are readable still."""
+        return [each for each in handles if each in self._sockets and self._sockets[each].is_readable]
+
+    def peek(self, handle: Handle, skip: int) -> Unread:
+        """Return what lies unread; all of it is in the queues."""
+        socket = self._sockets.get(handle)
+        if isinstance(socket, SimDatagrams):
+            return socket.peek(skip)
+        if socket is None or socket.stream is None:
+            waits = socket.listener.queue if socket is not None and socket.listener is not None else ()
+            return Unread(clients=len(waits))
+        return socket.stream.peek(skip)
 
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state, or None without a connection."""

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from trcvtui.net.kernel import PathInfo
-from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, WouldBlock
+from trcvtui.net.results import ANY_ADDRESS, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
 from trcvtui.records import NamedTuple, dataclass
 
@@ -293,6 +293,13 @@ class SimStream:
     def is_readable(self) -> bool:
         """Return whether a read would not block."""
         return bool(self._in.inbox) or self.is_gone
+
+    def peek(self, skip: int) -> Unread:
+        """Return what lies unread, and the partner's end."""
+        half, is_reset = self._in, self.phase is StreamPhase.OVER and self.error == "ECONNRESET"
+        end = "rst" if is_reset else "fin" if half.fin else ""
+        size = len(half.inbox)
+        return Unread(size, bytes(half.inbox[skip:PEEK_DEPTH]), end, size * 2 >= half.room)
 
     @property
     def unread(self) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar, cast
 
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
@@ -22,6 +23,7 @@ from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containm
 from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
+from trcvtui.project.tables import LEAST_INTERVAL_NS
 from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench.program import Program, read_program
@@ -37,7 +39,8 @@ from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.capture.journal import Note
-    from trcvtui.capture.seam import Seam
+    from trcvtui.capture.replay import Replay
+    from trcvtui.capture.seam import Seam, SeamKernel
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
@@ -104,6 +107,9 @@ class Checking:
         """Return the instance whose DATA is judged, "" where none is."""
         return self._command.instance
 
+    def due(self, now: int) -> int | None:
+        return self._next if self._peer.can_send and not self._peer.unsent else None
+
     def step(self, now: int) -> None:
         if self._peer.can_send and now >= self._next and not self._peer.unsent:
             self._next = next_due(self._next or now, self._command.every_ns, now)
@@ -142,6 +148,7 @@ class Bench:
         self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
         self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
+        self._note_arrivals = _nothing
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
@@ -199,7 +206,11 @@ class Bench:
 
     def _plc_kernel(self) -> ReadyKernel:
         make = self._with_sessions if self._has_sessions else self._tapped
-        return make() if self._seam is None else self._on_seam(self._seam, "PLC", make)
+        if self._seam is None:
+            return make()
+        kernel = self._on_seam(self._seam, "PLC", make, is_noted=True)
+        self._note_arrivals = kernel.note_arrivals
+        return kernel
 
     def _tapped(self) -> ReadyKernel:
         if self._seam is None:
@@ -209,10 +220,10 @@ class Bench:
         return wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
-    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
+    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
         from trcvtui.capture.seam import seam_kernel  # a bench that nobody records waits for none of it
 
-        return seam_kernel(seam, label, make)
+        return seam_kernel(seam, label, make, is_noted)
 
     def _with_sessions(self) -> LayerKernel:
         """Return what stands between the PLC and its kernel where a CONNECT has a session.
@@ -350,6 +361,9 @@ class Bench:
     def step(self, now: int | None = None) -> None:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        if self.peers and self._sim is not None:
+            for at in self._told_times() if self._is_replay else self._due_times(due):
+                self._outside("rest", at, partial(self._act, at))
         if self._seam is None:
             self._pass(due)
             return
@@ -379,6 +393,7 @@ class Bench:
         if not self._program.is_over:
             self.containment.serve(("program", "program"), self._program.go_on)
         self.runtime.scan(self.now)
+        self._note_arrivals()
         if self._checks:
             self.containment.serve(("check", "check"), self._check_data)
         self.step_peers()
@@ -408,9 +423,46 @@ class Bench:
                     contained.out.add(("peer", name))
 
     def rest(self) -> None:
-        self._outside("rest", "", self.step_peers)
+        self._outside("rest", 0, self.step_peers)
 
-    def _outside(self, call: str, line: str, do: Callable[[], T]) -> T:
+    def _due_times(self, scan: int) -> Iterator[int]:
+        """Yield when a peer is due, or something moves on the simulated network, before a scan.
+
+        All are multiples of the shortest interval that a task can have, so that there are only so many.
+        """
+        assert self._sim is not None
+        while True:
+            due = min(scan, self._sim.due or scan, *self._due())
+            at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
+            if at >= scan:
+                return
+            yield at
+
+    def _told_times(self) -> Iterator[int]:
+        """Yield when peers acted before a recorded scan."""
+        while (entry := cast("Replay", self._seam).coming()) is not None and entry.call == "rest":
+            at = entry.args[0] if entry.args else None
+            if type(at) is not int:
+                return
+            yield at
+
+    def _act(self, at: int) -> None:
+        self.now = at
+        if self._sim is not None and not self._is_replay:
+            self._sim.advance(at)
+        self.step_peers()
+        if any(due <= at for due in self._due()):  # it is connected, or has nothing unsent, only now
+            self.step_peers()
+
+    def _due(self) -> Iterator[int]:
+        """Yield when each peer acts next by its own time."""
+        for steps in (self._self_acting, self._checks, self.peers):
+            for name, each in steps.items():
+                due = each.due(self.now)
+                if due is not None and ("peer", name) not in self.containment.out:
+                    yield due
+
+    def _outside(self, call: str, line: str | int, do: Callable[[], T]) -> T:
         if self._seam is None or self._seam.is_busy:
             return do()
         self.tell_outputs()

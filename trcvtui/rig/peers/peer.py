@@ -1,4 +1,7 @@
-"""The partner of the PLC, over TCP or UDP: commanded, stepped between scans; and what it does by itself."""
+"""The partner of the PLC, over TCP or UDP: commanded, and what it does by itself.
+
+It is stepped around each scan, on the simulated network also in between, whenever it is `due`.
+"""
 
 from __future__ import annotations
 
@@ -88,6 +91,11 @@ class Peer:
         """Return how many bytes are still to come, those of all repetitions included."""
         return self.queues.outbox.unsent
 
+    def due(self, now: int) -> int | None:
+        """Return when it sends next; None: nothing, or it waits for room in the stack."""
+        due = self.queues.outbox.planned
+        return due if due is not None and due > now else None
+
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""
         return self.inbox.is_exactly(payload)
@@ -171,6 +179,13 @@ class SelfActing:
         self._turn = 0
         self._next_word = 0
         self._next_attempt = 0
+
+    def due(self, now: int) -> int | None:
+        """Return when it acts next, None: not by time alone."""
+        peer, routine = self._peer, self._routine
+        if peer.can_send:
+            return self._next_word if routine.says and not peer.unsent else None
+        return self._next_attempt if routine.reconnect_ns and peer.state != "connecting" else None
 
     def step(self, now: int) -> None:
         """Connect again or say the next message, when it is due."""

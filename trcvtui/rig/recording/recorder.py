@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -131,9 +130,8 @@ class RunRecorder:
 
     def _take(self, bench: Bench) -> None:
         bench.tell_outputs()
-        is_due = bench.now >= self._sample_at
-        bench.containment.serve(("reader", "samples"), partial(bench.runtime.sample, is_due))
-        if is_due:
+        if bench.now >= self._sample_at:
+            bench.containment.serve(("reader", "samples"), bench.runtime.sample)
             self._sample_at = bench.now + SAMPLE_NS
             with suppress(OSError):
                 self.size = os.stat(self.file).st_size

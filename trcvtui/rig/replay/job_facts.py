@@ -12,7 +12,8 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
-from trcvtui.capture.journal import GAP, Answered, Entry
+from trcvtui.capture.arrivals import ARRIVED
+from trcvtui.capture.journal import GAP, STEP, Answered, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
@@ -28,7 +29,7 @@ from trcvtui.rig.replay.run_again import RunAgain, restored_state
 from trcvtui.rig.replay.what_if import WhatIf
 
 LARGER: Final = "larger than LEN or DATA"
-UNREAD, PATH = GAP + "unread", GAP + "path"
+HAS_ARRIVED, PATH = GAP + ARRIVED, GAP + "path"
 SECOND: Final = 1_000_000_000
 GROWING: Final = 4  # seconds, one after the other
 RECENT_S: Final = 10
@@ -45,19 +46,32 @@ class _Stack:
         self._run = run
         self._least: dict[str, dict[int, int]] = {}
         self._read: dict[str, set[int]] = {}
+        self._unread: dict[int, tuple[str, int]] = {}  # of each handle: owner, bytes
         self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # of each second
         run.replay.entries = self._noted(run.replay.entries)
 
     def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
         for entry in entries:
-            if isinstance(entry, Answered) and entry.call == UNREAD and isinstance(entry.answer, int):
-                known = self._least.setdefault(entry.owner, {})
-                second = self._run.bench.now // SECOND
-                known[second] = min(known.get(second, entry.answer), entry.answer)
+            if isinstance(entry, Answered):
+                self._count(entry)
             if isinstance(entry, Answered) and entry.call == PATH and isinstance(entry.answer, PathInfo):
                 second = self._run.bench.now // SECOND
                 self._paths.setdefault(entry.owner, []).append((second, entry.answer))
             yield entry
+
+    def _count(self, entry: Answered) -> None:
+        """Take what came to a handle and what was read of it; each scan, what is left."""
+        match entry:
+            case Answered(_, call, _, int(now)) if call == STEP:
+                for owner, unread in self._unread.values():
+                    known = self._least.setdefault(owner, {})
+                    known[now // SECOND] = min(known.get(now // SECOND, unread), unread)
+            case Answered(owner, call, (int(handle), _, int(unread), _)) if call == HAS_ARRIVED:
+                self._unread[handle] = owner, unread
+            case Answered(owner, "recv", (int(handle), *_), (_, bytes(data))):
+                self._unread[handle] = owner, max(0, self._unread.get(handle, (owner, 0))[1] - len(data))
+            case Answered(_, "close" | "abort", (int(handle),)):
+                self._unread.pop(handle, None)
 
     def read(self, connect: str, t_ns: int) -> None:
         self._read.setdefault(connect, set()).add(t_ns // SECOND)
@@ -127,7 +141,6 @@ def recorded_facts(
         return None
     if sets:
         what_if = WhatIf(keyframes, sets, None)
-        what_if.read_all()
         return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
     try:
         run = keyframes.begin()

@@ -105,7 +105,7 @@ class RunAgain:
             if entry.call == DO and len(entry.args) == 1:
                 self._lines.append(str(entry.args[0]))
                 self._do(self._lines[-1])
-            elif entry.call == REST:
+            elif entry.call == REST and not entry.args:  # with a time: a part of the next step
                 self._lines.append(REST_LINE)
                 self.bench.rest()
             elif entry.call == SKIP:

@@ -47,9 +47,7 @@ class RunBeside:
         self._seen: tuple[JobHistory, WaveformRecorder] | None = None
 
     def go_on(self, until: int) -> None:
-        """Read the journal, then let scans of both runs pass, until this moment."""
-        while self.run.is_reading and clock.now_ns() < until:
-            self.run.read()
+        """Let scans of both runs pass, until this moment."""
         while not self.is_over and clock.now_ns() < until:
             history, _ = self._looking_on()
             self.is_over = not self.run.scan()
@@ -64,8 +62,6 @@ class RunBeside:
 
     def lines(self) -> tuple[str, ...]:
         """Return what there is to say of it."""
-        if self.run.is_reading:
-            return (f"what if {self._asked}: reading ..",)
         if not self.is_over:
             return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
         first, *rest = self.run.summary()
@@ -73,8 +69,6 @@ class RunBeside:
 
     def wave(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
         """Return what is new of an instance up to a scan, after its change `number`."""
-        if self.run.is_reading:
-            return None
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._looking_on()
         asked = name.removeprefix(BESIDE)
         news = waves.bare_news(asked, number, (ledger.scan, ledger.t_ns))

@@ -1,22 +1,24 @@
 """What-if: a recorded run beside itself with other parameters; where they part, and what comes of it.
 
 Rule 1: partners do what they did, when they did it (capture/partners.py).
-Rule 2: commands act in their recorded scans; what writes a pin that is held is left out and counted.
+Rule 2: a key is played where its declaration says so; a recording cannot answer what another would do.
+Rule 3: commands act in their recorded scans; what writes a pin that is held is left out and counted.
+Rule 4: with another interval both runs pass by time, and the recorded one is a scan ahead.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import islice
 from operator import sub
 from typing import Final, cast
 
-from trcvtui.capture.partners import PartnersAgain
+from trcvtui.capture.partners import PartnersAgain, WhyGuess
 from trcvtui.capture.recorded_run import RecordedRun, Standing
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.keys import is_played
 from trcvtui.project.project import Project
 from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.bench.bench import Bench
@@ -29,8 +31,12 @@ from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 
 RECORDED, WHAT_IF = "recorded", "what-if"
+GUESS: Final = {
+    WhyGuess.PARTNER: "the partner would perhaps do something else",
+    WhyGuess.BYTES: "it needs bytes that the recording does not have",
+    WhyGuess.TIME: "something came between two scans, and the recording does not say when",
+}
 LEAVES_AT_ONCE: Final = 1024
-READ_AT_ONCE: Final = 256  # entries of the journal
 QUIET: Final = 3  # scans without a change, after which time alone changes something
 Change = Callable[[Sequence[str], str | None], tuple[Project, Sequence[str]]]
 
@@ -104,6 +110,7 @@ class _RunChanged(RunAgain):
             except UserError as wrong:
                 self.notes.append(f"scan {self.bench.runtime.scans + 1}: left out: {wrong.problems[0]}")
         self.bench.step()
+        self._partners.look_back()
 
     def pass_between(self, most: int) -> None:
         """Let one scan pass that the recorded run has counted and not run, or all that change nothing."""
@@ -143,20 +150,39 @@ class WhatIf:
             found = "a file that begins in the middle, without a keyframe"
             raise mistake(self._where, found, "the run's beginning, or a keyframe, for a what-if")
         self._is_late = keyframes.first > 0
+        self._refuse_not_played()
         self._changed, self._notes = self._with_sets(dialect, change)
         self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
         standing = [Standing(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
-        self._told = RecordedRun((), self._peers, standing, recorded.replay.scan)
-        self._entries = keyframes.entries()
-        self._what_if: _RunChanged | None = None
+        self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
+        self._told.follow(keyframes.entries())
         self._held = _Held(self.pins)
         self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
         self._is_over = False
         self._before = self._counted(self.recorded)
+        self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
+        self._later: list[
+            tuple[int, Sequence[str], Sequence[StatusEdge]]
+        ] = []  # of recorded scans, with times
+        self._edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
         self.parts_at: int | None = None
-        self.guess_from: int | None = None  # the first scan in which a partner would perhaps do another thing
+        self.guess_from: int | None = None
+        self.guess_why: WhyGuess | None = None
         self.value: ValueDiffers | None = None
         self.trouble = ""  # why the recorded run ends early
+        self._what_if = self._begin()
+
+    def _refuse_not_played(self) -> None:
+        """Raise UserError for what decides what a partner meets, or does."""
+        for text in self._sets:
+            path = text.partition("=")[0].strip()
+            if is_played(path.split(".")):
+                continue
+            begins = self._recorded.begins
+            expected = "inputs of instances, data, a task's interval and priority, options, --dialect"
+            if begins.is_scenario and begins.kernel == "sim":
+                expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
+            raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
 
     def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
         """Return what the run with other parameters is made of, and what another dialect does not have."""
@@ -196,20 +222,6 @@ class WhatIf:
             raise mistake(self._where, f"{wrong} on a file that begins in the middle", expected)
 
     @property
-    def is_reading(self) -> bool:
-        return self._what_if is None
-
-    def read(self) -> None:
-        """Read a part of the journal; at its end the run with other parameters begins."""
-        some = [*islice(self._entries, READ_AT_ONCE)]
-        if not all(map(self._told.take, some)) or len(some) < READ_AT_ONCE:
-            self._begin()
-
-    def read_all(self) -> None:
-        while self.is_reading:
-            self.read()
-
-    @property
     def pins(self) -> frozenset[tuple[str, str]]:
         """Return the inputs that are held: instance and pin."""
         return pins_of(self._sets)
@@ -228,13 +240,17 @@ class WhatIf:
 
     @property
     def what_if(self) -> Bench:
-        assert self._what_if is not None
         return self._what_if.bench
 
     def scan(self) -> bool:
-        """Let a scan of both pass, or one of the other run alone; return False where both have ended."""
-        self.read_all()
-        assert self._what_if is not None
+        """Let a scan of both pass, or one of one of them; return False where both have ended."""
+        if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
+            return False
+        if self.guess_from is None and self._partners.guess_from is not None:
+            self.guess_from, self.guess_why = self.at, self._partners.guess_why
+        return True
+
+    def _scan_in_step(self) -> bool:
         if self._lines is None and not self._is_over:
             self._is_over = not self._go_first()
         between = self.recorded.runtime.scans - self.what_if.runtime.scans - (not self._is_over)
@@ -245,37 +261,67 @@ class WhatIf:
         else:
             self._what_if.follow(self._lines)
             self._lines = None
-        if self.guess_from is None and self._partners.guess_from is not None:
-            self.guess_from = self._partners.guess_from + self.at - self._partners.scan
-        was, now = self.edges()
+        was, now = (
+            () if self._lines is not None else self.recorded.runtime.changed,
+            self.what_if.runtime.changed,
+        )
+        self._edges = was, now
         if self.parts_at is None and _shown(was) != _shown(now):
             self.parts_at = self.at
         if self.value is None:
             self._compare_values(was, now)
         return True
 
-    def _begin(self) -> None:
-        """Let the run with other parameters begin: with its project, or from the state of a keyframe."""
+    def _scan_in_time(self) -> bool:
+        """Let a scan of the recorded run pass, or one of the other: after those before it, and one more."""
+        partners, recorded = self._partners, self.recorded
+        until = partners.due + partners.slack
+        if not self._is_over and (not self._later or self._later[-1][0] <= until):
+            self._is_over = not self._go_first()
+            if not self._is_over:
+                self._later.append((recorded.now, self._lines or (), recorded.runtime.changed))
+                self._edges, self._lines = (recorded.runtime.changed, ()), None
+                return True
+        if self._is_over and recorded.now < partners.due:
+            return False
+        passed = [each for each in self._later if each[0] <= until]
+        self._later = self._later[len(passed) :]
+        self._what_if.follow([line for _, lines, _ in passed for line in lines])
+        self._edges = (), self.what_if.runtime.changed
+        for shown, edges in zip(
+            self._shown, ([e for *_, some in passed for e in some], self._edges[1]), strict=True
+        ):
+            shown.update(_shown(edges))
+        if self.parts_at is None and self._shown[0] != self._shown[1]:
+            self.parts_at = self.at
+        return True
+
+    def _begin(self) -> _RunChanged:
+        """Return the run with other parameters: with its project, or from the state of a keyframe."""
         partners = self._partners = PartnersAgain(self._told, self._peers)
         if not self._is_late:
             run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
         else:
             run = self._keyframes.beside(_RunChanged, partners)
         run.begin(partners, self._held)
-        self._what_if = run
+        intervals = run.bench.runtime.interval_ns, self.recorded.runtime.interval_ns
+        if intervals[0] != intervals[1]:
+            partners.intervals_ns = intervals
         if not self._is_late:
-            return
+            return run
         project = self._changed[2]
         for kind, name, key in _paths(self._sets):
             decl = project.instance(name) if kind == "instance" else None
             if decl is not None:
                 run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))
         run.bench.project = replace(run.bench.project, data=project.data)
+        return run
 
     def _go_first(self) -> bool:
         """Let the recorded run do its next scan; return False where it has ended."""
         try:
             if self._recorded.scan():
+                self._told.go_on()
                 self._lines = self._recorded.take_lines()
                 return True
             self.trouble = "" if self._recorded.is_whole else str(self._recorded.differs())
@@ -294,7 +340,7 @@ class WhatIf:
 
     def edges(self) -> tuple[Sequence[StatusEdge], Sequence[StatusEdge]]:
         """Return what the last scan has changed in the recorded run and in the other one."""
-        return () if self._lines is not None else self.recorded.runtime.changed, self.what_if.runtime.changed
+        return self._edges
 
     def _compare_values(self, was: Sequence[StatusEdge], now: Sequence[StatusEdge]) -> None:
         also = {edge.instance for edge in now if edge.outputs.done}
@@ -329,7 +375,7 @@ class WhatIf:
 
     def sums(self) -> tuple[Sum, Sum]:
         return (
-            Sum(*self._since(self.recorded), self._told.bytes_to(self._recorded.replay.scan)),
+            Sum(*self._since(self.recorded), self._told.bytes_read),
             Sum(*self._since(self.what_if), self._partners.bytes_read),
         )
 
@@ -347,6 +393,7 @@ class WhatIf:
         return {
             "parts_at_scan": self.parts_at,
             "guess_from_scan": self.guess_from,
+            "guess_why": self.guess_why,
             "recorded": was._asdict(),
             "what_if": now._asdict(),
         }
@@ -363,13 +410,13 @@ class WhatIf:
             )
         yield f"recorded: {was.jobs} DONE, {was.errors} ERROR, {was.bytes} bytes read"
         yield f"what-if:  {now.jobs} DONE, {now.errors} ERROR, {now.bytes} bytes read"
-        if self.guess_from is not None:
-            yield f"from scan {self.guess_from} on it is a guess: the partner would perhaps do something else"
+        if self.guess_why is not None:
+            yield f"from scan {self.guess_from} on it is a guess: {GUESS[self.guess_why]}"
         if self._held.skipped:
             yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
         for scan, part in self._told.failures.items():
             yield f"scan {scan}: {part} had an internal error in the recorded run alone"
-        yield from (*self._notes, *(self._what_if.notes if self._what_if is not None else ()))
+        yield from (*self._notes, *self._what_if.notes)
 
 
 def _shown(edges: Sequence[StatusEdge]) -> Mapping[str, Outputs]:
@@ -382,9 +429,13 @@ def _text(value: Value | None) -> str:
 
 def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
     """Write the records of both runs in scan order, then what has come of them."""
-    report = JsonLines(write, run.recorded.runtime.interval_ns)
+    reports = [JsonLines(write, bench.runtime.interval_ns) for bench in (run.recorded, run.what_if)]
     while run.scan():
-        for name, edges in zip((RECORDED, WHAT_IF), run.edges(), strict=True):
+        guess = {"guess": True} if run.guess_from is not None else {}
+        for report, name, bench, edges, more in zip(
+            reports, (RECORDED, WHAT_IF), (run.recorded, run.what_if), run.edges(), ({}, guess), strict=True
+        ):
             for edge in edges:
-                report.line(run.at, {"run": name, **outputs_record(edge)})
+                report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
+    report = reports[0]
     report.write(run.record())

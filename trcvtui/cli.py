@@ -307,6 +307,10 @@ def _fleet(args: SimpleNamespace) -> int:
 
 
 def _replay(args: SimpleNamespace) -> int:
+    if args.at is not None and (args.check or args.format or args.set or args.dialect is not None):
+        raise mistake(
+            "trcvtui replay", "--at with --check, --format, --set or --dialect", "--at for the screen alone"
+        )
     if args.set or args.dialect is not None:
         from trcvtui.rig.replay.command import what_if_file
 
@@ -791,7 +795,7 @@ def _add_certificates(parser: ArgumentRows) -> None:
 
 def _add_replay(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_replay)
-    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("file", metavar="FILE", help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
     parser.add_argument(
@@ -799,7 +803,7 @@ def _add_replay(parser: ArgumentRows) -> None:
     )
     parser.add_argument("--dialect", metavar="NAME", help="what if it had been this one")
     parser.add_argument(
-        "--at", metavar="SCAN|T#..", default="1", help="where the screen opens; default: scan 1"
+        "--at", metavar="SCAN|T#..", help="where the screen opens; default: the first ERROR, finding or DONE"
     )
 
 
@@ -811,14 +815,16 @@ def _add_recording(parser: ArgumentRows) -> None:
     made.add_argument("target", metavar="OUT")
     made.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
     made.add_argument("--no-secrets", action="store_true", help="TLS stays closed")
-    made.add_argument("--anonymise", action="store_true", help="other addresses, no names")
+    made.add_argument(
+        "--anonymise", action="store_true", help="other addresses, no names, no TLS secrets; payload stays"
+    )
     made = commands.add_parser("dissector", help="print what shows the journal in Wireshark (Lua)")
     made.set_defaults(command=_recording_dissector)
 
 
 def _add_report(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_report)
-    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("file", metavar="FILE", help="a recording or a capture, also .gz")
     parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
     parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
     _add_shadows(parser)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import os
 import random
+import re
 import shutil
 import stat
+import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,11 +20,13 @@ import pytest
 from tests.capture.test_replay import SCENARIOS, recorded, run
 from tests.rig.scenarios import CONFIGS
 from trcvtui import __version__
-from trcvtui.capture import recording
+from trcvtui.capture import pcap, recording
 from trcvtui.capture.journal import SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
+from trcvtui.capture.packets import TCP
 from trcvtui.capture.pcap import open_capture
 from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.capture.replay import Replay
+from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.rig.scenario.runner import VirtualPace
 
@@ -148,8 +153,6 @@ def test_a_file_that_is_there_is_refused_and_only_a_recording_is_replaced(tmp_pa
 
 
 def test_a_capture_of_others_is_no_recording(tmp_path: Path) -> None:
-    from trcvtui.capture import pcap
-
     path = tmp_path / "c.pcapng"
     path.write_bytes(pcap.section_block("dumpcap") + pcap.interface_block(pcap.ETHERNET, "eth0"))
     with pytest.raises(UserError, match=f"no recording of trcvtui: try trcvtui watch {path}"):
@@ -269,3 +272,112 @@ def test_a_recording_that_was_changed_anywhere_is_read_or_refused_with_a_line(
             refused += 1
             assert "\n" not in str(told)
     assert refused
+
+
+# -- what was changed is seen ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def recorded_twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes]:
+    """Return the files of two scenarios that the command has recorded; the second one has a keyframe."""
+    folder, found = tmp_path_factory.mktemp("twice"), []
+    for name in ("every-split", "four-bytes-short"):
+        target = folder / f"{name}.pcapng"
+        assert main(["scenario", str(LONGEST.with_name(f"{name}.toml")), "--record", str(target)]) == 0
+        found.append(target.read_bytes())
+    return found[0], found[1]
+
+
+def replayed(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
+    """Return the exit code of `replay` and the one line that it ends with."""
+    capsys.readouterr()
+    code = main(["replay", str(path), *options])
+    told = capsys.readouterr()
+    *_, line = (told.err or told.out).splitlines()
+    return code, line
+
+
+def flipped(whole: bytes, at: int, bit: int) -> bytes:
+    changed = bytearray(whole)
+    changed[at] ^= 1 << bit
+    return bytes(changed)
+
+
+def carried(whole: bytes) -> list[int]:
+    """Return the byte of the file of each byte that a packet of the wire carries after its headers."""
+    found, place = list[int](), 0
+    while place < len(whole):
+        kind, _, interface, _, _, size = struct.unpack_from("<6I", whole, place)
+        if (kind, interface) == (pcap.ENHANCED_PACKET, recording.WIRE):
+            headers = 40 if whole[place + recording.AT_DATA + 9] == TCP else 28
+            found += range(place + recording.AT_DATA + headers, place + recording.AT_DATA + size)
+        place = blocks_end(whole, place)
+    return found
+
+
+def test_of_200_flipped_bits_of_payloads_200_are_seen(
+    recorded_twice: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, path, source = recorded_twice[0], tmp_path / "R.pcapng", random.Random(200)
+    path.write_bytes(whole)
+    assert replayed(path, capsys, "--check")[0] == 0
+    for at in source.choices(carried(whole), k=200):
+        path.write_bytes(flipped(whole, at, source.randrange(8)))
+        code, line = replayed(path, capsys, "--check")
+        assert code in (1, 2) and re.match(rf"{path}: byte \d+: journal: found block \d+ with another", line)
+
+
+def test_wherever_a_bit_of_journal_keyframe_or_index_is_flipped_the_place_is_told(
+    recorded_twice: tuple[bytes, bytes], tmp_path: Path
+) -> None:
+    whole, path, source = recorded_twice[1], tmp_path / "R.pcapng", random.Random(11)
+    for magic in (b"trcvtui journal\n", recording.KEYFRAME, recording.INDEX):
+        begin = source.choice([found.start() for found in re.finditer(re.escape(magic), whole)])
+        size = int.from_bytes(whole[begin - 9 : begin - 5], "little") - 1
+        for at in (begin, begin + len(magic), *source.sample(range(begin, begin + size), 20)):
+            path.write_bytes(flipped(whole, at, source.randrange(8)))
+            assert re.match(rf"{path}: byte \d+: .*found .*, expected ", Recording(path).damage())
+
+
+def test_what_stands_after_a_recording_and_another_version_are_told_with_their_place(
+    recorded_twice: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (whole, other), path = recorded_twice, tmp_path / "R.pcapng"
+    version = whole.index(b"trcvtui journal\n") + 16
+    packet = pcap.packet_block(recording.WIRE, 0, b"a packet")
+    for content, code, said in (
+        (whole + whole, 1, f"byte {len(whole)}: found a second capture after the first"),
+        (whole + other, 1, f"byte {len(whole)}: found a second capture after the first"),
+        (whole[:-100] + whole, 1, "found a block with two lengths"),
+        (whole + packet, 1, f"byte {len(whole)}: found another packet, expected the end of the file"),
+        (whole + b"garbage at the end", 1, f"byte {len(whole)}: found a block of "),
+        (whole + b"\0", 1, f"byte {len(whole)}: found the end of the file, expected the rest of a block"),
+        (whole[:version] + b"\7" + whole[version + 1 :], 2, "journal: found version 7, expected version 2"),
+    ):
+        path.write_bytes(content)
+        for form in (["--check"], ["--format", "jsonl"]):
+            ended, line = replayed(path, capsys, *form)
+            assert ended == code and line.startswith(f"{path}: byte ") and said in line
+        assert main(["report", str(path), "--out", str(tmp_path / "X.html")]) == code
+
+
+def test_a_gz_is_replayed_and_reported_like_what_it_holds(
+    recorded_twice: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain, packed = tmp_path / "R.pcapng", tmp_path / "R.pcapng.gz"
+    plain.write_bytes(recorded_twice[1])
+    whole = gzip.compress(recorded_twice[1])
+    packed.write_bytes(whole)
+    assert replayed(packed, capsys, "--check") == (0, f"{packed}: 6051 scans, the same again")
+    assert [*Recording(packed).entries()] == [*Recording(plain).entries()]
+    assert Recording(packed).index() == Recording(plain).index()
+    assert main(["report", str(packed), "--out", str(tmp_path / "X.html")]) == 0
+    for content, said in (
+        (whole[:-3000], "found the .gz ends in the middle"),
+        (whole + b"garbage", "found other bytes after the .gz"),
+        (flipped(whole, len(whole) - 5, 3), "found the .gz is broken"),
+    ):
+        packed.write_bytes(content)
+        assert Recording(packed).index()
+        code, line = replayed(packed, capsys, "--check")
+        assert code == 1 and line.startswith(f"{packed}: byte ") and said in line

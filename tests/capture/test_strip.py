@@ -12,6 +12,7 @@ from trcvtui.capture.journal import WireCall
 from trcvtui.capture.pcap import (
     RAW_IP,
     USER0,
+    block,
     interface_block,
     open_capture,
     packet_block,
@@ -78,7 +79,8 @@ def test_each_address_gets_the_same_other_address_and_loopback_stays(tmp_path: P
                     0, 1, head + bytes.fromhex("07d0c000" + "00" * 8 + "5018ffff00000000") + b"recipe 7", ()
                 )
             )
-    list(strip(str(source), str(target), LeaveOut(payload=False, secrets=False, names=True)))
+    said = list(strip(str(source), str(target), LeaveOut(payload=False, secrets=False, names=True)))
+    assert "it has all payload, with names and addresses in it; --no-payload leaves that out" in said[-1]
     with open_capture(target) as capture:
         packets = [packet.data for packet in capture]
     assert [packet[12:20] for packet in packets] == [
@@ -86,6 +88,20 @@ def test_each_address_gets_the_same_other_address_and_loopback_stays(tmp_path: P
         bytes((127, 0, 0, 1, 10, 0, 0, 1)),
     ]
     assert [packet[40:] for packet in packets] == [b"recipe 7"] * 2
+
+
+def test_a_name_that_somebody_wrote_into_the_file_later_is_gone_too(a_file: Path, tmp_path: Path) -> None:
+    source, target = tmp_path / "run.pcapng", tmp_path / "copy.pcapng"
+    name = bytes.fromhex("01000c00c0a80714") + b"meier-2\0" + bytes(4)  # Wireshark keeps what DNS answered
+    with source.open("wb") as file:
+        file.write(section_block("trcvtui", ("Meier's line",)))
+        file.write(interface_block(RAW_IP, "wire") + interface_block(USER0, JOURNAL_NAME) + block(4, name))
+        for comment in ("Meier's pump", "begins in the middle: 5 bytes to the PLC and 0 from it came before"):
+            file.write(packet_block(0, 1, bytes(40), (comment,)))
+    list(strip(str(source), str(target), LeaveOut(payload=False, secrets=False, names=True)))
+    assert b"eier" in source.read_bytes() and b"eier" not in target.read_bytes()
+    with open_capture(target) as capture:
+        assert [len(packet.comments) for packet in capture] == [0, 1]
 
 
 def test_serial_lines_lose_bytes_and_names(tmp_path: Path) -> None:
@@ -110,11 +126,12 @@ def test_a_copy_without_secrets_alone_can_be_replayed_where_there_were_none(
     assert list(Recording(target).entries()) == list(Recording(a_file).entries())
 
 
-@pytest.mark.parametrize("payload", [True, False])
-def test_secrets_are_gone_and_the_journal_with_them(payload: bool, a_file: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("left_out", ["payload", "secrets", "names"])
+def test_secrets_are_gone_and_the_journal_with_them(left_out: str, a_file: Path, tmp_path: Path) -> None:
     source, target = tmp_path / "tls.pcapng", tmp_path / "copy.pcapng"
     source.write_bytes(a_file.read_bytes() + secrets_block(b"CLIENT_RANDOM 00 11\n"))
-    said = list(strip(str(source), str(target), LeaveOut(payload, secrets=not payload, names=False)))
+    out = LeaveOut(*(each == left_out for each in ("payload", "secrets", "names")))
+    said = list(strip(str(source), str(target), out))
     assert "it cannot be replayed" in said[0]
     assert b"CLIENT_RANDOM" not in target.read_bytes()
     assert len(payloads(target)) == len(payloads(a_file))

@@ -64,7 +64,7 @@ def play(path: Path, kernel: str, *overrides: str) -> Played:
     scenario = load_scenario(path, overrides)
     bench = Bench(scenario.project, kernel)
     out = io.StringIO()
-    report = JsonLines(out.write, bench.runtime.interval_ns)
+    report = JsonLines(out.write, bench.runtime.interval_ns, bench)
     pace = PatientPace() if kernel == "live" else VirtualPace()
     verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
     report.verdict(verdict)

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.capture.recording import Recording
 from trcvtui.cli import main
 from trcvtui.files import noting_reads
 from trcvtui.net.serial_line import SimSerialPort
@@ -27,9 +26,8 @@ from trcvtui.rig.recording.asked import AnswerOnItsWay, FilesJudge
 from trcvtui.rig.recording.files import RecordTo
 from trcvtui.rig.recording.recorder import recorder_of
 from trcvtui.rig.recording.writer import JUDGE_FILES
-from trcvtui.rig.replay.driver import SLICE_NS
+from trcvtui.rig.replay.driver import SLICE_NS, opened
 from trcvtui.rig.replay.judged import _ToBeJudged, found_in_run
-from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.scenario.scenario import load_bench
 
 RECEIVER = """
@@ -401,10 +399,10 @@ def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
         driver.close()
 
 
-def test_a_replay_is_judged_once_as_its_file_is(tmp_path: Path) -> None:
+def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp_path: Path) -> None:
     file = tmp_path / "run.pcapng"
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
-    line = TimeLine(Recording(file), str(file))
+    line = opened(file, None)
 
     def picture() -> BenchUpdate | None:
         line.work(clock.now_ns() + SLICE_NS)
@@ -414,6 +412,24 @@ def test_a_replay_is_judged_once_as_its_file_is(tmp_path: Path) -> None:
         told = told_by(lambda number, name=name: line.take(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]
         assert told.startswith("frame-short (95% sure), R\n")
     assert line.controller._doctor.snapshot.looks == 1
+    [scan] = line.survey.findings
+    for number, (asked, there, note) in enumerate(
+        (
+            ("", line.survey.errors[0], line.survey.trouble),
+            ("at error +1", scan, "finding: frame-short (J)"),
+            ("at error +1", scan, "no later ERROR, no finding"),
+            ("at end", line.survey.last, line.survey.trouble),
+            ("at error -1", scan, "finding: frame-short (J)"),
+        )
+    ):
+        if asked:
+            line.take(number, asked)
+        while line.work(clock.now_ns() + SLICE_NS):
+            pass
+        seen = picture()
+        assert seen is not None and seen.position is not None
+        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (there, note, line.survey.last)
+    line.close()
 
 
 def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import io
+import json
 import re
 import shutil
 import stat
@@ -17,13 +19,19 @@ import pytest
 from tests.certificates import NEEDS_OPENSSL, Certificates
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
 from tests.rig.scenarios import CONFIGS
-from tests.rig.test_recorded_run import on_the_screen, recorded
+from tests.rig.test_recorded_run import Kept, jsonl, on_the_screen, recorded
 from tests.rig.test_time_line import InMemory
 from trcvtui.capture.journal import Answered, Entry, blocks, entries_of
 from trcvtui.cli import main
+from trcvtui.files import noting_reads
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.words import Set
+from trcvtui.rig.recording.recorder import RunRecorder
 from trcvtui.rig.report.command import look_at, recording_source
 from trcvtui.rig.report.page import page
 from trcvtui.rig.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, TimeLane
+from trcvtui.rig.scenario.report import JsonLines
+from trcvtui.rig.scenario.scenario import load_bench
 
 SCENARIOS = CONFIGS / "scenarios"
 SHORT_FRAME = SCENARIOS / "baosky" / "80a6-fin-mid-frame.toml"
@@ -201,6 +209,40 @@ def test_a_lane_holds_any_time_in_a_bounded_number_of_columns() -> None:
     assert lane.columns[0] == DONE and lane.columns[-1] == ERROR and not any(lane.columns[1:-1])
 
 
+def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold() -> None:
+    kept, out = Kept(), io.StringIO()
+    recorder = RunRecorder(lambda: kept, waits=False)
+    path = CONFIGS / "stories" / "four_bytes_short.toml"
+    with noting_reads(recorder.reads):
+        project = load_bench(path)
+    with recorder:
+        bench = Bench(project, "live", recorder.seam)
+        recorder.begin(bench, path, (), is_scenario=False)
+        lines = JsonLines(out.write, bench.runtime.interval_ns, bench)
+        for ms in (0, 10, 24, 50, 60, 99, 299, 309):
+            if ms == 50:
+                bench.do(Set("TRCV_C_1", (("EN_R", 1),)))
+            if ms == 299:
+                bench.rest()
+            bench.step(ms * 1_000_000)
+            lines.scan(bench.runtime.scans, bench.runtime.changed)
+            recorder.gap(bench)
+        bench.close()
+    records = [json.loads(line) for line in out.getvalue().splitlines()]
+    assert [(r["scan"], r["t_ms"], r["at"], r.get("late_ms"), r["STATUS"]) for r in records] == [
+        (1, 0.0, 0.0, None, "0001"),
+        (2, 10.0, 0.01, None, "7001"),
+        (3, 20.0, 0.024, None, "7002"),
+        (4, 30.0, 0.05, 16.0, "80A1"),
+        (5, 40.0, 0.06, None, "7002"),
+    ]
+    assert bench.late_scans == 2
+    assert jsonl(kept.entries) == out.getvalue()
+    assert "late 2 scans by more than half an interval: 4 (16.0 ms), 6 (29.0 ms) " in plain(
+        told(kept.entries)
+    )
+
+
 # -- what it never is ------------------------------------------------------------------------------------
 
 
@@ -258,6 +300,25 @@ def test_keys_and_tls_secrets_are_never_on_the_page(
     secrets = re.findall(rb"(?:CLIENT|SERVER|EXPORTER)_[A-Z_0-9]+ ([0-9a-f]+) ([0-9a-f]+)", file.read_bytes())
     assert secrets
     assert not any(secret.decode() in text for pair in secrets for secret in pair)
+
+
+@NEEDS_OPENSSL
+def test_no_folder_is_on_the_page_not_in_settings_and_commands_either(
+    secure_bench: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "R&D of Meier"
+    shutil.copytree(secure_bench, folder)
+    scenario, out = folder / "tls-server.toml", tmp_path / "X.html"
+    added = f"add certificate 9 file='{folder / 'certificates' / 'ca.pem'}'\nremove certificate 9\n"
+    text = scenario.read_text().replace('steps = """\n', f'steps = """\n{added}')
+    scenario.write_text(text.replace('"certificates/plc', f'"{folder}/certificates/plc'))
+    file = recording(tmp_path, scenario)
+    for more in ([], ["--project", str(scenario)]):
+        assert main(["report", str(file), "--out", str(out), *more]) == 0
+        page = out.read_text()
+        assert "plc.key" in page and not re.search("Meier|R&amp;D|certificates/", page)
+    assert main(["report", str(file), "--out", str(out)]) == 0
+    assert "add certificate 9 file=&#x27;ca.pem&#x27;" in plain(out.read_text())
 
 
 # -- the command -----------------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ def test_each_change_is_one_object_and_the_last_line_is_the_scenario(
     assert first == {
         "scan": 1,
         "t_ms": 0.0,
+        "at": 0.0,
         "instance": "TRCV_C_1",
         "block": "TRCV_C",
         "STATUS": "0001",

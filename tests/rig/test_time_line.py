@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import pytest
 
@@ -11,15 +12,16 @@ from tests.rig.scenarios import CONFIGS
 from tests.rig.test_recorded_run import recorded
 from trcvtui.capture.journal import STEP, Answered, EntriesLost, Entry, Keyframe
 from trcvtui.capture.recording import BlockPlace
+from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache, with_changes
 from trcvtui.rig.replay.command import check
-from trcvtui.rig.replay.driver import SLICE_NS, ReplayDriver
+from trcvtui.rig.replay.driver import SLICE_NS, ReplayDriver, opened
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.survey import PIECES, read_at
+from trcvtui.rig.replay.survey import FIRST, PIECES, read_at
 from trcvtui.rig.replay.time_line import TimeLine
 from trcvtui.rig.snapshots import BESIDE, CANNOT
 
@@ -218,9 +220,34 @@ def test_the_errors_of_the_run_are_marked_in_their_places() -> None:
     assert position.errors == len(ERRORS)
 
 
-def test_where_to_open_is_judged_before_anything_starts() -> None:
+def test_where_to_open_is_judged_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(UserError, match="--at: found 'soon'"):
         ReplayDriver(LINK_DOWN, "soon")
+    file = tmp_path / "R.pcapng"
+    assert main(["scenario", str(LINK_DOWN), "--record", str(file)]) == 0
+    for at in ("395", "T#3s931ms", "0"):
+        expected = f"--at: found '{at}', expected a scan from 1 to 394, or a time up to T#3s930ms: "
+        with pytest.raises(UserError, match=expected):
+            opened(file, at)
+    for at, scan in (("394", LAST), ("T#3s930ms", LAST), ("end", LAST), ("error +1", ERRORS[0])):
+        stood = Stood(line=opened(file, at))
+        assert stood.scan == scan, at
+    capsys.readouterr()
+    for other in (["--check"], ["--format", "jsonl"], ["--dialect", "s7-1500"]):
+        assert main(["replay", str(file), "--at", "5", *other]) == 2
+        [line] = capsys.readouterr().err.splitlines()
+        assert line.startswith(
+            "trcvtui replay: found --at with --check, --format, --set or --dialect, expected"
+        )
+
+
+@pytest.mark.parametrize(("steps", "scan"), [(LAST, ERRORS[0]), (200, 91), (50, 1)])
+def test_it_opens_at_the_first_error_else_at_the_first_done_else_at_its_begin(steps: int, scan: int) -> None:
+    at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP]
+    entries = journal()[: at[steps] if steps < LAST else None]
+    assert Stood(line=TimeLine(InMemory(entries), "a recording", FIRST)).scan == scan
 
 
 def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() -> None:

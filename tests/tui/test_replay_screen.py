@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 from typing import cast
 
 import pytest
 from textual.binding import Binding, BindingType
+from textual.widgets import Input
 
 from tests.rig.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
@@ -87,11 +88,12 @@ async def on_a_recording(
 ) -> AsyncIterator[ReplayLooker]:
     driver = TimeLineDriver(stood)
     app = BenchApp(driver, driver.stood.line.controller.bench.project, replay=True)
-    async with app.run_test(size=size) as pilot:
-        looker = ReplayLooker(app, driver, pilot)
-        looker.stood = driver.stood
-        await looker.go()
-        yield looker
+    with closing(driver.stood.line):
+        async with app.run_test(size=size) as pilot:
+            looker = ReplayLooker(app, driver, pilot)
+            looker.stood = driver.stood
+            await looker.go()
+            yield looker
 
 
 async def test_arrows_errors_and_edges_go_where_they_say() -> None:
@@ -105,6 +107,33 @@ async def test_arrows_errors_and_edges_go_where_they_say() -> None:
             await looker.go(keys)
             assert looker.scan == scan, keys
         assert f"scan {looker.scan} of {LAST}" in looker.position
+
+
+@pytest.mark.parametrize("size", [SMALL, WIDE], ids=["80x24", "140x45"])
+async def test_home_end_and_g_go_there_from_each_pane_and_the_last_line_names_what_works(
+    size: tuple[int, int],
+) -> None:
+    async with on_a_recording(size) as looker:
+        for digit in "123456789":
+            await looker.go(digit)
+            focused, keys = looker.app.focused, looker.line("q quit", "keys").strip()
+            for key, scan in (("end", LAST), ("left", 0), ("home", 1)):
+                if key != "left" or "←→ scan" in keys:
+                    await looker.go(key)
+                    assert looker.scan == (scan or (LAST if digit == "8" else LAST - 1)), (digit, key)
+            assert not {"A add", "E change", "enter toggle", "m mode"} & {*keys.split("  ")}
+            assert ("! error" in keys) != (digit in "148") or size == SMALL
+            assert looker.app.focused is focused
+            await looker.go("g")
+            assert looker.app.main.prompt.is_open
+            await looker.go("escape")
+
+
+async def test_a_field_that_is_typed_into_keeps_g_home_and_end() -> None:
+    async with on_a_recording() as looker:
+        await looker.go("7", "tab", "1", "g", "home", "2", "end", "3")
+        field = looker.app.focused
+        assert isinstance(field, Input) and field.value == "21g3" and looker.scan == 1
 
 
 async def test_g_takes_a_time_or_a_scan() -> None:

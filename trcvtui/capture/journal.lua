@@ -56,7 +56,11 @@ function value(text, at, depth)
     return "(" .. table.concat(found, ", ") .. ")", at
   end
   if tag == 8 then return SINGLES[text:byte(at + 1)] or "?", at + 1 end
-  if tag == 9 then return u(text, at + 8, 4) .. " bytes in packets", at + 12 end
+  if tag == 9 then
+    local count, size = u(text, at, 2), 0
+    for i = 0, count - 1 do size = size + u(text, at + 10 + 12 * i, 4) end
+    return size .. " bytes in packets", at + 2 + 12 * count
+  end
   local record = RECORDS[tag]
   if record == nil then error("tag " .. tostring(tag)) end
   local found
@@ -81,8 +85,8 @@ local function entry(text, at, questions)
 end
 
 local function show(text, tvb, tree)
-  local number, unlike = u(text, 18, 4), u(text, 22, 4)
-  local lines, questions, at = {}, {}, 26
+  local number, unlike = u(text, 22, 4), u(text, 26, 4)
+  local lines, questions, at = {}, {}, 30
   for i = 1, unlike do
     local ok, line, after, question = pcall(entry, text, at, questions)
     if not ok then
@@ -114,14 +118,14 @@ function journal.dissector(tvb, pinfo, root)
     return tvb:len()
   end
   if text:sub(1, #INDEX) == INDEX then
-    pinfo.cols.info = "index of " .. math.floor((#text - #INDEX) / 28) .. " blocks and keyframes"
+    pinfo.cols.info = "index of " .. math.floor((#text - #INDEX - 32) / 28) .. " blocks and keyframes"
     return tvb:len()
   end
-  if text:sub(1, 13) == "trcvtui state" and #text > 22 then
-    pinfo.cols.info = "keyframe of scan " .. string.unpack("<I4", text, 19)
+  if text:sub(1, 13) == "trcvtui state" and #text > 24 then
+    pinfo.cols.info = "keyframe of scan " .. string.unpack("<I4", text, 21)
     return tvb:len()
   end
-  if #text < 26 or text:sub(1, #MAGIC) ~= MAGIC then
+  if #text < 30 or text:sub(1, #MAGIC) ~= MAGIC then
     pinfo.cols.info = "no block of a journal"
     return tvb:len()
   end

@@ -26,10 +26,11 @@ from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 from trcvtui.records import NamedTuple
 
-VERSION: Final = 1
+VERSION: Final = 2
 MOST_STATE: Final = 64 << 20  # bytes of a state that a reader takes
 MAGIC: Final = b"trcvtui journal\n"
-_HEAD: Final = struct.Struct("<16sHII")  # magic, version, number of the block, of entries unlike each other
+_HEAD: Final = struct.Struct("<16sHI")  # magic, version, CRC-32 of the packets before and of what follows
+_COUNTS: Final = struct.Struct("<II")  # number of the block, of entries unlike each other
 MOST_BLOCK: Final = 1 << 20  # bytes of entries, from which on a block is full
 MOST_ENTRIES: Final = 1 << 20  # from which on it is full, too
 DEEPEST: Final = 8  # values inside values
@@ -276,6 +277,7 @@ _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
 _WHOLE: Final = struct.Struct("<Bq").pack
 _COUNTED: Final = struct.Struct("<BH").pack
+_RUN: Final = struct.Struct("<III").pack
 _NONE_TAG: Final = bytes([_NONE])
 _TAGS: Final = {kind: _FIRST_RECORD + at for at, (kind, _) in enumerate(_RECORDS)}
 
@@ -309,7 +311,7 @@ def value_bytes(value: object) -> bytes:
             parts = [value_bytes(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
     if isinstance(value, InPackets):
-        return struct.pack("<BIII", _PLACED, *value)
+        return _COUNTED(_PLACED, len(value.runs)) + b"".join([_RUN(*run) for run in value.runs])
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
     tag = _TAGS.get(type(value))
@@ -320,11 +322,12 @@ def value_bytes(value: object) -> bytes:
 
 
 class InPackets(NamedTuple):
-    """Bytes that stand in packets before their block: in `packets` of them, from number `first` on."""
+    """Bytes in packets before their block: of each run the first packet, bytes to skip in it, and its size.
 
-    first: int
-    packets: int
-    size: int
+    A run goes on in the packets that follow.
+    """
+
+    runs: tuple[tuple[int, int, int], ...]
 
 
 class _Cursor:
@@ -338,6 +341,19 @@ class _Cursor:
 
     def wrong(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
+
+    def head(self, expected: int) -> tuple[int, int]:
+        """Return the CRC-32 that a block bears, and how many entries unlike each other it has."""
+        where = f"{self._where}: journal"
+        magic, version, check = _HEAD.unpack(self.take(_HEAD.size))
+        if magic != MAGIC:
+            raise mistake(where, "another interface's packet", "a block of our journal")
+        if version != VERSION:
+            raise mistake(where, f"version {version}", f"version {VERSION}, all that is known here")
+        number, unlike = _COUNTS.unpack(self.take(_COUNTS.size))
+        if number != expected:
+            raise mistake(where, f"block {number}", f"block {expected}")
+        return check, unlike
 
     def take(self, size: int) -> bytes:
         left = len(self._block) - self.at
@@ -421,11 +437,15 @@ class _Cursor:
         return self.take(self._number(4))
 
     def _placed(self) -> bytes:
-        first, count, size = self._number(4), self._number(4), self._number(4)
-        found = b"".join(self._payloads[first : first + count])
-        if len(found) != size:
-            raise self.wrong(f"{len(found)} bytes in packets", f"the {size} of the journal")
-        return found
+        found: list[bytes] = []
+        for _ in range(self._number(2)):
+            number, skip, left = self._number(4), self._number(4), self._number(4)
+            while left and number < len(self._payloads):
+                found.append(self._payloads[number][skip : skip + left])
+                left, number, skip = left - len(found[-1]), number + 1, 0
+            if left:
+                raise self.wrong(f"{left} bytes less in packets", "those of the journal")
+        return b"".join(found)
 
     def _text(self, raw: bytes) -> str:
         try:
@@ -556,12 +576,14 @@ class BlockWriter:
                 return head + _READ.pack(_TUPLE, 2, _INT, size, _BYTES, len(data)) + data
         return head + value_bytes(entry.answer)
 
-    def block(self) -> bytes:
+    def block(self, packets: int = 0) -> bytes:
+        """Return it; `packets`: the CRC-32 of those before it."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
-        head = _HEAD.pack(MAGIC, VERSION, self.number, len(self._parts))
-        return b"".join((head, *self._parts, order.tobytes()))
+        counts = _COUNTS.pack(self.number, len(self._parts))
+        content = b"".join((counts, *self._parts, order.tobytes()))
+        return _HEAD.pack(MAGIC, VERSION, zlib.crc32(content, packets)) + content
 
 
 def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
@@ -588,20 +610,20 @@ def entries_of(
     return chain.from_iterable(in_blocks(found, where, payloads, first))
 
 
+def check_block(block: bytes, number: int, packets: int, where: str) -> None:
+    """Raise UserError for what is no block of this number, or not as written; `packets` as of BlockWriter."""
+    check, _ = _Cursor(where, block, ()).head(number)
+    if zlib.crc32(block[_HEAD.size :], packets) != check:
+        found, expected = f"block {number} with another checksum", "that of its packets and entries"
+        raise mistake(f"{where}: journal", found, expected)
+
+
 def in_blocks(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Iterator[Entry]]:
     for expected, block in enumerate(found, first):
         cursor = _Cursor(where, block, payloads)
-        magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))
-        if magic != MAGIC:
-            raise mistake(f"{where}: journal", "another interface's packet", "a block of our journal")
-        if version != VERSION:
-            raise mistake(
-                f"{where}: journal", f"version {version}", f"version {VERSION}, all that is known here"
-            )
-        if number != expected:
-            raise mistake(f"{where}: journal", f"block {number}", f"block {expected}")
+        _, unlike = cursor.head(expected)
         if unlike > len(block):
             raise cursor.wrong(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
         known: list[Entry] = []

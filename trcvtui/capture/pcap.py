@@ -50,6 +50,7 @@ DROPPED: Final = (5, 7)  # of statistics: packets that interface and system did 
 MOST_BLOCK: Final = 16 << 20  # what Wireshark takes
 MOST_INTERFACES: Final = 65_536
 CHUNK: Final = 256 << 10
+GZIP: Final = b"\x1f\x8b"  # begins a .gz
 
 _LITTLE: Final = b"\x4d\x3c\x2b\x1a"
 _BIG: Final = b"\x1a\x2b\x3c\x4d"
@@ -118,8 +119,8 @@ class CaptureReader:
         self._start = 0  # byte of the file at which the buffer begins
         self._bad_input: Problem | None = None  # of the file below: a broken .gz, a disk error
         magic = self._more(0, 4)
-        if magic[:2] == b"\x1f\x8b":
-            self._read, self._buffer = _gunzip(read, magic), b""
+        if magic[:2] == GZIP:
+            self._read, self._buffer = gunzip(read, magic), b""
             magic = self._more(0, 4)
         if magic[:4] in _CLASSIC:
             self._packets = self._classic()
@@ -330,7 +331,7 @@ def _text(value: bytes) -> str:
     return value.decode("utf-8", "replace")
 
 
-def _gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
+def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
     """Return a `read` of what a .gz holds, one member after the other; it raises EOFError for one cut off."""
     import zlib
 
@@ -348,6 +349,8 @@ def _gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes
                 if not packed:
                     return b""
             if is_fresh and not packed.startswith(b"\x1f"):
+                if packed.strip(b"\0"):
+                    raise EOFError("other bytes after the .gz")
                 return b""  # padding after the last member
             is_fresh = False
             try:

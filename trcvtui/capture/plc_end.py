@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from ipaddress import ip_address
 from typing import Final
 
 from trcvtui.capture.reassembly import SENT_END, Conversation, WireDirection
-from trcvtui.errors import mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.net.results import end_in_words
 from trcvtui.records import NamedTuple
 
@@ -124,6 +124,12 @@ def guess_plc(
     if ends[0].address[1] == ends[1].address[1]:
         return PlcGuess(conversation.back, 0.2, "the first packet went there")
     return PlcGuess(lower, 0.3, "the lower port: it may listen there")
+
+
+def fits_nothing(where: str, given: str, found: Iterable[Conversation]) -> UserError:
+    """Return what to say of an end or a project that no conversation is of: which ends are there."""
+    ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
+    return mistake(where, given, "one of the ends that are there: " + ", ".join(ends[:8]))
 
 
 def address_text(end: tuple[bytes, int]) -> str:

@@ -115,7 +115,8 @@ class WireDirection:
         "acked", "address", "conversation", "copies", "cut", "early_number", "fin", "has_base", "has_fin",
         "has_jumped", "has_overrun", "is_closed_window", "is_firm", "is_heard", "is_steady", "kept",
         "largest", "mac", "missing", "next", "other", "position", "probe", "retransmitted", "scale",
-        "segments", "syn", "told_ack", "waiting", "waiting_cost", "waiting_since", "was_probed", "window",
+        "segments", "syn", "told_ack", "unread", "waiting", "waiting_cost", "waiting_since", "was_probed",
+        "widest", "window",
     )  # fmt: skip
 
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
@@ -127,7 +128,7 @@ class WireDirection:
         self.cut = 0  # bytes of `missing` that the capture's own limit cut off
         self.copies = 0  # packets that a mirror port has shown twice
         self.largest = 0  # bytes of a segment
-        self.window = 0  # as told last; `scale`: how many bits it is moved, None: not known
+        self.window = self.widest = 0  # told last, and at most; `scale`: bits it is moved, None: not known
         self.scale: int | None = None
         self.is_heard = False  # bytes of it were acknowledged
         self.has_jumped = False  # sequence numbers that no window allows
@@ -140,6 +141,7 @@ class WireDirection:
         self.syn: int | None = None
         self.fin: int | None = None  # the byte before which its sender has ended
         self.has_fin = False
+        self.unread = 0  # newest bytes of the other end that its program cannot have read when it ended
         self.is_closed_window = False  # its sender has told a window of 0
         self.was_probed = False
         self.probe = b""
@@ -265,6 +267,8 @@ class Conversations:
                 direction.told_ack = ack
                 self._acknowledge(ns, direction.other, ack, end - begin)
             direction.window = window
+            if window > direction.widest:
+                direction.widest = window
             if end > begin:
                 size = end - begin
                 if size > direction.largest:
@@ -406,12 +410,14 @@ class Conversations:
                 self._see_number(ns, direction, seq, number)
         if not flags & _RST:
             direction.window = window
+            direction.widest = direction.widest if flags & _SYN else max(direction.widest, window)
             ahead = distance(seq, direction.next) if direction.is_firm else 0
             direction.has_jumped |= abs(ahead) >= MOST_JUMP
             if ahead > -MOST_JUMP:  # else it is no copy of anything
                 self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
             direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
+            self._see_unread(direction)
             self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
         if flags & (_ACK | _SYN):
@@ -615,9 +621,17 @@ class Conversations:
             return
         direction.has_fin = True
         direction.next = (direction.next + 1) & _MASK
+        self._see_unread(direction)
         self._tell(ns, direction, EventKind.FIN, direction.position)
         conversation = direction.conversation
         conversation.end = conversation.end or ("fin", direction)
+
+    def _see_unread(self, direction: WireDirection) -> None:
+        """Note what its program cannot have read: what it has not acknowledged, and its window misses."""
+        other = direction.other
+        waits = distance(other.next, other.acked) - other.has_fin if other.has_base else 0
+        misses = direction.widest - direction.window
+        direction.unread = max(waits, 0) + (0 if direction.scale is None else misses << direction.scale)
 
     # -- bytes -------------------------------------------------------------------------------------------
 

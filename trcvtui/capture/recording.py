@@ -12,35 +12,32 @@ import os
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from itertools import chain
 from typing import IO, Final
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.journal import (
-    MOST_STATE,
-    SHOWS,
     STEP,
     Answered,
     BlockWriter,
     Entry,
-    InPackets,
     Keyframe,
     RunBegins,
     Secrets,
     WireCall,
+    check_block,
     entries_of,
     in_blocks,
 )
 from trcvtui.capture.packets import TCP
-from trcvtui.capture.wire import WirePacket, WirePackets
+from trcvtui.capture.run_packets import OF_JOURNAL, RunPackets
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.files import FileName, create, open_to_read, reason_of
+from trcvtui.files import FileName, create, open_to_read, reason_of, unnamed
 from trcvtui.records import NamedTuple
 
 WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
-READS: Final = frozenset({"recv", "recv_from"})
 JOURNAL_NAME: Final = "trcvtui journal"
 MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
 LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
@@ -48,12 +45,11 @@ FLUSH_NS: Final = 500_000_000  # of the run's time, at most, between two blocks 
 MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
 MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
 MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
+MOST_UNPACKED: Final = 1 << 30  # bytes of a .gz, in memory
 INDEX: Final = b"trcvtui index\n\0\0"
 KEYFRAME: Final = b"trcvtui state\n\0\0"
 IS_KEYFRAME: Final = (1 << 64) - 1  # in a row of the index, in place of the block of the journal
-_KEYFRAME: Final = struct.Struct("<HIqIIII")  # version; scan, ns; scans and entries before; CRC-32, bytes
-KEYFRAME_VERSION: Final = 1
-MOST_PIECES: Final = MOST_STATE // MOST_PIECE
+_KEYFRAME: Final = struct.Struct("<IqIIII")  # scan, ns; scans and entries before; bytes; of the text
 _ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
 _LENGTH: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<II")
@@ -89,137 +85,98 @@ class RecordingWriter:
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
         self._index: list[BlockPlace] = []
-        self._wire = WirePackets(0)
+        self._told = RunPackets()
         self._wall_ns = self._now = self._flushed = 0
         self._scans = self._block_scans = self._block_ns = 0
-        self._jobs: dict[str, int] = {}
-        self._packets: list[WirePacket] = []  # of the block under way
-        self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._secrets = b""  # of the packets of this block
-        self._scan_from = 0  # number of the first packet of this scan
-        self._called = InPackets(0, 0, 0), b""  # the newest call's bytes, and where they stand
-        self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._block = BlockWriter(0)
-        self._blocks = self._payload_size = 0
+        self._blocks = 0
         self._write(
             pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
             + pcap.interface_block(pcap.RAW_IP, "wire")
             + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        for entry in old:
+            self._keep(entry)
+        packets.wire.wall_ns, self._told = self._wall_ns, packets
+        for entry in packets.begin_file():
+            self._keep(entry)
+
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; whole blocks are written."""
         for entry in entries:
             if type(entry) is Answered:
-                call = entry[1]
-                if call == STEP and isinstance(entry[3], int):
-                    self._begin_scan(entry[3])
-                elif call == SHOWS:
-                    self._comment(entry)
-                if self._coming is not None or self._called[1]:
-                    entry = self._pointing(entry)
+                self._keep(self._told.take(entry))
             elif isinstance(entry, WireCall):
-                if entry.call in READS and not entry.data and entry.answer:
-                    self._coming = entry
-                else:
-                    self._take_call(entry)
-                continue
+                self._told.tell(entry)
             elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
-                continue
             elif isinstance(entry, Keyframe):
                 self.keyframe(entry)
-                continue
-            elif isinstance(entry, RunBegins):
-                self._wall_ns = entry.wall_ns
-                self._wire = WirePackets(entry.wall_ns)
-            self._block.take(entry)
-            if self._block.size >= MOST_OF_A_SCAN:
-                self.flush()
+            else:
+                if isinstance(entry, RunBegins):
+                    self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
+                self._keep(entry)
 
-    def _take_call(self, call: WireCall) -> None:
-        first = len(self._packets)
-        self._packets.extend(self._wire.of(call))
-        count = len(self._packets) - first
-        self._payload_size += len(call.data)
-        if call.data and sum(packet.payload for packet in self._packets[first:]) == len(call.data):
-            self._called = InPackets(first, count, len(call.data)), call.data
-
-    def _pointing(self, entry: Answered) -> Answered:
-        """Return it with a pointer in place of bytes that the newest packets carry."""
-        answer = entry.answer
-        if self._coming is not None and isinstance(answer, tuple) and isinstance(answer[-1], bytes):
-            self._take_call(self._coming._replace(data=answer[-1]))
-        self._coming = None
-        placed, data = self._called
-        if not data:
-            return entry
-        if isinstance(answer, tuple) and len(answer) == 2 and answer[1] == data:
-            return entry._replace(answer=(answer[0], placed))
-        return entry._replace(answer=placed) if answer == data else entry
+    def _keep(self, entry: Entry) -> None:
+        if type(entry) is Answered and entry[1] == STEP and isinstance(entry[3], int):
+            self._begin_scan(entry[3])
+        self._block.take(entry)
+        if self._block.size >= MOST_OF_A_SCAN:
+            self.flush()
 
     def _begin_scan(self, now: int) -> None:
-        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._payload_size >= MOST_PAYLOAD:
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD:
             self.flush()
             self._flushed = now
         self._now = now
         self._scans += 1
-        self._scan_from = len(self._packets)
-
-    def _comment(self, shows: Answered) -> None:
-        """Write a job's end beside the packet that brought it, where this scan has one."""
-        connect, status, _, done, error, length = (*shows.args, *[None] * 6)[:6]
-        if not (done or error) or not isinstance(status, int):
-            return
-        job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
-        size = "" if length is None or error else f" {length} B"
-        ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self._scans}"
-        text = f"{shows.owner}: 16#{status:04X} {ends}"
-        for number in range(len(self._packets) - 1, self._scan_from - 1, -1):
-            if connect in self._packets[number].owners:
-                self._comments.setdefault(number, []).append(text)
-                return
 
     def flush(self) -> None:
         """Write what has come; a block of the journal ends with it."""
         if not len(self._block):
             return
-        written = [pcap.secrets_block(self._secrets)] if self._secrets else []
+        check, written = 0, [pcap.secrets_block(self._secrets)] if self._secrets else []
         self._secrets = b""
-        for number, packet in enumerate(self._packets):
+        for number, packet in enumerate(self._told.packets):
             if packet.line and packet.line not in self._lines:
                 self._lines[packet.line] = FIRST_LINE + len(self._lines)
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
             interface = self._lines[packet.line] if packet.line else WIRE
-            comments = tuple(self._comments.get(number, ()))
-            written.append(pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent))
+            comments = tuple(self._told.comments.get(number, ()))
+            block = pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent)
+            check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)
+            written.append(block)
         packets = b"".join(written)
-        journal = self._journal_packets(self._block.block())
+        of_journal = self._told.comments.get(OF_JOURNAL, ())
+        journal = self._journal_packets(self._block.block(check), of_journal)
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
         self._index.append(row)
         self._blocks += 1
         self._block_scans, self._block_ns = self._scans, self._now
-        self._packets, self._comments, self._block = [], {}, BlockWriter(self._blocks)
-        self._called = InPackets(0, 0, 0), b""
-        self._scan_from = self._payload_size = 0
+        self._block = BlockWriter(self._blocks)
+        self._told.begin_block()
 
     def keyframe(self, frame: Keyframe) -> None:
         """Write a keyframe of the scans that have been taken."""
         self.flush()
         program = frame.program.encode()
-        head = _KEYFRAME.pack(KEYFRAME_VERSION, *frame[1:5], zlib.crc32(frame.content), frame.size)
+        content = _KEYFRAME.pack(*frame[1:6], len(program)) + program + frame.content
         row = BlockPlace(self.size, IS_KEYFRAME, frame.scan, frame.ns)
-        self._write(
-            self._journal_packets(KEYFRAME + head + _LENGTH.pack(len(program)) + program + frame.content)
-        )
+        self._write(self._journal_packets(_with_check(KEYFRAME, content)))
         self._index.append(row)
 
-    def _journal_packets(self, block: bytes) -> bytes:
+    def _journal_packets(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
         pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
         marks = [MORE] * (len(pieces) - 1) + [LAST]
         ns = self._wall_ns + self._now
-        return b"".join([pcap.packet_block(JOURNAL, ns, m + p) for m, p in zip(marks, pieces, strict=True)])
+        said = [tuple(comments), *[()] * (len(pieces) - 1)]
+        parts = zip(marks, pieces, said, strict=True)
+        return b"".join([pcap.packet_block(JOURNAL, ns, mark + piece, text) for mark, piece, text in parts])
 
     def _write(self, data: bytes) -> None:
         """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
@@ -239,21 +196,24 @@ class RecordingWriter:
         if self._file.closed:
             return
         self.flush()
+        self._index.append(BlockPlace(self.size, self.size, self._scans, self._now))  # of itself
         rows = b"".join(_ROW.pack(*row) for row in self._index)
-        self._write(self._journal_packets(INDEX + rows))
+        self._write(self._journal_packets(_with_check(INDEX, rows)))
         self._file.close()
 
 
 class Recording:
     """A recording to read; raise UserError where the file cannot be opened or is none of ours.
 
-    `stopped`: why reading ended before the end of the file, "" where it did not.
+    `stopped`: why reading ended before the end of the file, "" where it did not. Of a .gz bytes are counted
+    as it is unpacked.
     """
 
     def __init__(self, path: FileName) -> None:
         self.path = str(path)
         self.stopped = ""
         self.has_secrets = False  # of TLS, as far as it has been read
+        self._memory, self._unpacked, self._torn = ExitStack(), "", ""  # of a .gz; why it breaks off
         with self._opened() as file:
             self._check_head(file)
         self._index: list[BlockPlace] | None = None
@@ -262,9 +222,24 @@ class Recording:
     def _opened(self) -> IO[bytes]:
         try:
             with open_to_read(self.path) as file:
-                return open(os.dup(file.fileno()), "rb")
+                if not self._unpacked and os.read(file.fileno(), 2) == pcap.GZIP:
+                    self._unpack(file)
+                return open(self._unpacked or os.dup(file.fileno()), "rb")
         except (OSError, ValueError) as failed:
             raise mistake(self.path, reason_of(failed), "a recording that can be read") from None
+
+    def _unpack(self, packed: IO[bytes]) -> None:
+        """Unpack a .gz; what comes before a place where it is broken is kept."""
+        handle, self._unpacked = self._memory.enter_context(unnamed())
+        read, size = pcap.gunzip(packed.read, pcap.GZIP), 0
+        try:
+            while piece := read(pcap.CHUNK):
+                size += os.write(handle, piece)
+                if size > MOST_UNPACKED:
+                    expected = f"{MOST_UNPACKED} at most: unpack it with gunzip first"
+                    raise mistake(self.path, "more bytes in the .gz", expected)
+        except EOFError as failed:
+            self._torn = str(failed)
 
     def _check_head(self, file: IO[bytes]) -> None:
         """Raise UserError where the interface of our journal is not there."""
@@ -298,9 +273,14 @@ class Recording:
             if body[-4:] != head[4:]:
                 self._stop(at, "a block with two lengths", str(size))
                 return
+            if kind == pcap.SECTION and at:
+                self._stop(at, "a second capture after the first", "the end of the file")
+                return
             yield kind, body[:-4], at
             at += size
-        if head:
+        if self._torn:
+            self._stop(at, self._torn, "a whole file")
+        elif head:
             self._stop(at, "the end of the file", "the rest of a block")
 
     def _stop(self, at: int, found: str, expected: str) -> None:
@@ -312,23 +292,52 @@ class Recording:
             for kind, body, _ in self._blocks(file, 0):
                 yield kind, body
 
+    def damage(self) -> str:
+        """Read the whole file; return the first place at which it is not as it was written, "" for none."""
+        found: list[int] = []
+        try:
+            for block, place in self._journal(0, []):
+                where = f"{self.path}: byte {place.journal_at}"
+                found.append(place.journal_at)
+                if block.startswith(KEYFRAME):
+                    _keyframe_of(block, where)
+                elif block.startswith(INDEX):
+                    rows = _rows_of(block, place.packets_at, where)
+                    if rows and [max(set(row[:2]) - {IS_KEYFRAME}) for row in rows] != found:
+                        raise mistake(where, "an index of other blocks", "one of those before it")
+        except UserError as wrong:
+            return str(wrong)
+        return self.stopped
+
     def entries(self, first: int = 0) -> Iterator[Entry]:
-        """Yield the entries of the journal from block number `first` on, as far as they can be read."""
+        """Yield the entries of the journal from block number `first` on, as far as they can be read.
+
+        Raise UserError where not even the first one can.
+        """
         return chain.from_iterable(self._in_blocks(first))
 
     def _in_blocks(self, first: int) -> Iterator[Iterator[Entry]]:
         at = self.index()[first].packets_at if first else 0
         payloads: list[bytes] = []
-        blocks = (block for block, _ in self._journal(at, payloads))
+        found = self._journal(at, payloads, first)
+        blocks = (block for block, _ in found if not block.startswith((INDEX, KEYFRAME)))
+        number = first
         try:
-            yield from in_blocks(blocks, self.path, payloads, first)
+            for block in in_blocks(blocks, self.path, payloads, first):
+                number += 1
+                yield block
         except UserError as wrong:
+            if not number:
+                raise
             self.stopped = str(wrong)
 
-    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[tuple[bytes, BlockPlace]]:
-        """Yield the blocks of the journal with their places; before each, `payloads` are of its packets."""
+    def _journal(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
+        """Yield blocks of the journal from `number` on, keyframes and index, with their places.
+
+        Before each block `payloads` are of its packets. Raise UserError for one that was changed.
+        """
         pieces: list[bytes] = []
-        begun, journal_at, kept = -1, 0, 0
+        begun, journal_at, kept, check, is_over = -1, 0, 0, 0, False
         with self._opened() as file:
             for kind, body, place in self._blocks(file, at):
                 self.has_secrets |= kind == pcap.SECRETS
@@ -341,19 +350,24 @@ class Recording:
                 if kept > MOST_KEPT:
                     expected = f"a block of the journal after {MOST_KEPT} bytes at most"
                     raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
+                if is_over or (interface == JOURNAL and data[:1] not in (LAST, MORE)):
+                    expected = "the end of the file" if is_over else "a piece of the journal"
+                    raise mistake(f"{self.path}: byte {place}", "another packet", expected)
                 if interface != JOURNAL:
                     payloads.append(_payload(interface, data))
+                    check = zlib.crc32(body[: AT_DATA - 8 + size], check)
                     continue
                 journal_at = place if not pieces else journal_at
                 pieces.append(data[1:])
-                if data[:1] != MORE:
+                if data[:1] == LAST:
                     block = b"".join(pieces)
+                    is_over = block.startswith(INDEX)
                     if not block.startswith((INDEX, KEYFRAME)):
-                        yield block, BlockPlace(begun, journal_at, 0, 0)
-                    elif self._index is None and block.startswith(KEYFRAME):
-                        self._note_keyframe(journal_at, block)
+                        check_block(block, number, check, f"{self.path}: byte {begun}")
+                        number += 1
+                    yield block, BlockPlace(begun, journal_at, 0, 0)
                     payloads.clear()
-                    pieces, begun, kept = [], -1, 0
+                    pieces, begun, kept, check = [], -1, 0, 0
 
     def index(self) -> list[BlockPlace]:
         """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
@@ -368,12 +382,29 @@ class Recording:
         return self._index
 
     def _rebuilt(self) -> list[BlockPlace]:
-        self._keyframes = []
+        """Return the rows that the index would have; scans and times are counted by reading."""
+        rows: list[BlockPlace] = []
+        payloads: list[bytes] = []
+        scans = ns = 0
         try:
-            return list(self._found())
+            for block, row in self._journal(0, payloads):
+                if block.startswith(KEYFRAME):
+                    with suppress(UserError):
+                        frame = _keyframe_of(block, self.path)
+                        self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
+                elif not block.startswith(INDEX):
+                    row = row._replace(scans=scans, ns=ns)
+                    for entry in entries_of([block], self.path, payloads, len(rows)):
+                        if (
+                            isinstance(entry, Answered)
+                            and entry.call == STEP
+                            and isinstance(entry.answer, int)
+                        ):
+                            scans, ns = scans + 1, entry.answer
+                    rows.append(row)
         except UserError as wrong:
             self.stopped = str(wrong)
-            return []
+        return rows
 
     def keyframes(self) -> list[BlockPlace]:
         """Return where the keyframes stand, in their order; `scans` are those of the run."""
@@ -382,53 +413,34 @@ class Recording:
 
     def keyframe(self, place: BlockPlace) -> Keyframe:
         """Return a keyframe; raise UserError."""
-        pieces: list[bytes] = []
-        with self._opened() as file:
-            for kind, body, _ in self._blocks(file, place.packets_at):
-                if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8 or len(pieces) > MOST_PIECES:
-                    break
-                interface, _, _, size = _PACKET.unpack_from(body)
-                data = body[AT_DATA - 8 : AT_DATA - 8 + size]
-                if interface != JOURNAL:
-                    break
-                pieces.append(data[1:])
-                if data[:1] != MORE:
-                    frame = _keyframe_of(b"".join(pieces), self.path)
-                    if frame.scan == place.scans:
-                        return frame
-                    break
-        raise mistake(f"{self.path}: byte {place.packets_at}", "no keyframe", "one, as the index says")
+        where = f"{self.path}: byte {place.packets_at}"
+        found = next(self._journal(place.packets_at, []), None)
+        if found is not None and (frame := _keyframe_of(found[0], where)).scan == place.scans:
+            return frame
+        raise mistake(where, "no keyframe", "one, as the index says")
 
-    def _note_keyframe(self, at: int, block: bytes) -> None:
-        with suppress(UserError):
-            frame = _keyframe_of(block, self.path)
-            self._keyframes.append(BlockPlace(at, IS_KEYFRAME, frame.scan, frame.ns))
 
-    def _found(self) -> Iterator[BlockPlace]:
-        """Yield the rows that the index would have; scans and times are counted by reading."""
-        scans = ns = 0
-        payloads: list[bytes] = []
-        for number, (block, row) in enumerate(self._journal(0, payloads)):
-            before = scans, ns
-            for entry in entries_of([block], self.path, payloads, number):
-                if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
-                    scans, ns = scans + 1, entry.answer
-            yield row._replace(scans=before[0], ns=before[1])
+def _with_check(magic: bytes, content: bytes) -> bytes:
+    return magic + _LENGTH.pack(zlib.crc32(content)) + content
+
+
+def _checked(magic: bytes, block: bytes, where: str) -> bytes:
+    """Return the content of a keyframe or an index; raise UserError where it was changed."""
+    content = block[len(magic) + _LENGTH.size :]
+    if _with_check(magic, content) != block:
+        raise mistake(where, "another checksum", "that of the content")
+    return content
 
 
 def _keyframe_of(block: bytes, path: str) -> Keyframe:
     where = f"{path}: keyframe"
-    at = len(KEYFRAME) + _KEYFRAME.size
-    if len(block) < at + _LENGTH.size or not block.startswith(KEYFRAME):
-        raise mistake(where, f"{len(block)} bytes", "a keyframe")
-    version, scan, ns, steps, beyond, check, size = _KEYFRAME.unpack_from(block, len(KEYFRAME))
-    if version != KEYFRAME_VERSION:
-        raise mistake(where, f"version {version}", f"version {KEYFRAME_VERSION}, all that is known here")
-    (length,) = _LENGTH.unpack_from(block, at)
-    program, content = block[at + 4 : at + 4 + length], block[at + 4 + length :]
-    if zlib.crc32(content) != check:
-        raise mistake(where, "another checksum", "that of the state")
-    return Keyframe(program.decode(errors="replace"), scan, ns, steps, beyond, size, content)
+    content = _checked(KEYFRAME, block, where)
+    if len(content) < _KEYFRAME.size:
+        raise mistake(where, f"{len(content)} bytes", "a keyframe")
+    scan, ns, steps, beyond, size, length = _KEYFRAME.unpack_from(content)
+    at = _KEYFRAME.size + length
+    program = content[_KEYFRAME.size : at].decode(errors="replace")
+    return Keyframe(program, scan, ns, steps, beyond, size, content[at:])
 
 
 def _payload(interface: int, data: bytes) -> bytes:
@@ -440,7 +452,7 @@ def _payload(interface: int, data: bytes) -> bytes:
 def _written_index(file: IO[bytes]) -> list[BlockPlace]:
     """Return the rows of the index at the end of a file; [] where there is none that fits."""
     pieces: list[bytes] = []
-    whole = end = file.seek(0, os.SEEK_END)
+    end = file.seek(0, os.SEEK_END)
     while not (pieces and pieces[0].startswith(INDEX)):
         file.seek(max(0, end - _LENGTH.size))
         (size,) = _LENGTH.unpack(file.read(_LENGTH.size).ljust(_LENGTH.size, b"\0"))
@@ -455,9 +467,16 @@ def _written_index(file: IO[bytes]) -> list[BlockPlace]:
         if block[AT_DATA : AT_DATA + 1] != (MORE if pieces else LAST):
             return []
         pieces.insert(0, block[AT_DATA + 1 : AT_DATA + kept])
-    rows = b"".join(pieces)[len(INDEX) :]
-    if len(rows) % _ROW.size:
-        return []
-    found = [BlockPlace(*row) for row in _ROW.iter_unpack(rows)]
-    places = [place for row in found for place in (row.packets_at, row.journal_at) if place != IS_KEYFRAME]
-    return found if places == sorted(places) and (not places or places[-1] < whole) else []
+    with suppress(UserError):
+        return _rows_of(b"".join(pieces), end, "")[:-1]
+    return []
+
+
+def _rows_of(block: bytes, at: int, where: str) -> list[BlockPlace]:
+    """Return the rows of an index; [] where it stands elsewhere than it was written. Raise UserError."""
+    content = _checked(INDEX, block, f"{where}: index")
+    if len(content) % _ROW.size:
+        raise mistake(f"{where}: index", f"{len(content)} bytes", f"rows of {_ROW.size} bytes")
+    rows = [BlockPlace(*row) for row in _ROW.iter_unpack(content)]
+    places = [place for row in rows for place in row[:2] if place != IS_KEYFRAME]
+    return rows if places == sorted(places) and places[-1:] == [at] else []

@@ -23,6 +23,7 @@ from trcvtui.records import dataclass
 DISSECTOR: Final = "journal.lua"  # beside this file
 _PACKET_HEAD: Final = 20
 LEFT_OUT: Final = "the journal, left out"
+PLAIN: Final = "begins in the middle", "repeated: "  # how comments begin that have no names
 _IP_HEADER: Final = 20  # ours have no options
 _HEADERS: Final = {TCP: 20, UDP: 8}
 _SUM_AT: Final = {TCP: 16, UDP: 6}  # byte of the checksum in the header
@@ -57,6 +58,8 @@ def strip(source: str, target: str, out: LeaveOut) -> Iterator[str]:
         yield recording.stopped
     if not keeps_journal:
         yield f"{target}: a capture for Wireshark and trcvtui watch; it cannot be replayed"
+    if out.names and not out.payload:
+        yield f"{target}: it has all payload, with names and addresses in it; --no-payload leaves that out"
 
 
 class _Copy:
@@ -74,7 +77,9 @@ class _Copy:
                 self._interfaces += 1
             elif kind == pcap.ENHANCED_PACKET:
                 yield from self._packet(body)
-            elif kind == pcap.SECTION or not (self._out.secrets or self._out.payload):
+            elif kind == pcap.SECTION and self._out.names:
+                yield pcap.section_block("trcvtui")
+            elif kind == pcap.SECTION or not (self._out.secrets or self._out.payload or self._out.names):
                 yield pcap.block(kind, body)
 
     def _interface(self, body: bytes) -> bytes:
@@ -104,7 +109,7 @@ class _Copy:
         options = [*pcap.options_of(body, _PACKET_HEAD + size + (-size & 3), len(body), "<")]
         comments = [value.decode("utf-8", "replace") for code, value in options if code == pcap.COMMENT]
         sent = pcap.is_sent(dict(options).get(pcap.FLAGS), "<")
-        said = tuple(map(self._nameless, comments)) if self._out.names else tuple(comments)
+        said = tuple(filter(None, map(self._nameless, comments)) if self._out.names else comments)
         yield pcap.packet_block(interface, high << 32 | low, bytes(data), said, sent=sent)
 
     def _clear_ip(self, data: bytearray) -> None:
@@ -136,6 +141,8 @@ class _Copy:
 
     def _nameless(self, comment: str) -> str:
         name, colon, rest = comment.partition(": 16#")
+        if not colon:  # one of a file that begins in the middle; else nobody knows what is in it
+            return comment if comment.startswith(PLAIN) else ""
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 
 

@@ -24,6 +24,7 @@ class WouldBlock(Enum):
 ANY_ADDRESS: Final = "0.0.0.0"
 WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
 HELD_BACK: Final = WouldBlock.HELD_BACK
+OWN_END: Final = "own end"  # in place of an errno: of a connection that is played, its own end has closed it
 
 
 @dataclass(frozen=True, slots=True)

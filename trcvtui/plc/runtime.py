@@ -214,6 +214,11 @@ class Runtime:
         end = self._connections[connect].set_up.listening
         return end.port if end else None
 
+    def stands_since(self, connect: str) -> int:
+        """Return in which scan the newest connection of a CONNECT has come to stand; 0: in none."""
+        connection = self._connections.get(connect)
+        return 0 if connection is None else connection.since_scan
+
     @property
     def called(self) -> tuple[StatusEdge, ...]:
         """Return what the instances show that were due in the last scan, in call order."""

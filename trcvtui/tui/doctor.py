@@ -169,7 +169,7 @@ class FindingList(TextView):
         if scan is None and one.t_ns is not None and one.t_ns >= 0:
             t_ns = one.t_ns
             known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
-            scan = next(known, t_ns // max(snapshot.interval_ns, 1) + 1)
+            scan = next(known, max(1, snapshot.scan - (snapshot.t_ns - t_ns) // max(snapshot.interval_ns, 1)))
         return None if scan is None else EvidencePlace(instance=self._instance, scan=scan)
 
     def remedy(self) -> str:

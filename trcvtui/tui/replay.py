@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual import events
 from textual.binding import Binding
 from textual.widget import Widget
+from textual.widgets import Input
 
 from trcvtui.rig.snapshots import CANNOT, Position
 from trcvtui.rig.wording import utc_text
@@ -16,7 +17,7 @@ from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.tui.widgets.lines import ACTIONS, KeyLine
+from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
 from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:
@@ -35,6 +36,12 @@ CLICKS: Final = {
     "W": "what_if",
     "9": "line",
 }
+KEYS: Final = {  # what a pane may have for itself
+    "←→": ("left", "right"), "shift": ("shift+left", "shift+right"), "!": ("exclamation_mark",),
+    "+-": ("plus", "minus"), "space": ("space",),
+}  # fmt: skip
+CHANGES: Final = frozenset(("add", "change", "send"))  # what keys of panes do
+COMMANDS: Final = frozenset(("block", "peer"))  # panes of which all keys do
 ROWS: Final = 2
 TIMING: Final = 8  # the pane
 MOST_SAID: Final = 6  # lines of a what-if
@@ -96,6 +103,28 @@ class PositionLine(LineView, inherit_bindings=False):
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
 
 
+class ReplayKeys(KeyLine):
+    """Of a pane the keys that look only, then those of the replay that the pane has not for itself."""
+
+    _commands = False
+
+    def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
+        """Name the keys that do here what is said of them."""
+        panes = [*focused.ancestors_with_self] if focused is not None else []
+        self._commands = not isinstance(focused, Input) and any(pane.id in COMMANDS for pane in panes)
+        acts = focused.screen.active_bindings if focused is not None else {}
+        own = {key for key, active in acts.items() if active.node in panes[:-2]}  # the screen and the app
+        self._everywhere = tuple([pair for pair in EVERYWHERE if not own & {*KEYS.get(pair[0], ())}])
+        self._names = getattr(self.app, "key_names", {})
+        super().show_keys_of(focused, holding)
+
+    def show_keys(self, local: Keys, holding: bool) -> None:
+        """Leave out what would change the bench."""
+        some = [pair for pair in local if pair[1] not in CHANGES and (not self._commands or pair[0] == "C")]
+        self._actions = {key: action for key, action in CLICKS.items() if key not in dict(some)}
+        super().show_keys(tuple(some), holding)
+
+
 def _said(position: Position) -> tuple[str, ...]:
     return (position.what_if or position.beside)[:MOST_SAID]
 
@@ -127,9 +156,10 @@ class ReplayScreen(MainScreen):
         Binding("shift+right", "edge('+1')", "next edge", show=False),
         Binding("exclamation_mark", "at('error +1')", "next ERROR", show=False),
         Binding("quotation_mark,at", "at('error -1')", "ERROR before", show=False),
-        Binding("home", "at('1')", "first scan", show=False),
-        Binding("end", "at('end')", "last scan", show=False),
-        Binding("g", "prompt('at ')", "go to a scan or time", show=False),
+        # Before a pane that has the same keys for its rows.
+        Binding("home", "at('1')", "first scan", show=False, priority=True),
+        Binding("end", "at('end')", "last scan", show=False, priority=True),
+        Binding("g", "prompt('at ')", "go to a scan or time", show=False, priority=True),
         Binding("plus", "speed('+')", "play faster", show=False),
         Binding("minus", "speed('-')", "play slower", show=False),
         Binding("W", "what_if", "another value", show=False),
@@ -138,7 +168,7 @@ class ReplayScreen(MainScreen):
 
     def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
         super().__init__(view_model, submit)
-        self.key_line = KeyLine(EVERYWHERE, CLICKS)
+        self.key_line = ReplayKeys(EVERYWHERE, CLICKS)
         self.position = PositionLine(view_model)
         self._position_rows = ROWS
         self._is_beside = False  # is a run with another parameter shown beside
@@ -177,6 +207,11 @@ class ReplayScreen(MainScreen):
             self._arrange()
         super().show()
         self.position.show()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave `g`, home and end to a field that is typed into."""
+        is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
+        return not is_typed and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
         """Go to another scan."""

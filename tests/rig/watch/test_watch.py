@@ -7,7 +7,8 @@ import random
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,15 @@ from tests.capture.wire import (
     udp,
 )  # fmt: skip
 from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.capture.recording import RecordingWriter
 from trcvtui.cli import main
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.words import Set
+from trcvtui.rig.recording.recorder import RunRecorder
+from trcvtui.rig.watch.capture_player import CapturePlayer, plan_capture
 from trcvtui.rig.watch.command import MISSING
 from trcvtui.rig.watch.player import PlayedEnd
 
@@ -91,6 +96,14 @@ class Watch:
     def __call__(self, packets: list[bytes], *words: str, step_ms: int = 60) -> Watched:
         self.path.write_bytes(capture(packets, step_ns=step_ms * 1_000_000))
         return self.file(self.path, *words)
+
+    def refused(self, packets: list[bytes], *words: str) -> str:
+        """Return the one line of stderr."""
+        self.path.write_bytes(capture(packets))
+        self._capsys.readouterr()
+        assert main(["watch", str(self.path), *words]) == 2
+        (line,) = self._capsys.readouterr().err.splitlines()
+        return line
 
     def file(self, path: Path, *words: str) -> Watched:
         self._capsys.readouterr()
@@ -245,8 +258,17 @@ ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'
 def test_a_watch_row_says_which_line_a_connect_looks_on(
     watch: Watch, tmp_path: Path, row: str, is_watched: bool
 ) -> None:
-    seen = watch([*handshake(), *stream(12)], "--project", str(project(tmp_path, row, local=3000)))
-    assert (seen.jobs("R1")[-1:] == [("7008", 12)]) == is_watched
+    packets, words = [*handshake(), *stream(12)], ("--project", str(project(tmp_path, row, local=3000)))
+    if is_watched:
+        assert watch(packets, *words).jobs("R1")[-1:] == [("7008", 12)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
+
+
+def test_a_plc_that_no_conversation_has_is_refused_with_the_ends_that_are_there(watch: Watch) -> None:
+    line = watch.refused([*handshake(), *stream(12)], "--plc", "10.0.0.7")
+    assert line.startswith("--plc: found '10.0.0.7', which no conversation has, expected ")
+    assert line.endswith("one of the ends that are there: 10.0.0.5:2000, 10.0.0.9:51000")
 
 
 def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path) -> None:
@@ -298,6 +320,56 @@ def test_skipped_scans_are_as_if_each_had_passed(
     monkeypatch.setattr("trcvtui.rig.bench.bench.Bench.quiet_until", lambda self: self.now)
     assert [watch(packets, *way, step_ms=377).records for way in ways] == fast
     assert all(any(record.get("STATUS") == "7006" for record in records) for records in fast)
+
+
+# -- ends --------------------------------------------------------------------------------------------------
+
+FLOOD = [tcp(bytes(120), 101 + 120 * n, 501) for n in range(40)]  # 400 jobs of 12 bytes
+
+
+@pytest.mark.parametrize("flags", [FIN | ACK, RST | ACK])
+def test_a_plc_end_that_leaves_bytes_unread_ends_its_shadow_there(
+    watch: Watch, tmp_path: Path, flags: int
+) -> None:
+    bench = str(project(tmp_path))
+    flood = [*handshake(), *FLOOD, answer(seq=501, ack=4901, window=0)]
+    silence = [answer(seq=501, ack=4901, window=0)] * 20
+    end = [answer(seq=501, ack=4901, flags=flags, window=0), tcp(seq=4901, ack=502, flags=RST)]
+    whole, cut = (watch([*flood, *silence, *more], "--project", bench, step_ms=10) for more in ([], end))
+    assert cut.notes == [f"the PLC end has {'reset' if flags & RST else 'closed'} the connection"]
+    (*jobs, over), at = cut.of("R1"), len(flood) + len(silence) + 1
+    assert (over["STATUS"], over["ERROR"], over["scan"]) == ("7002", False, at + 2)  # it came a scan late
+    assert jobs == whole.of("R1")[: len(jobs)] and (len(dones(cut)), len(dones(whole))) == (31, 400)
+
+
+@pytest.mark.parametrize(("window", "size"), [(8192, 24), (8192 - 12, 12)])
+def test_what_the_window_of_the_plc_end_misses_its_shadow_does_not_read(
+    watch: Watch, window: int, size: int
+) -> None:
+    end = answer(seq=501, ack=125, flags=FIN | ACK, window=window)
+    stands = [answer(seq=501, ack=101)] * 21  # no scan between the bytes and the end
+    seen = watch([*handshake(), *stands, tcp(bytes(24), 101, 501), end], step_ms=3)
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", size)
+
+
+@pytest.mark.parametrize(("flags", "jobs"), [(FIN | ACK, 5), (RST | ACK, 3)])
+def test_after_the_partners_end_its_bytes_are_read_as_long_as_the_plc_end_stands(
+    watch: Watch, tmp_path: Path, flags: int, jobs: int
+) -> None:
+    frames = [tcp(bytes(12), 101 + 12 * n, 501) for n in range(5)]
+    fin, waits = tcp(seq=161, ack=501, flags=FIN | ACK), [answer(seq=501, ack=162)] * 5
+    packets = [*handshake(), *frames, fin, *waits, answer(seq=501, ack=162, flags=flags)]
+    seen = watch(packets, "--project", str(project(tmp_path)), step_ms=5)
+    assert len(dones(seen)) == jobs
+    assert seen.jobs("R1")[-1][0] == "80C5" and not seen.notes
+
+
+def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path: Path) -> None:
+    end = answer(seq=501, ack=113, flags=RST | ACK)
+    seen = watch(
+        [*handshake(), tcp(bytes(12), 101, 501), end], "--project", str(project(tmp_path)), step_ms=1
+    )
+    assert dones(seen) == [(12, None)]
 
 
 def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
@@ -416,14 +488,16 @@ def test_silence_in_which_a_program_waits_is_run_up_to_a_bound_that_is_told(
 
 
 def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.CaptureFixture[str]) -> None:
-    watch.path.write_bytes(capture([*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]))
+    packets = [*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]
+    watch.path.write_bytes(capture(packets, step_ns=60_000_000))
     assert main(["watch", str(watch.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(
         line.startswith("2023-11-14T22:13:20.") and line.endswith("C1_TO_PLC  7008  DONE 12 B")
         for line in lines
     )
-    assert any("C1_TO_PLC  80AA!  the partner reset" in line for line in lines)
+    assert any(line.endswith("C1: the PLC end has reset the connection") for line in lines)
+    assert [line.split("  ")[2] for line in lines if "the partner reset" in line] == ["C1_FROM_PLC"]
     assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 was played to C2, C2_BACK"]
 
 
@@ -659,3 +733,78 @@ def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: 
     seen = watch.file(tmp_path / "real.pcapng")
     assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
     assert seen.last["left_out"] == {}
+
+
+class Frames:
+    """The jobs of shadows: STATUS and bytes, and what is said of conversations."""
+
+    def __init__(self, path: Path, bench: Path, plc: str) -> None:
+        plan, found, _ = plan_capture([str(path)], bench, plc, None)
+        self.jobs, self.notes = list[tuple[int, bytes]](), list[str]()
+        self._player = CapturePlayer(plan, found.all, found.first_ns or 0, self)
+        self._player.play([str(path)])
+        self._player.close()
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        assert not lacking
+        self.jobs += jobs_of(self._player.shadows.bench, changed)
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        self.notes.append(text)
+
+
+def jobs_of(bench: Bench, edges: Sequence[StatusEdge]) -> list[tuple[int, bytes]]:
+    return [
+        (edge.outputs.status, bench.runtime.data("d") if edge.outputs.done else b"")
+        for edge in edges
+        if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
+    ]
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("by_plc", [False, True], ids=["the partner's end", "the PLC's own end"])
+def test_the_recording_and_a_capture_of_one_run_show_the_frames_of_the_run(
+    tmp_path: Path, by_plc: bool
+) -> None:
+    if shutil.which("dumpcap") is None:
+        pytest.skip("dumpcap is not installed")
+    path, jobs, text = tmp_path / "run.pcapng", list[tuple[int, bytes]](), random.Random(5).randbytes(79)
+    bench_file = project(tmp_path, "EN_R = true\nCONT = true", local=0)
+    with RunRecorder(lambda: RecordingWriter(path), path, secrets=False) as recorder:
+        bench = Bench(load_project(bench_file), "live", recorder.seam)
+        recorder.begin(bench, bench_file, (), is_scenario=False)
+        began = due = clock.now_ns()
+
+        def scan() -> None:
+            nonlocal due
+            while clock.now_ns() < due:
+                recorder.gap(bench)
+            due += 10_000_000
+            bench.step(clock.now_ns() - began)
+            bench.runtime.settle()
+            jobs.extend(jobs_of(bench, bench.runtime.changed))
+
+        while (port := bench.runtime.listening_port("C1")) is None:
+            scan()
+        wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
+        for at, size in zip(accumulate(PIECES, initial=0), PIECES, strict=False):
+            wire.send(text[at : at + size])
+            due = max(due, clock.now_ns())  # no scan makes up for the start of those programs
+            scan()
+        while len(bench.runtime.partial("R1")) != 7:  # six jobs of 12 bytes are done, the seventh has begun
+            scan()
+        if by_plc:
+            bench.do(Set("R1", (("COM_RST", True),)))
+        else:
+            wire.sender.communicate()
+        while bench.runtime.outputs("R1").status != 0x7002:
+            scan()
+        bench.close()
+        wire.end()
+    assert [data for _, data in jobs if data] == [text[at : at + 12] for at in range(0, 72, 12)]
+    for seen in (
+        Frames(path, bench_file, f"127.0.0.1:{port}"),
+        Frames(tmp_path / "real.pcapng", bench_file, f"127.0.0.1:{port}"),
+    ):
+        assert seen.jobs == jobs
+        assert seen.notes == ["the PLC end has reset the connection"] * by_plc

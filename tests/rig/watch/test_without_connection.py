@@ -97,9 +97,11 @@ def test_a_dialect_without_datagrams_says_so(watch: Watch) -> None:
 def test_the_udp_config_of_a_project_is_that_of_its_port_or_of_a_watch_row(
     watch: Watch, tmp_path: Path, more: str, words: tuple[str, ...], is_watched: bool
 ) -> None:
-    seen = watch([udp(bytes(8))], "--project", str(project(tmp_path, UDP + more)), *words)
-    assert seen.jobs("R1") == ([("7008", 8)] if is_watched else [])
-    assert bool(seen.last["unassigned"]) is not is_watched
+    packets, words = [udp(bytes(8))], ("--project", str(project(tmp_path, UDP + more)), *words)
+    if is_watched:
+        assert watch(packets, *words).jobs("R1") == [("7008", 8)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
 
 
 def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path: Path) -> None:
@@ -107,6 +109,42 @@ def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path:
     first, second = seen.jobs("R1")
     assert first[0].startswith("80")
     assert second == ("7008", 8)
+
+
+SIEMENS = """
+dialect = "s7-1500"
+[[data]]
+name = "d"
+type = "ARRAY[0..7] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_v4"
+ConnectionType = 19
+LocalPort = 2000
+ListenPort = 0
+[[addr]]
+name = "FROM"
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+addr = "FROM"
+data = "d"
+"""
+
+
+@pytest.mark.parametrize(("text", "error", "done"), [(UDP, "80AA", "7008"), (SIEMENS, "80C9", "0000")])
+def test_a_datagram_above_data_is_the_error_also_where_the_capture_has_cut_it_off(
+    watch: Watch, tmp_path: Path, text: str, error: str, done: str
+) -> None:
+    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
+    for n, (size, left_out) in enumerate([(9, 1), (9, 0), (8, 3), (8, 0)]):
+        data = udp(bytes(size))
+        blocks.append(packet_block(0, NS + n * 60_000_000, data[: len(data) - left_out], length=len(data)))
+    watch.path.write_bytes(b"".join(blocks))
+    seen = watch.file(watch.path, "--project", str(project(tmp_path, text)), "--plc", "10.0.0.5")
+    told = [(r["STATUS"], "note" in r) for r in seen.of("R1") if r["ERROR"] or r["RCVD_LEN"]]
+    assert told == [(error, True), (error, False), (done, True), (done, False)]
 
 
 def test_a_datagram_that_the_capture_has_cut_off_is_a_job_that_lacks_bytes(watch: Watch) -> None:

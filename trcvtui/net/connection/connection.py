@@ -29,7 +29,7 @@ from trcvtui.net.events import (
 )
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, DirectRead, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
-from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.records import dataclass, replace
 
 
@@ -87,6 +87,8 @@ def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> Connect
 
     `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
     """
+    if fault is not None and fault.error == OWN_END:
+        return ConnectionLoss(LossKind.OURS, peer)
     if may_refuse and fault is not None and fault.error == TlsError.REFUSED:
         kind = LossKind.REFUSED
     elif fault is None or fault.error in ENDED_ERRORS:

@@ -97,7 +97,7 @@ class PortTable:
 
 NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered (2.3)
 TIME_WAIT: Final = 60 * SECOND
-PLAYED_ROOM: Final = 1 << 20  # bytes of a played partner that nobody has taken
+PLAYED_ROOM: Final = 8 << 20  # bytes of a played partner that nobody has taken
 
 
 class SimListener:

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final, Protocol
 
 from trcvtui.net.kernel import PathInfo
-from trcvtui.net.results import ANY_ADDRESS, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
+from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
 from trcvtui.records import NamedTuple, dataclass
 
@@ -128,6 +128,12 @@ class SendHalf:
             self.next = end + 1
             return seq, data, Flag.FIN
         return (seq, data, Flag.NONE) if data else None
+
+    def take_back(self, size: int) -> int:
+        """Forget the newest bytes of what the window holds back, so many at most; return how many."""
+        size = min(size, self.unsent)
+        del self._queue[len(self._queue) - size :]
+        return size
 
     def clear(self) -> None:
         """Forget what is queued: the connection is over."""
@@ -399,6 +405,18 @@ class SimStream:
             self._end(linger=False)
         if was_open:
             self._wire.carry(self, RESET)
+
+    def take_back(self, size: int) -> None:
+        """Let the newest bytes that the partner's program has not read never have come, so many at most."""
+        size -= self._out.take_back(size)
+        inbox = self.partner._in.inbox if self.partner is not None else bytearray()
+        del inbox[max(len(inbox) - size, 0) :]
+
+    def leave(self) -> None:
+        """Let the partner's program end the connection, as one that is played has ended it."""
+        if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
+            self.partner.give_up("EPIPE" if self.partner._in.fin else OWN_END)
+        self.abort()
 
     # -- the handshake -------------------------------------------------------------------------------
 

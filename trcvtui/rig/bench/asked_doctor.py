@@ -46,6 +46,10 @@ class Judge(Protocol):
         """Find out whether it has ended."""
         ...
 
+    def close(self) -> None:
+        """Let it look no more."""
+        ...
+
 
 class BenchDoctor:
     """Asks a judge for lines at the prompt and for the card."""

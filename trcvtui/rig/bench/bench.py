@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
+NEVER: Final = 1 << 62
 
 
 def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
@@ -152,6 +153,8 @@ class Bench:
         self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
         self.plan = FaultPlan()
         self.now = 0
+        self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
+        self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
         self._is_replay = seam is not None and seam.answers
         self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
@@ -362,7 +365,7 @@ class Bench:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
-            for at in self._told_times() if self._is_replay else self._due_times(due):
+            while isinstance(at := self._acts_at(due), int):
                 self._outside("rest", at, partial(self._act, at))
         if self._seam is None:
             self._pass(due)
@@ -386,7 +389,10 @@ class Bench:
             self._seam.is_busy = False
 
     def _pass(self, now: int) -> None:
-        self.now = now
+        late, interval = now - self._scan_at, self.runtime.interval_ns
+        self.late_ns = late if late > interval // 2 else 0
+        self.late_scans += late > interval // 2
+        self.now, self._scan_at = now, now + interval if self.kernel_name == "live" else NEVER
         if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
@@ -423,28 +429,21 @@ class Bench:
                     contained.out.add(("peer", name))
 
     def rest(self) -> None:
+        self._scan_at = NEVER
         self._outside("rest", 0, self.step_peers)
 
-    def _due_times(self, scan: int) -> Iterator[int]:
-        """Yield when a peer is due, or something moves on the simulated network, before a scan.
+    def _acts_at(self, scan: int) -> object:
+        """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
 
-        All are multiples of the shortest interval that a task can have, so that there are only so many.
+        It is a multiple of the shortest interval that a task can have, so that there are only so many.
         """
+        if self._is_replay:
+            entry = cast("Replay", self._seam).coming()
+            return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
         assert self._sim is not None
-        while True:
-            due = min(scan, self._sim.due or scan, *self._due())
-            at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
-            if at >= scan:
-                return
-            yield at
-
-    def _told_times(self) -> Iterator[int]:
-        """Yield when peers acted before a recorded scan."""
-        while (entry := cast("Replay", self._seam).coming()) is not None and entry.call == "rest":
-            at = entry.args[0] if entry.args else None
-            if type(at) is not int:
-                return
-            yield at
+        due = min(scan, self._sim.wire.agenda.due or scan, *self._due())
+        at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
+        return at if at < scan else None
 
     def _act(self, at: int) -> None:
         self.now = at

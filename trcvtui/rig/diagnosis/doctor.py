@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.packets import NotRead
-from trcvtui.capture.plc_end import KnownEnds, parse_plc
+from trcvtui.capture.plc_end import KnownEnds, fits_nothing, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.errors import UserError, one_line
 from trcvtui.records import NamedTuple
@@ -162,10 +162,7 @@ def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]
         return facts.lines
     found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
     if not found and facts.lines:
-        from trcvtui.errors import mistake
-
-        ends = sorted({end for line in facts.lines for end in (line.plc, line.partner)})
-        raise mistake("--plc", f"'{asked.plc}', which no conversation has", "one of " + ", ".join(ends[:8]))
+        raise fits_nothing("--plc", f"'{asked.plc}', which no conversation has", facts.found.all)
     return found
 
 

@@ -1,7 +1,4 @@
-"""The partner of the PLC, over TCP or UDP: commanded, and what it does by itself.
-
-It is stepped around each scan, on the simulated network also in between, whenever it is `due`.
-"""
+"""The partner of the PLC, over TCP or UDP: commanded, stepped when it is due; and what it does by itself."""
 
 from __future__ import annotations
 
@@ -45,6 +42,7 @@ class Peer:
         self.transport: DatagramTransport | StreamTransport = transport(
             decl, kernel, resolve, self.queues, options
         )
+        self.due = self.queues.outbox.next_due
         # What the transport does alone.
         self.listen = self.transport.listen
         self.connect = self.transport.connect
@@ -90,11 +88,6 @@ class Peer:
     def unsent(self) -> int:
         """Return how many bytes are still to come, those of all repetitions included."""
         return self.queues.outbox.unsent
-
-    def due(self, now: int) -> int | None:
-        """Return when it sends next; None: nothing, or it waits for room in the stack."""
-        due = self.queues.outbox.planned
-        return due if due is not None and due > now else None
 
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""

@@ -151,14 +151,13 @@ class Outbox:
         """Return how many more answers may wait."""
         return max(0, MOST_WAITING - len(self._sendings))
 
-    @property
-    def planned(self) -> int | None:
-        """Return when something is or was due next, None while nothing waits."""
-        return self._sendings[0].due if self._sendings else None
+    def next_due(self, now: int) -> int | None:
+        """Return when something is due next; None: never, or it waits for room in the stack."""
+        return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
     def due(self, now: int) -> memoryview | None:
         """Return what is to be sent now, None while nothing is due."""
-        if self.planned is None or self.planned > now:
+        if not self._sendings or self._sendings[0].due > now:
             return None
         return self._sendings[0].rest
 

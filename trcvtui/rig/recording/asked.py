@@ -68,6 +68,11 @@ class ProcessJudge:
             if content is not None:
                 self.judged, self._answer = content, None
 
+    def close(self) -> None:
+        """Let it look no more."""
+        if self._answer is not None:
+            self._answer.close()
+
 
 class FilesJudge(ProcessJudge):
     """Judges captures and recordings: `files` gives their names when it is asked."""

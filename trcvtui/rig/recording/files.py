@@ -5,6 +5,7 @@ Rule 2: each file begins with the beginning of the run. Where scans lie between,
 a file runs again from its first keyframe.
 Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
 what-if begins there; and it has keyframes.
+Rule 4: packets of connections go on from file to file; those of entries that stand in no file are passed by.
 Bound: MOST_KEPT entries wait for a trigger.
 """
 
@@ -14,6 +15,7 @@ import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterable
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -21,7 +23,6 @@ from trcvtui.capture.journal import (
     DO,
     ENDED_HERE,
     STEP,
-    WITH_BYTES,
     Answered,
     BlockWriter,
     EntriesLost,
@@ -37,6 +38,7 @@ from trcvtui.records import NamedTuple, dataclass
 
 if TYPE_CHECKING:
     from trcvtui.capture.journal import Keyframe
+    from trcvtui.capture.run_packets import RunPackets
 
 SUFFIX: Final = ".pcapng"
 TRIGGER: Final = "trigger"  # the first word of the line that tells of one
@@ -74,6 +76,14 @@ class FileSink(Sink, Protocol):
         ...
 
 
+class NumberedFile(FileSink, Protocol):
+    """Who writes one of several files of a run."""
+
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        ...
+
+
 class OldBlock(NamedTuple):
     """Entries that stand before those that wait for a trigger."""
 
@@ -96,10 +106,18 @@ class NumberedFiles:
 
     trouble = ""  # what goes wrong is raised
 
-    def __init__(self, folder: Path, stem: str, limits: FileLimits, new: Callable[[Path], FileSink]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        stem: str,
+        limits: FileLimits,
+        new: Callable[[Path], NumberedFile],
+        packets: RunPackets,
+    ) -> None:
+        self._packets = packets
         self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
         self._begins: RunBegins | None = None
-        self._file: FileSink | None = None
+        self._file: NumberedFile | None = None
         self._path = Path()
         self._files: list[Path] = []
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
@@ -153,7 +171,9 @@ class NumberedFiles:
         while len(self._scans) > 1 and (self._kept > MOST_KEPT or self._scans[0][0] < now - before):
             some = self._scans.popleft()[1]
             self._kept -= len(some)
-            self._remember(some)
+            if some:  # no file has it
+                self._packets.pass_by(some)
+                self._remember(some)
 
     def _remember(self, some: list[Entry]) -> None:
         """Keep the entries of a scan, before those that wait; what is too old is counted alone."""
@@ -163,7 +183,7 @@ class NumberedFiles:
             self._passed_scans += scans
             return
         for entry in some:
-            if not (isinstance(entry, WireCall) and entry.call in WITH_BYTES):  # no packets of so long ago
+            if not isinstance(entry, WireCall):
                 self._block.take(entry)
                 self._in_block += 1
         self._scans_in_block += scans
@@ -201,8 +221,8 @@ class NumberedFiles:
         self._file.take([*([self._begins] if self._begins else []), *self._secrets, *lost])
         if self._in_block:
             self._end_block()
-        for old in self._old:
-            self._file.take(entries_of([old.block], str(self._path)))
+        blocks = [entries_of([old.block], str(self._path)) for old in self._old]
+        self._file.go_on(self._packets, chain.from_iterable(blocks))
         self._file_from = self._passed_scans
         if self._limits.before_ns < 0:
             self.first_scan = self._file_from
@@ -271,10 +291,11 @@ class RecordTo:
     def file_sink(self, file: Path) -> FileSink:
         """Return what writes, and nothing beside it."""
         from trcvtui.capture.recording import RecordingWriter
+        from trcvtui.capture.run_packets import RunPackets
 
         if self.limits is None:
             return RecordingWriter(file, self.overwrite)
-        return NumberedFiles(self.target, file.name, self.limits, RecordingWriter)
+        return NumberedFiles(self.target, file.name, self.limits, RecordingWriter, RunPackets())
 
 
 def next_number(folder: Path, stem: str) -> int:

@@ -33,7 +33,7 @@ def check(run: RunAgain) -> str:
 def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
     """Write what the run has printed, or would have; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
-    report = JsonLines(write, bench.runtime.interval_ns)
+    report = JsonLines(write, bench.runtime.interval_ns, bench)
     if scenario is None or bench.runtime.scans:  # of one that begins in the middle the steps are gone
         while run.scan():
             if bench.runtime.changed:
@@ -54,7 +54,10 @@ def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
 def what_if_file(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
-    """Run a recording again beside itself with other parameters; return 0 whether they part or not."""
+    """Run a recording again beside itself with other parameters; return 0 whether they part or not.
+
+    1: the file is not as it was written.
+    """
     from trcvtui.capture.recording import Recording
     from trcvtui.rig.replay.what_if import WhatIf, print_both
 
@@ -69,9 +72,10 @@ def what_if_file(
         else:
             run.play()
             sys.stdout.writelines(f"{line}\n" for line in run.summary())
-    if recording.stopped or run.trouble:
-        sys.stderr.write(f"{recording.stopped or run.trouble}\n")
-    return SAME
+    damage = recording.damage()
+    if damage or run.trouble:
+        sys.stderr.write(f"{damage or run.trouble}\n")
+    return DIFFERS if damage else SAME
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
@@ -90,7 +94,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
         sys.stdout.write(f"{told}\n")
         return DIFFERS
     if is_check:
-        wrong = check(run) or recording.stopped
+        wrong = recording.damage() or check(run)
         scans = f"{run.bench.runtime.scans} scans"
         if keyframes.first:
             scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
@@ -100,7 +104,9 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
         return DIFFERS if wrong else SAME
     try:
         with restored_state(run.is_restored, str(path)):
-            return SAME if print_jsonl(run, sys.stdout.write) else DIFFERS
+            result, wrong = SAME if print_jsonl(run, sys.stdout.write) else DIFFERS, ""
     except UserError as told:
-        sys.stderr.write(f"{recording.stopped or told}\n")
-        return DIFFERS
+        result, wrong = DIFFERS, str(told)
+    if wrong := recording.damage() or wrong:
+        sys.stderr.write(f"{wrong}\n")
+    return DIFFERS if wrong else result

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
+from trcvtui.project.tables import shown
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.engine.update_pipe import UpdatePipe
-from trcvtui.rig.replay.survey import read_at
+from trcvtui.rig.replay.survey import END, FIRST, read_at
 from trcvtui.signals import OF_A_TERMINAL, leave
+from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:
     from trcvtui.rig.replay.time_line import TimeLine
@@ -25,10 +27,11 @@ PLAY_S: Final = 0.02  # between two looks at the clock while it plays
 
 
 class ReplayDriver(EngineDriver):
-    """The replay of a recording in a process of its own; `at` says where it opens."""
+    """The replay of a recording in a process of its own; `at` says where it opens, None: the first to see."""
 
-    def __init__(self, path: Path, at: str) -> None:
-        read_at(at, "--at")  # found out here, where there is no screen yet
+    def __init__(self, path: Path, at: str | None) -> None:
+        if at is not None:
+            read_at(at, "--at")  # found out here, where there is no screen yet
         self._recording = path, at
         super().__init__(path, "replay")
 
@@ -36,20 +39,38 @@ class ReplayDriver(EngineDriver):
         return replay_main, self._recording
 
 
-def replay_main(channel: Channel, path: Path, at: str) -> None:
+def replay_main(channel: Channel, path: Path, at: str | None) -> None:
+    serve_screen(channel, lambda: opened(path, at))
+
+
+def opened(path: Path, at: str | None) -> TimeLine:
+    """Return the replay at `at`; raise UserError where the recording has no such scan."""
+    from trcvtui.capture.journal import STEP, Answered
     from trcvtui.capture.recording import Recording
     from trcvtui.rig.replay.time_line import TimeLine  # the screen's side needs none of it
 
-    serve_screen(channel, lambda: TimeLine(Recording(path), str(path), read_at(at, "--at")))
+    recording, to = Recording(path), FIRST if at is None else read_at(at, "--at")
+    line = TimeLine(recording, str(path), to)
+    if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.index():
+        return line
+    scan, ns = recording.index()[-1].scans, recording.index()[-1].ns
+    for entry in recording.entries(len(recording.index()) - 1):
+        if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
+            scan, ns = scan + 1, entry.answer
+    first, last = line.survey.first + 1, line.survey.passed + scan
+    if not (first <= to <= last if isinstance(to, int) else to[1] <= ns):
+        expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}"
+        raise mistake("--at", shown(at), f"{expected}: {path} has no more")
+    return line
 
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
     """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
 
     def run() -> None:
-        time_line = begin()
-        channel.send(time_line.controller.bench.project)
-        _serve(channel, time_line)
+        with closing(begin()) as time_line:
+            channel.send(time_line.controller.bench.project)
+            _serve(channel, time_line)
 
     serve_until_gone(channel, run)
 

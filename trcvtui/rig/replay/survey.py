@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Final, cast
 
@@ -20,10 +20,11 @@ PIECES: Final = 1000  # of the run: in which of them an ERROR comes
 READ_AT_ONCE: Final = 256  # entries
 NOTE: Final = "note "  # how a line begins that tells of a capture
 NOTES_SHOWN: Final = 2
-ERROR_AT: Final = 4  # in what SHOWS tells
-AT_LINES: Final = "a scan, T#.., +1, -1, end, edge +1 INSTANCE or error +1"
+DONE_AT, ERROR_AT = 3, 4  # in what SHOWS tells
+AT_LINES: Final = "a scan, T#.., end, edge +1 INSTANCE or error +1"
 
-Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose
+Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose; FIRST
+FIRST: Final = "first", 1, ""  # the first ERROR; where there is none, finding; else DONE
 
 
 def read_at(text: str, where: str) -> int | Search:
@@ -41,7 +42,8 @@ def read_at(text: str, where: str) -> int | Search:
             return "error", int(step), ""
         case ["edge", "+1" | "-1" as step, name]:
             return "edge", int(step), name
-    raise mistake(where, shown(text) if text else "nothing more", AT_LINES)
+    expected = f"+1, -1, {AT_LINES}" if where == "prompt" else AT_LINES
+    raise mistake(where, shown(text) if text else "nothing more", expected)
 
 
 class Survey:
@@ -51,10 +53,13 @@ class Survey:
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
-        self.first, self._offset = first, offset
+        self.first, self.passed = first, offset  # the last scan that was passed
         self.times = array("q")  # ns, of each scan that was run
         self._scans = array("q")  # its number
         self.errors = array("q")  # scans in which an ERROR comes
+        self.findings: dict[int, str] = {}  # what the doctor has found, by its scan
+        self.is_judged = False  # they are known
+        self.first_done = 0  # the scan of it
         self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
         self.trouble = ""  # why the recording ends before the run
         self.is_over = False
@@ -126,6 +131,8 @@ class Survey:
             self._skipped += cast(int, entry.args[0])
         elif entry.call == SHOWS and self.times:
             self.edges.setdefault(entry.owner, array("q")).append(self.last)
+            if entry.args[DONE_AT : DONE_AT + 1] == (True,):
+                self.first_done = self.first_done or self.last
             if entry.args[ERROR_AT : ERROR_AT + 1] == (True,) and self.last not in self.errors[-1:]:
                 self.errors.append(self.last)
         elif entry.call == DO and str(entry.args[0]).startswith(NOTE):
@@ -135,11 +142,11 @@ class Survey:
         return False
 
     def _step(self, ns: int) -> None:
-        self._offset += self._skipped + 1  # those that were counted and not run have no time of their own
+        self.passed += self._skipped + 1  # those that were counted and not run have no time of their own
         self._skipped = 0
-        if self._offset > self.first:
+        if self.passed > self.first:
             self.times.append(ns)
-            self._scans.append(self._offset)
+            self._scans.append(self.passed)
 
     def _end(self) -> None:
         self.is_over = True
@@ -160,14 +167,20 @@ class Survey:
         if kind == "time":
             scan = self.scan_at(step)
             return scan if scan <= self.last else self.last if self.is_over else None
-        scans = self.errors if kind == "error" else self.edges.get(name, array("q"))
+        is_read = self.is_over and (self.is_judged or kind == "edge")
+        if search == FIRST:
+            seen = self.errors or self.findings or (self.first_done or self.first + 1,)
+            return min(seen) if self.errors or is_read else None
+        scans: Sequence[int] = (
+            self.edges.get(name, ()) if kind == "edge" else sorted({*self.errors, *self.findings})
+        )
         if step < 0 and (start <= self.last or self.is_over):
             before = bisect_left(scans, start)
-            return scans[before - 1] if before else END
+            return scans[before - 1] if before else END if is_read else None
         after = bisect_right(scans, start)
         if step > 0 and after < len(scans):
             return scans[after]
-        return END if self.is_over else None
+        return END if is_read else None
 
     def marks(self) -> bytes:
         """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""

@@ -26,7 +26,7 @@ from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.recording.asked import FilesJudge
 from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.survey import END, Search, Survey, read_at
+from trcvtui.rig.replay.survey import END, FIRST, Search, Survey, read_at
 from trcvtui.rig.replay.what_if import Change, WhatIf
 from trcvtui.rig.snapshots import BESIDE, CANNOT, EngineTiming, Position
 from trcvtui.udt.literals import parse_time
@@ -155,7 +155,10 @@ class ReplayController(Controller):
         """Return what a picture is made of, with the position in the recording."""
         bare = super().collect(request, timing, most_lines)
         of = "replay" if self.position is None or self.position.first_ns is None else "capture"
-        return bare._replace(update=replace(bare.update, position=self.position, kernel=of))
+        doctor = bare.update.doctor
+        if self.position is not None:  # what has looked has seen all of the file
+            doctor = replace(doctor, scan=self.position.last_scan)
+        return bare._replace(update=replace(bare.update, position=self.position, kernel=of, doctor=doctor))
 
 
 class CaptureRun(NamedTuple):
@@ -180,6 +183,7 @@ class TimeLine:
         self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
         judge = FilesJudge(lambda: (journal.path,)) if isinstance(journal, Recording) else None
         self._doctor = BenchDoctor(), capture.judge if capture is not None else judge
+        self._wants_findings, self.survey.is_judged = False, self._doctor[1] is None
         self.controller = ReplayController(keyframes.begin(), self._obey, self._doctor)
         self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
         self._wanted = self._least = keyframes.first + 1
@@ -246,6 +250,7 @@ class TimeLine:
             self._wanted = max(self._least, to)
         else:
             self._search = to
+            self._wants_findings |= to[0] in ("error", FIRST[0])
 
     def _stop(self) -> None:
         self.controller.disarm()
@@ -280,7 +285,8 @@ class TimeLine:
             return True
         if not self.survey.is_over:
             self.survey.go_on(until)
-        return not self.survey.is_over or self._search is not None or self._goal() != self.controller.at
+            return True
+        return self._goal() != self.controller.at  # for the doctor nothing here has to be done
 
     def _go_on_beside(self, beside: RunBeside, until: int) -> None:
         """Let both runs go on; at the end go where they part."""
@@ -307,6 +313,13 @@ class TimeLine:
     def _look(self) -> None:
         """Find out what is wanted now: by the clock while it plays, by what is looked for."""
         survey = self.survey
+        if survey.is_over and not survey.is_judged and self._doctor[0].snapshot.looks:
+            for one in self._doctor[0].snapshot.findings:
+                if one.scan is not None or one.t_ns is not None:
+                    scan = one.scan if one.scan is not None else survey.scan_at(one.t_ns or 0)
+                    scan = max(self._least, min(scan, survey.last))
+                    survey.findings.setdefault(scan, one.cause)
+            survey.is_judged = True
         if self._since is not None:
             began, t_ns = self._since
             speed = SPEEDS[self._speed]
@@ -316,13 +329,16 @@ class TimeLine:
             found = survey.found(self._search, self._wanted)
             if found is None:
                 return
-            kind, step, name = self._search
+            _, step, name = self._search
             self._search = None
             if found == END:
                 which = "later" if step > 0 else "earlier"
-                self._note = f"no {which} {f'edge of {name}' if name else kind}"
+                self._note = f"no {which} {f'edge of {name}' if name else 'ERROR, no finding'}"
+                self._note += f"; {trouble}" if (trouble := self._doctor[0].snapshot.trouble) else ""
             else:
                 self._wanted = found
+                if not name and found in survey.findings:
+                    self._note = f"finding: {survey.findings[found]} (J)"
         if survey.is_over and self._wanted >= survey.last:
             self._wanted = survey.last
             if self.controller.at >= survey.last:
@@ -369,6 +385,11 @@ class TimeLine:
             self.controller, self._coming = self._coming, None
         return has_moved
 
+    def close(self) -> None:
+        """Let the doctor look no more."""
+        if self._doctor[1] is not None:
+            self._doctor[1].close()
+
     def collect(self, request: UpdateRequest) -> BareUpdate:
         """Return what a picture is made of."""
         survey, controller, beside = self.survey, self.controller, self._beside
@@ -391,6 +412,8 @@ class TimeLine:
             self._capture.first_ns if self._capture else None,
             (*self._capture.notes, *survey.notes_before(controller.at)) if self._capture else (),
         )
+        wants = self._wants_findings and survey.is_over and not survey.is_judged
+        request = replace(request, doctor=request.doctor or wants)
         return controller.collect(request, EngineTiming(mode="replay"), request.most_lines)
 
 

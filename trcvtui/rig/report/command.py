@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Iterator
 from hashlib import sha256
+from html import escape
 from itertools import chain
 from pathlib import Path
 
 from trcvtui.capture.journal import DO, HOLDS_SECRETS, SHOWS, STEP, Answered, Entry
 from trcvtui.capture.recording import Recording
-from trcvtui.errors import UserError, mistake
-from trcvtui.files import open_to_read, reason_of, replacing
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.doctor import DoctorQuestion, try_to_judge
 from trcvtui.rig.diagnosis.lint import receivers_of
@@ -20,7 +22,7 @@ from trcvtui.rig.history.records import Moment
 from trcvtui.rig.replay.job_facts import recorded_facts
 from trcvtui.rig.replay.keyframes import Journal, Keyframes
 from trcvtui.rig.replay.run_again import RunAgain, restored_state
-from trcvtui.rig.report.page import MARK, FoundCause, ReportSource, page
+from trcvtui.rig.report.page import MARK, FoundCause, ReportSource, last_part, page
 from trcvtui.rig.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
 from trcvtui.rig.scenario.runner import Runner, Verdict
 from trcvtui.rig.scenario.scenario import load_bench
@@ -116,22 +118,24 @@ def recording_source(
 ) -> ReportSource:
     """Return what the page says of a recording."""
     begins = run.begins
-    files = [(_last(name), str(len(data)), sha256(data).hexdigest()) for name, data in begins.files]
+    files = [(last_part(name), str(len(data)), sha256(data).hexdigest()) for name, data in begins.files]
     return ReportSource(
-        verdict.scenario if verdict is not None else _last(begins.path),
+        verdict.scenario if verdict is not None else last_part(begins.path),
         f"run again from the recording, {count(notes.seen.scan, 'scan')}: the same",
         stopped,
         begins.wall_ns,
         f"simulated network, seed {begins.seed}" if begins.kernel == "sim" else "real network",
         f"{file}, a recording of trcvtui {begins.program}",
         digest,
-        (*files, *((_last(name), "", known) for name, known in begins.digests)),
+        (*files, *((last_part(name), "", known) for name, known in begins.digests)),
     )
 
 
-def _last(path: str) -> str:
-    """Return the name of a file without its folders: they say who made it, and nothing else."""
-    return path.replace("\\", "/").rpartition("/")[2]
+def _folders(files: FilesRead, path: str) -> list[str]:
+    """Return what a run's files have before their names, as a page would have it, the longest first."""
+    names = [os.path.join(files.folder, name) for name in ("", path, *files.contents, *files.digests)]
+    before = {name.removesuffix(last_part(name)) for name in names}
+    return sorted([escape(one_line(each)) for each in before if len(each) > 1], key=len, reverse=True)
 
 
 def report_file(
@@ -153,7 +157,7 @@ def report_file(
     except (OSError, ValueError) as failed:
         raise mistake(str(path), reason_of(failed), "a recording or a capture that can be read") from None
     named = f"{path.name}, {size} bytes"
-    recording = None if any(shadows) else _recording(path)
+    recording, folders = None if any(shadows) else _recording(path), list[str]()
     findings, verdict = _findings(path, shadows[0], shadows[1]), None
     gc.collect()  # the conversations of a large capture stand once in the memory, not twice
     if recording is None:
@@ -162,7 +166,7 @@ def report_file(
         source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
     else:
         run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
-        lines = [recording.stopped or stopped]
+        lines, folders = [recording.damage() or stopped], _folders(run.replay.files, run.begins.path)
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
         lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
@@ -170,6 +174,8 @@ def report_file(
     is_restored = recording is not None and run.is_restored
     with restored_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
         for part in page(source, notes, verdict):
+            for folder in folders:
+                part = part.replace(folder, "")
             file.write(part.encode())
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))
     return ENDS_EARLY if source.stopped else WHOLE

@@ -24,6 +24,7 @@ from trcvtui.rig.report.run_notes import (
     BUSY,
     DONE,
     ERROR,
+    MOST_LATE,
     UP,
     EdgeTold,
     EventTold,
@@ -46,6 +47,7 @@ MOST_HEX: Final = 512  # bytes of a frame
 MOST_TEXT: Final = 20_000  # characters of `start` and `program`
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'"
 PLAIN: Final = frozenset({"set", "pulse", "run", "wait", "fault", "plc", "hold", "go", "create", "delete"})
+PATHS: Final = frozenset({"file", "key"})  # keys whose value is one
 SPOKEN: Final = frozenset({"says", "replies", "message", "steps"})  # keys that hold what is sent
 LEFT, WIDTH, RIGHT, ROW = 150, 1000, 24, 20  # of the time line: names, columns, height of a lane
 SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
@@ -120,6 +122,11 @@ class ReportSource(NamedTuple):
     findings: tuple[FoundCause, ...] = ()
 
 
+def last_part(path: str) -> str:
+    """Return the name of a file without its folders: they say who made it, and nothing else."""
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
     """Yield the document."""
     told, title = _PageParts(source, notes), _text(source.title)
@@ -154,6 +161,7 @@ class _PageParts:
         counts = [each.error_edges.count for each in self._notes.instances.values()]
         at = sum(map(bool, counts))
         found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"
+        found = found if counts else "there is no instance"
         is_bad = at > 0
         remarks = sum(len(each.remarks) for each in self._notes.instances.values())
         found += f", {count(remarks, 'remark')} on frames" if remarks else ""
@@ -196,10 +204,12 @@ class _PageParts:
     def facts(self) -> Iterator[str]:
         """Yield where all of it comes from."""
         source, scans = self._source, count(self._notes.until.scan, "scan")
-        each = self._notes.bench.runtime.interval_ns / 1e6
+        each, late = self._notes.bench.runtime.interval_ns / 1e6, self._notes.late
+        which = ", ".join(told for _, told in late) + " and others" * (late.count > 2 * MOST_LATE)
         yield _definitions(
             ("begin", utc_text(source.begin_ns)),
             ("length", f"{_seconds(self._notes.until.t_ns)} s, {scans}, one each {each:g} ms"),
+            *[("late", f"{count(late.count, 'scan')} by more than half an interval: {which}")][: late.count],
             ("PLC", f"{self._project.dialect.title}, {self._project.model}"),
             ("network", source.network),
             ("file", source.file),
@@ -365,7 +375,7 @@ class _PageParts:
                 yield f"[[{kind_name(decl)}]]"
                 for key, value in entry_of(decl):
                     if self._has_payload or key not in SPOKEN:
-                        yield f"{key} = {_value(value)}"
+                        yield f"{key} = {_value(last_part(str(value)) if key in PATHS else value)}"
         for word, text in (("start", project.start), ("program", project.program)):
             if text and self._has_payload:
                 yield ""

@@ -33,6 +33,7 @@ K = TypeVar("K")
 MOST_EVENTS: Final = 150  # at each end of the list
 EDGES, FRAMES = 1600, 400  # in a report, of all instances together
 MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
+MOST_LATE: Final = 5  # scans at each end
 MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance
 EACH: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
 MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
@@ -151,8 +152,9 @@ class RunNotes:
         self.snapshot: Snapshot | None = None  # after the last scan that could be seen
         self.advice: dict[str, Advice] = {}  # then
         self.seen = self.until = Moment()  # that scan; the last one that the journal tells of
+        self.late: FirstAndLast[str] = FirstAndLast(MOST_LATE)  # scans that began late
         self.lost = 0  # lines of the ledger that came too fast
-        self._seq = 0
+        self._seq, self._late_scans = 0, bench.late_scans
         self._card = Card()
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
@@ -165,6 +167,9 @@ class RunNotes:
     def scanned(self) -> None:
         """Take what the last scan has told."""
         ledger = self.bench.runtime.ledger
+        if self.bench.late_scans > self._late_scans:
+            self._late_scans += 1
+            self.late.add(f"{ledger.scan} ({self.bench.late_ns / 1e6:.1f} ms)")
         if ledger.last_seq == self._seq:
             return
         news = ledger.stamped_since(self._seq)

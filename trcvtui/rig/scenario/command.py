@@ -144,7 +144,7 @@ def _run_one(
             enter_own_network(kernel, scenario.project.sim)
     with recorder or nullcontext():  # first: a file that is refused lets nothing begin
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
-        report = document.begin(path, scenario, bench.runtime.interval_ns)
+        report = document.begin(path, scenario, bench)
         pace: Pace = LivePace() if kernel == "live" else VirtualPace()
         if recorder is not None:
             recorder.begin(bench, path, overrides, is_scenario=True)

@@ -23,6 +23,8 @@ from trcvtui.rig.scenario.step_runner import Failure
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+    from trcvtui.rig.bench.bench import Bench
+
 LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
 WHOLE: Final = "the scenario runs to its end"
 NOT_REACHED: Final = "not reached: a wait before it failed"
@@ -67,7 +69,7 @@ class Junit:
         self._write = write
         self._suites: list[Suite] = []
 
-    def begin(self, path: Path, scenario: Scenario, interval_ns: int) -> FileReport:
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> FileReport:
         """Return the report of a file that is about to run."""
         return FileReport(path, scenario, self._suites.append)
 
@@ -218,7 +220,7 @@ class Report(Protocol):
 class Document(Protocol):
     """What a format can be told of one call: its files one after the other, then that there are no more."""
 
-    def begin(self, path: Path, scenario: Scenario, interval_ns: int) -> Report:
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
         """Return the report of a file that is about to run."""
         ...
 
@@ -234,9 +236,10 @@ class Document(Protocol):
 class JsonLines:
     """One object per instance and scan in which any output differs, then one for the scenario."""
 
-    def __init__(self, write: Write, interval_ns: int) -> None:
+    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
         self._write = write
         self._interval_ns = interval_ns
+        self._bench = bench
 
     def scan(
         self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
@@ -248,7 +251,11 @@ class JsonLines:
 
     def line(self, scan: int, record: Mapping[str, object]) -> None:
         """Write one line of a scan."""
-        self.write({"scan": scan, "t_ms": (scan - 1) * self._interval_ns / 1e6, **record})
+        times = {"t_ms": (scan - 1) * self._interval_ns / 1e6}
+        if self._bench is not None:
+            late = {"late_ms": self._bench.late_ns / 1e6} if self._bench.late_ns else {}
+            times |= {"at": self._bench.now / 1e9, **late}
+        self.write({"scan": scan, **times, **record})
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""
@@ -262,6 +269,7 @@ class JsonLines:
                 "scenario": verdict.scenario,
                 "passed": verdict.passed,
                 "scans": verdict.scans,
+                **({"late_scans": verdict.late_scans} if verdict.late_scans else {}),
                 "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
                 **({"told": told} if told else {}),
             }
@@ -298,7 +306,7 @@ def outputs_record(edge: StatusEdge) -> dict[str, object]:
 class Text:
     """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
 
-    def __init__(self, write: Write, interval_ns: int) -> None:
+    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
         self._write = write
 
     def scan(
@@ -309,7 +317,8 @@ class Text:
     def verdict(self, verdict: Verdict) -> None:
         """Write one line for the scenario, then its traces and its failures."""
         word = "passed" if verdict.passed else "FAILED"
-        self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans)\n")
+        late = f", {verdict.late_scans} of them late" if verdict.late_scans else ""
+        self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans{late})\n")
         for instance, trace in verdict.traces:
             self._write(f"    {instance}: {trace}\n")
         for error in verdict.errors:
@@ -326,13 +335,13 @@ class Text:
 class Following:
     """The document of a format whose files stand one after the other and know nothing of each other."""
 
-    def __init__(self, write: Write, report: Callable[[Write, int], Report]) -> None:
+    def __init__(self, write: Write, report: Callable[[Write, int, Bench | None], Report]) -> None:
         self._write = write
         self._report = report
 
-    def begin(self, path: Path, scenario: Scenario, interval_ns: int) -> Report:
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
         """Return the report of a file."""
-        return self._report(self._write, interval_ns)
+        return self._report(self._write, bench.runtime.interval_ns, bench)
 
     def wrong(self, path: Path, error: UserError) -> None:
         """Write nothing: stderr has it."""
@@ -350,7 +359,7 @@ class FollowingJson(Following):
     def wrong(self, path: Path, error: UserError) -> None:
         """Write the line of the file; step 0 is none of its steps."""
         failures = tuple(Failure(0, "", line) for line in error.lines())
-        self._report(self._write, 0).verdict(Verdict(str(path), 0, failures, (), ()))
+        self._report(self._write, 0, None).verdict(Verdict(str(path), 0, failures, (), ()))
 
 
 FORMATS: Final[dict[str, Callable[[Write], Document]]] = {

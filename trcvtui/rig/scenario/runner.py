@@ -140,6 +140,7 @@ class Verdict:
     traces: tuple[tuple[str, str], ...]
     taken: tuple[StepTaken, ...]
     errors: tuple[ErrorTold, ...] = ()
+    late_scans: int = 0
 
     @property
     def passed(self) -> bool:
@@ -198,6 +199,7 @@ class Runner:
             tuple((name, str(trace)) for name, trace in self._stage.traces.items()),
             tuple(self._taken),
             self._errors.all(),
+            self._bench.late_scans,
         )
 
     def _internal(self, step: words.Step) -> Failure | None:

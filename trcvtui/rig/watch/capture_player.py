@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui.capture.command import take_captures
+from trcvtui.capture.plc_end import fits_nothing
 from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
@@ -35,6 +36,7 @@ from trcvtui.rig.watch.talks import Talks
 
 MOST_LISTED: Final = 1000  # conversations in the last line
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
 _BEFORE_IT_STANDS: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})
 _NOT_DONE_AGAIN: Final = frozenset(
@@ -174,7 +176,7 @@ class CapturePlayer:
             return
         self._tell_hole(ns, event)
         for says, end in running.ends:
-            self._play(event, event.direction is says, end, running)
+            self._play(ns, event, event.direction is says, end, running)
 
     def _come(self, ns: int, event: ConversationEvent) -> None:
         """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
@@ -219,6 +221,7 @@ class CapturePlayer:
         return running
 
     def _let_go(self, number: int, end: PlayedEnd) -> None:
+        end.leave_now()
         if end.left_out:
             self._left_out[number] += end.left_out
             end.left_out = 0
@@ -243,10 +246,19 @@ class CapturePlayer:
     def _plc_of(self, conversation: Conversation) -> WireDirection:
         return ends_of(self._plan.guesses[conversation.number], conversation)[0]
 
-    def _play(self, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running) -> None:
-        if end.has_ended:
+    def _play(
+        self, ns: int, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running
+    ) -> None:
+        is_left = not is_own and event.kind in OWN_ENDS and not event.conversation.is_ours
+        if end.has_left if is_left else end.has_ended:
             return
         end.begin()
+        if is_left:
+            if not end.has_ended and event.direction is self._plc_of(event.conversation):
+                self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
+            is_fin, has_read = event.kind is EventKind.FIN, event.conversation.sent is not None
+            end.leave(event.direction.unread, end.has_ended and is_fin, has_read)
+            return
         if is_own:
             running.probes = 0
         match event.kind:
@@ -304,13 +316,22 @@ def _shown(plan: ShadowPlan) -> set[str]:
 def plan_capture(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
-    """Return the shadows of a capture, what is in it, what could not be read; raise UserError."""
+    """Return the shadows of a capture, what is in it, what could not be read.
+
+    Raise UserError, also where the PLC end or the project is of none of its conversations.
+    """
     found, troubles = Conversations(), list[Problem]()
     plan_of, _ = planned(project, plc, dialect)
     take_captures(paths, found, troubles)
     if troubles and not found.packets:
         raise UserError(troubles)
-    return plan_of(found.all), found, troubles
+    plan = plan_of(found.all)
+    if plc is not None and found.all and not plan.guesses:
+        raise fits_nothing("--plc", f"'{plc}', which no conversation has", found.all)
+    if project is not None and found.all and not plan.parts:
+        fits = "no CONNECT (or several) for a conversation"
+        raise fits_nothing(f"--project {project}", fits, found.all)
+    return plan, found, troubles
 
 
 def planned(

@@ -4,6 +4,9 @@ Rule 1: a scan sees what happened up to its time. Scans that change nothing are 
 Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
 Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
 would make the partner wait. Where nobody ever takes them they are left out, and that is told.
+Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
+ends in its next scan; so many scans later as it was late in the beginning, and not before its first job. Of a
+recording of ours it is known that all of it was read: it ends then.
 """
 
 from __future__ import annotations
@@ -14,12 +17,14 @@ from typing import Final, Protocol
 
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.results import Endpoint
+from trcvtui.net.sim.network import PLAYED_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
-MOST_UNREAD: Final = 128 << 10  # bytes of one partner that a shadow has not read
+MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
+FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
 QUIET: Final = 3  # scans without a change, after which none comes by itself
 MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
@@ -60,12 +65,14 @@ class Shadows:
         self.network = bench.network
         self.waiting: list[_Waits] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
+        self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
         self.not_run = 0  # scans of which nobody knows that they change nothing
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
         self.after_scan: Callable[[], None] = _do_nothing
         self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
         self.works_on = {each.name: each.connect for each in bench.project.instances}
+        self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
         self._on_scan = on_scan
         self._interval = bench.runtime.interval_ns
         self._quiet = 0
@@ -90,10 +97,16 @@ class Shadows:
         """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
         self._quiet = 0
 
+    def scans_of_task(self, connect: str) -> int:
+        """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
+        names = {each.task for each in self.bench.project.instances if each.connect == connect}
+        tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
+        return max([-(-each // self._interval) for each in tasks], default=1)
+
     def settle(self) -> None:
         """Let scans pass until nothing changes: the capture is over."""
         left = SETTLING
-        while left and (self.network.take_news() or self._quiet < QUIET):
+        while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
             jobs = self._jobs
             self.step()
             left = left - 1 if self._jobs == jobs else SETTLING
@@ -104,6 +117,8 @@ class Shadows:
         limit = ns if until is None else min(until, ns)
         if self.waiting:
             limit = min(limit, *(end.gives_up_at for end in self.waiting))
+        if self.leaving:
+            limit = min(limit, *((end.due - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
         reached = self.network.pass_time(limit)
@@ -117,9 +132,15 @@ class Shadows:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._let_in()
+        over = [end for end in self.leaving if end.due <= runtime.scans + 1]
+        for end in over:
+            end.leave_now()
         seq = ledger.last_seq
         self.bench.step()
         self.after_scan()
+        for end in over:
+            end.read_no_more()
+        self.leaving = [end for end in self.leaving if end not in over]
         self.network.take_news()
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
@@ -155,6 +176,7 @@ class Shadows:
             if not isinstance(event, BytesReceived) or event.connection not in self.holes:
                 continue
             holes, end = self.holes[event.connection], event.offset + event.size
+            end = event.recv if event.connection in self.of_datagrams else end
             if holes and holes[0][0] < end:
                 self._lacking.add(event.instance)
             while holes and holes[0][1] <= end:
@@ -172,7 +194,7 @@ class PlayedEnd:
         self.connect = connect
         self.left_out = 0
         self.is_over = False
-        self.has_ended = False  # in the capture
+        self.has_ended = self.has_left = False  # in the capture: the partner; the shadow's own end
         self.gives_up_at = 0
         self.keeps_out = True
         self._shadows = shadows
@@ -181,6 +203,8 @@ class PlayedEnd:
         self._is_begun = self._has_called = False
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
+        self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
+        self._has_read = False  # is known of that end: all that it can have
         self._kept = self._packets = 0  # bytes of these; of the conversation
         self._sent = 0
 
@@ -189,6 +213,7 @@ class PlayedEnd:
         if not self._is_begun:
             self._is_begun = True
             self._shadows.holes.pop(self.connect, None)
+            self._begun = self._shadows.bench.runtime.scans
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
             self._connect()
             if self._stream is None:
@@ -244,7 +269,7 @@ class PlayedEnd:
             self.begin()
         if self._stream is not None:
             act()
-        elif not self.is_over and self._kept + size <= MOST_UNREAD:
+        elif not self.is_over and self._kept + size <= PLAYED_ROOM:
             self._kept += size
             self._acts.append(act)
         else:
@@ -286,7 +311,7 @@ class PlayedEnd:
             self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)))
         self._sent += len(data)
         while rest:
-            part = rest[: max(MOST_UNREAD - stream.untaken, 0)]
+            part = rest[: max(PLAYED_ROOM - stream.untaken, 0)]
             got = stream.write(part) if part else 0
             if not isinstance(got, int):  # the shadow has ended the connection
                 self.left_out += len(rest)
@@ -320,6 +345,41 @@ class PlayedEnd:
         if self._stream is not None:
             self._stream.abort()
         self.is_over = True
+
+    def leave(self, unread: int, may_read: bool, has_read: bool) -> None:
+        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may, or has."""
+        self._shadows.wake()
+        self.has_left = self.has_ended = True
+        self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
+        self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+        self._do(lambda: self._leave(unread, may_read))
+
+    def _leave(self, unread: int, may_read: bool) -> None:
+        if self._stream is not None:
+            self._stream.take_back(unread)
+            if not may_read:
+                self._shadows.leaving.append(self)
+
+    @property
+    def due(self) -> int:
+        """Return in which scan a shadow is over that its own end has ended."""
+        runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
+        since = runtime.stands_since(self.connect)
+        now_ns, stream = self._shadows.network.now_ns, self._stream
+        due = since + max(self._stood + task - 1, FIRST_JOB * task)
+        is_late = since <= self._begun or (self._has_read and stream is not None and stream.untaken > 0)
+        return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
+
+    def leave_now(self) -> None:
+        """Let the shadow's own end be over, where the capture has ended it."""
+        if self._stream is not None and self.has_left and not self.is_over:
+            self._stream.leave()
+
+    def read_no_more(self) -> None:
+        """Leave out what came and was not read."""
+        if self._stream is not None:
+            self.left_out += self._stream.untaken
+            self._stream.take_back(self._stream.untaken)
 
     def fall_silent(self) -> None:
         """Answer nothing any more."""
@@ -406,6 +466,9 @@ class PlayedLine:
                 shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after))
         self._sent += len(whole)
         if missing:
-            holes = shadows.holes.setdefault(self._link, deque())
-            holes.append((self._sent - len(whole) + len(data), self._sent))
+            hole = self._sent - len(whole) + len(data), self._sent
+            if self._address:
+                shadows.of_datagrams.add(self._link)
+                hole = self._packets - 1, self._packets
+            shadows.holes.setdefault(self._link, deque()).append(hole)
         return True

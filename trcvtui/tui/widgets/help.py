@@ -145,13 +145,13 @@ LAB: Final = (
 )
 TIME_LINE: Final = (
     ("← → or ,", "one scan back, one on; with shift an edge of the selected instance"),
-    ("!", 'the next ERROR of any instance; " or @: the one before'),
-    ("g", "go to a time or a scan: at T#12m3s, at scan 1062; home and end: the first, the last"),
+    ("!", 'the next ERROR of any instance, or finding of the doctor; " or @: the one before'),
+    ("g", "in each pane: go to a time or a scan: at T#12m3s, at scan 1062; home, end: the first, the last"),
     ("space", "play, stop; . is one scan on"),
     ("+ -", "faster, slower: 0.1x to the fastest"),
     ("T", "the next scan in which a trigger fires"),
     ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they part"),
-    ("9 or esc", "the keys to the time line; a pane that has the focus keeps its own"),
+    ("9 or esc", "the keys to the time line; a pane that has the focus keeps its other ones"),
 )
 KeyTable = tuple[tuple[str, str], ...]
 # Which table is about a pane, by the id of it or of what it stands in.

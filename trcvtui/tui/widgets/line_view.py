@@ -65,7 +65,7 @@ def pane_title(digit: int | None, name: str, detail: str = "") -> Content:
     return Content.assemble(*mark, (name, "bold"), (f" · {detail}" if detail else "", "not bold"))
 
 
-class LineView(ScrollView, can_focus=True):
+class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     """Rows of text. `KEYS` are the keys that the footer names while this pane has the focus."""
 
     BINDINGS: ClassVar[list[BindingType]] = MOVES

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.certificates import NEEDS_OPENSSL
 from tests.rig.scenarios import CONFIGS
+from tests.rig.test_tls_blocks import CONNECT, HEAD, RECEIVES, SERVER
 from tests.rig.truth.cases import CALLS, ISO, ISO_PEER, LISTENS, PEER, TCP, cases, pins, receiver, scenario
 from tests.rig.truth.runs import CANNOT, Case, ask, judge, run, sizes
 
@@ -113,6 +115,23 @@ ISO_IDLE = scenario(
 )
 def test_what_nobody_knows_is_a_guess(text: str, question: str, tmp_path: Path) -> None:
     verdict = judge(Case("", text, (question,)), tmp_path / "1")
+    assert verdict.word in ("equal", "marked"), str(verdict)
+
+
+@NEEDS_OPENSSL
+def test_what_lies_below_a_tls_session_is_a_guess(secure_bench: Path) -> None:
+    text = (
+        HEAD.replace("0..3", "0..29999") + RECEIVES.replace("EN_R = true", "EN_R = false") + CONNECT + SERVER
+    )
+    text += (
+        '[[certificate]]\nnumber = 3\nfile = "certificates/partner.pem"\nkey = "certificates/partner.key"\n'
+    )
+    text += (
+        f'[[peer]]\nname = "P1"\ntls = true\ncertificate = 3\nauthority = 1\n{PEER}[scenario]\nsteps = """\n'
+    )
+    text += 'run T#500ms\npeer P1 send random 30000 seed=1 repeat=9 every=T#50ms\nrun T#1s\n"""\n'
+    text = text.replace('"certificates/', f'"{secure_bench}/certificates/')
+    verdict = judge(Case("", text, ("instance.X.EN_R=true",)), secure_bench / "below")
     assert verdict.word in ("equal", "marked"), str(verdict)
 
 

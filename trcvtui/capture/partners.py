@@ -308,6 +308,9 @@ class PartnersAgain(Replay):
     def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
         failed = None if owner in self.peers else self._as_told(owner, "listen")
         self._sockets[handle].listens = failed is None
+        clients = self._told.clients.get(owner)
+        if clients and clients[0].since.scan <= self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # it came when there was no listener yet
         return failed
 
     def _at_poll_add(self, owner: str, handle: int) -> object:
@@ -455,6 +458,7 @@ class PartnersAgain(Replay):
             return was, b""
         self._told.kept -= len(data)
         self._datagrams_read[owner] += 1
+        socket.read += 1
         if len(data) < was.size:
             self.note_guess(WhyGuess.BYTES)
         size = min(size, was.size)

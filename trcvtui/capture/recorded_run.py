@@ -58,7 +58,8 @@ class Partner:
         self.end, self.since, self.accepted = end, since, since
         self.is_known = is_known  # what lay unread at the beginning of the file
         self.chunks: deque[tuple[int, bytes]] = deque()  # that the run that asks has not read, by position
-        self.known = self.read = self.whole = 0  # up to where bytes are told, are read, have come
+        # Up to where bytes are told, are read, have come; of messages: how many.
+        self.known = self.read = self.whole = 0
         self.hole = 0  # up to where a read alone tells them
         self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
         self._come = 0
@@ -329,6 +330,11 @@ class RecordedRun:
         source, whole, flags = cast(tuple[Endpoint, int, int], args[1:])
         data, partner = cast(bytes, answer), self._partners.get(handle)
         self._unread[handle] += 1
+        if partner is not None:
+            partner.whole += 1
+            partner.full_from = (
+                min(partner.full_from, self._unread[handle]) if flags & FULL else partner.full_from
+            )
         queue = self._messages_of(owner, partner)
         got = Datagram(len(data), source, whole)
         is_kept = self.kept + len(data) <= MOST_BYTES
@@ -430,8 +436,12 @@ class RecordedRun:
         if isinstance(got, Datagram):
             if not self._unread[handle]:  # noted before the file begins
                 self._unread[handle] = 1
+                if partner is not None:
+                    partner.whole += 1
                 self._messages_of(owner, partner).append((at, got, data))
             self._unread[handle] -= 1
+            if partner is not None:
+                partner.read += 1
             self.datagrams_read[owner] += 1
             self.bytes_read += len(data)
             return
@@ -488,7 +498,10 @@ class RecordedRun:
         now = CallPlace(self.scan, self._calls)
         if handle in self._dialled:
             self._dialled.pop(handle)[1].gone = now
-        if owner in self.listening:
+        if owner in self.listening and handle in self.listening[owner][-1][1]:
+            for client in self._waiting.pop(owner, ()):  # reset with the listener
+                if client in self.clients[owner]:
+                    self.clients[owner].remove(client)
             self._listen(owner, frozenset(), frozenset((handle,)))
         partner = self._partners.pop(handle, None)
         if partner is not None:

@@ -43,8 +43,8 @@ NEVER: Final = CallPlace(1 << 62)
 DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
-class Told(NamedTuple):
-    """One thing that a partner was told: a call that sent, or how this end went; `what` is compared."""
+class OwnAct(NamedTuple):
+    """One thing of this end that a partner sees: a call that sent, or how the end went; `what` is compared."""
 
     scan: int
     what: tuple[object, ...]
@@ -69,7 +69,7 @@ class Partner:
         self.most_unread = MOST_UNREAD
         self.full_from = 1 << 62  # unread bytes from which on the window may be small
         self.refused: Fault | None = None  # what accept answered in its place
-        self.told: deque[Told] = deque()  # in order, as far as the run that asks has not told the same
+        self.acts: deque[OwnAct] = deque()  # in order, those that the run that asks has not done, too
         self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
 
     @property
@@ -153,7 +153,7 @@ class RecordedRun:
         self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
         self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
         self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
-        self.written: dict[str, deque[Told]] = {}  # datagrams and serial bytes
+        self.written: dict[str, deque[OwnAct]] = {}  # datagrams and serial bytes
         self.listening: dict[str, list[tuple[int, frozenset[int]]]] = {}  # from a scan on, on which handles
         self.begins: RunBegins | None = None
         self.is_broken = False  # what comes is not known
@@ -468,12 +468,12 @@ class RecordedRun:
             return
         if isinstance(answer, Fault) and answer.error != "EAGAIN":
             partner.note_end(self._seen(handle), answer)
-        partner.told.append(Told(self.scan, args[1:], answer))
+        partner.acts.append(OwnAct(self.scan, args[1:], answer))
         size = answer if isinstance(answer, int) else 0
         partner.taken, partner.took_all = partner.taken + size, size == args[1]
 
     def _wrote(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        self.written.setdefault(owner, deque()).append(Told(self.scan, args[-3:], answer))
+        self.written.setdefault(owner, deque()).append(OwnAct(self.scan, args[-3:], answer))
 
     def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
@@ -485,7 +485,7 @@ class RecordedRun:
 
     def _shut(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
-            partner.told.append(Told(self.scan, (SHUT,)))
+            partner.acts.append(OwnAct(self.scan, (SHUT,)))
 
     def _closed(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
@@ -506,7 +506,7 @@ class RecordedRun:
         partner = self._partners.pop(handle, None)
         if partner is not None:
             partner.let_go = now
-            partner.told.append(Told(self.scan, (how,)))
+            partner.acts.append(OwnAct(self.scan, (how,)))
 
     def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, bytes) and answer:

@@ -44,7 +44,7 @@ DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
 class OwnAct(NamedTuple):
-    """One thing of this end that a partner sees: a call that sent, or how the end went; `what` is compared."""
+    """One thing of this end that a partner sees: bytes sent, or how the end went; `what` is compared."""
 
     scan: int
     what: tuple[object, ...]

@@ -15,7 +15,7 @@ from typing import Final
 from trcvtui.capture.arrivals import ARRIVED, ENDED, MESSAGE
 from trcvtui.capture.journal import GAP, RECV, SHOWS, STEP, Answered, Entry, InPackets, WireCall
 from trcvtui.capture.wire import RST, Flow, WirePacket, WirePackets
-from trcvtui.net.results import Datagram
+from trcvtui.net.results import Datagram, Fault
 
 LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
 OF_JOURNAL: Final = -1  # in place of a packet's number: the block's own packet
@@ -38,6 +38,7 @@ class RunPackets:
             **dict.fromkeys((RECV, "recv_from"), self._read),
             **dict.fromkeys((GAP + ARRIVED, GAP + MESSAGE), self._arrived),
             **dict.fromkeys(("send", "send_to"), self._sent),
+            "probe": self._probed,
             "discard": self._discarded,
             **dict.fromkeys(("close", "abort"), self._freed),
         }
@@ -128,6 +129,12 @@ class RunPackets:
                 end = flow.whole if flow.is_stream else flow.told - 1
                 flow.ends.append((self.wire.scan + (not flow.is_part), end))
             flow.is_part = not is_whole
+        return entry
+
+    def _probed(self, entry: Answered) -> Answered:
+        """Take that a probe failed as `shutdown` would: the partner's RST was quicker than ours."""
+        call = WireCall(self._now, entry.owner, "shutdown", _handle_of(entry), (), entry.answer, b"")
+        self._add(self.wire.of(call) if isinstance(entry.answer, Fault) else iter(()))
         return entry
 
     def _discarded(self, entry: Answered) -> Answered:

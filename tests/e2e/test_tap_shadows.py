@@ -91,7 +91,7 @@ def test_shadows_show_at_once_what_watch_shows_on_the_recording(tmp_path: Path) 
             shown(b'"ERROR":true')
             assert exactly(far, size + 1) == bytes(size)
             far.close()
-            shown(b'"STATUS":"7002"')
+            shown(b'"C1_TO_PLC","block":"TRCV_C","STATUS":"7002"')
         code, out, errors = tap.end()
     assert (code, errors) == (0, "")
     command = [sys.executable, "-m", "trcvtui", "watch", str(file), "--format", "jsonl"]

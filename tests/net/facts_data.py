@@ -320,3 +320,34 @@ def an_idle_path_has_nothing_under_way(b: Bench) -> None:
     assert seen is not None
     assert (seen.unacked, seen.unsent) == (0, 0)
     assert 0 <= seen.last_ack_ms < 10_000
+
+
+@fact
+def a_look_at_unread_bytes_takes_none_of_them(b: Bench) -> None:
+    one = b.pair()
+    b.send(one.client, b"AAAABBBB")
+    b.until(lambda: b.kernel.unread(one.server) == 8)
+    assert b.kernel.left([one.server]) == [one.server]
+    assert b.kernel.peek(one.server, 0)[:2] == (8, b"AAAABBBB")
+    assert b.kernel.peek(one.server, 6).data == b"BB"
+    assert b.kernel.peek(one.server, 8)[:2] == (8, b"")
+    assert b.receive(one.server, 8) == b"AAAABBBB"
+    assert b.kernel.left([one.server]) == []
+    assert b.kernel.peek(one.server, 0)[:2] == (0, b"")
+
+
+@needs_rdhup
+@fact
+def a_look_tells_the_partners_end_and_leaves_its_error_to_recv(b: Bench) -> None:
+    ends: list[object] = []
+    for end in (b.kernel.close, b.kernel.abort):
+        one = b.pair()
+        b.send(one.client, b"frame")
+        b.until(lambda one=one: b.kernel.unread(one.server) == 5)  # type: ignore[misc]
+        end(one.client)
+        b.until(lambda one=one: bool(b.kernel.peek(one.server, 0).end))  # type: ignore[misc]
+        ends.append(b.kernel.peek(one.server, 5).end)
+        assert b.receive(one.server, 5) == b"frame"
+        assert b.kernel.peek(one.server, 0).data == b""
+        ends.append(b.answer(one.server))
+    assert ends == ["fin", 0, "rst", Fault("recv", "ECONNRESET")]

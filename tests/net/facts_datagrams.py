@@ -268,3 +268,23 @@ def close_and_abort_give_the_udp_port_back_and_end_the_handle(b: Bench) -> None:
         assert b.kernel.send_to(handle, memoryview(b"x"), NOBODY) == Fault("send", "EBADF")
         assert try_take(b, handle) == Fault("recv", "EBADF")
         opened(b, end)
+
+
+@fact
+def a_look_gives_the_next_datagrams_once_and_takes_none(b: Bench) -> None:
+    here, there = opened(b), opened(b, polled=True)
+    for data in (b"one", b"", b"three"):
+        say(b, here, data, there)
+    b.until(lambda: b.kernel.readable(there))
+    b.settle()
+    found = b.kernel.peek(there, 0)
+    assert found.messages is not None
+    assert [(one.source, one.data, one.whole) for one in found.messages] == [
+        (b.end(here), b"one", 3), (b.end(here), b"", 0), (b.end(here), b"three", 5)
+    ]  # fmt: skip
+    assert b.kernel.peek(there, 3).messages == ()
+    assert take(b, there)[0] == b"one"
+    say(b, here, b"four", there)
+    b.settle()
+    assert [one.data for one in b.kernel.peek(there, 2).messages or ()] == [b"four"]
+    assert [take(b, there)[0] for _ in range(3)] == [b"", b"three", b"four"]

@@ -195,6 +195,10 @@ def test_a_long_run_has_a_keyframe_each_half_a_minute(
     assert len(places) == (LAST - 1) // 50
     for place in places:
         run = keyframes.run_at(place.scans)
+        assert (run.where, run.replay.where) == (
+            "R",
+            "R",
+        )  # and not what the file was called when it was made
         assert check(run) == "" or not has_index
         assert lines(run) == whole()
 

@@ -404,6 +404,17 @@ def test_a_capture_is_told_as_its_shadows_show_it(tmp_path: Path, capsys: pytest
     assert main(words) == 0 and out.read_bytes() == before
 
 
+def test_a_capture_whose_conversations_are_of_another_plc_is_no_report_without_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = recording(tmp_path, SCENARIOS / "stories" / "en-r-dropped.toml"), tmp_path / "X.html"
+    sender = str(CONFIGS / "sender.toml")  # it receives nothing
+    for words in (["--plc", "127.0.0.9"], ["--plc", "127.0.0.1:32768", "--project", sender]):
+        assert main(["report", str(file), "--out", str(out), *words]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "ends that are there: 127.0.0.1:32768, 127.0.0.1:32769" in line and not out.exists()
+
+
 def test_a_copy_to_hand_on_is_a_capture_with_shadows_of_its_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,8 +18,8 @@ ARRIVED, MESSAGE, ENDED, WAITING, DROPPED = "arrived", "message", "ended", "wait
 LATE, FULL, THROWN = 1, 2, 4  # flags: it belongs to the next scan; much is unread; it goes with the close
 
 
-class Told(Protocol):
-    """Who keeps what is noted: owner, call, arguments, answer."""
+class ArrivalLog(Protocol):
+    """What keeps what is noted: owner, call, arguments, answer."""
 
     def arrived(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None: ...
     def wire(
@@ -41,8 +41,8 @@ class _Queue:
 class Arrivals:
     """Notes what `kernel` has unread; `owners` has the owner of each handle."""
 
-    def __init__(self, told: Told, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
-        self._told, self._kernel, self._owners, self._label = told, kernel, owners, label
+    def __init__(self, log: ArrivalLog, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
+        self._log, self._kernel, self._owners, self._label = log, kernel, owners, label
         self._queues: dict[Handle, _Queue] = {}
         self._clients: dict[Handle, int] = {}  # of each listener, those that wait
         self._seen: Collection[Handle] | None = None  # by the poll; None: everything is looked at
@@ -125,7 +125,7 @@ class Arrivals:
         self._bytes(handle, queue, found, flags)
         if found.end and not queue.has_ended:
             queue.has_ended = True
-            self._told.wire(self._owner(handle), ENDED, handle, (found.end,), None, b"")
+            self._log.wire(self._owner(handle), ENDED, handle, (found.end,), None, b"")
             self._tell(ENDED, handle, (handle, flags), found.end)
 
     def _bytes(self, handle: Handle, queue: _Queue, found: Unread, flags: int) -> None:
@@ -135,13 +135,13 @@ class Arrivals:
         queue.whole = max(queue.whole, whole)
         queue.told += len(found.data)
         if not found.has_session:
-            self._told.wire(self._owner(handle), ARRIVED, handle, (whole,), None, found.data)
+            self._log.wire(self._owner(handle), ARRIVED, handle, (whole,), None, found.data)
         self._tell(ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
         """Note a message; one of a session (its queue began as a stream) has other bytes at the wire."""
         if self._queues[handle].is_udp:
-            self._told.wire(self._owner(handle), MESSAGE, handle, (source, whole), None, data)
+            self._log.wire(self._owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._tell(MESSAGE, handle, (handle, source, whole, flags), data)
 
     def _note_clients(self, handle: Handle, number: int) -> None:
@@ -154,4 +154,4 @@ class Arrivals:
         return self._owners.get(handle, self._label)
 
     def _tell(self, call: str, handle: Handle, args: tuple[object, ...], answer: object) -> None:
-        self._told.arrived(self._owner(handle), call, args, answer)
+        self._log.arrived(self._owner(handle), call, args, answer)

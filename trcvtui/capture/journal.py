@@ -576,14 +576,15 @@ class BlockWriter:
                 return head + _READ.pack(_TUPLE, 2, _INT, size, _BYTES, len(data)) + data
         return head + value_bytes(entry.answer)
 
-    def block(self, packets: int = 0) -> bytes:
-        """Return it; `packets`: the CRC-32 of those before it."""
+    def block(self, packets: int | None = None) -> bytes:
+        """Return it; `packets`: the CRC-32 of those before it in a file; None: nothing checks it."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
         counts = _COUNTS.pack(self.number, len(self._parts))
-        content = b"".join((counts, *self._parts, order.tobytes()))
-        return _HEAD.pack(MAGIC, VERSION, zlib.crc32(content, packets)) + content
+        parts = counts, *self._parts, order.tobytes()
+        check = 0 if packets is None else zlib.crc32(b"".join(parts), packets)
+        return b"".join((_HEAD.pack(MAGIC, VERSION, check), *parts))
 
 
 def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:

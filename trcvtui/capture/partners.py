@@ -26,10 +26,10 @@ from trcvtui.capture.recorded_run import (
     CallPlace,
     DatedMessage,
     DialledAttempt,
+    OwnAct,
     Partner,
     RecordedRun,
     Standing,
-    Told,
 )
 from trcvtui.capture.replay import Replay
 from trcvtui.net.connection.connection import SocketUse
@@ -185,19 +185,19 @@ class PartnersAgain(Replay):
             self.note_guess(WhyGuess.TIME)
 
     def look_back(self) -> None:
-        """Find out, after a scan, whether partners were told something that they are not told now."""
+        """Find out, after a scan, whether partners saw something then that they do not see now."""
         told, before = self._told, self.scan
         for socket in self._sockets.values():
             partner = socket.partner
             if partner is not None:
-                self._compare_told(partner.told, before, partner.was_reset)
+                self._compare_acts(partner.acts, before, partner.was_reset)
                 unread = self._arrived(socket) - socket.read
                 if unread > max(partner.most_unread, MOST_UNREAD):
                     self.note_guess(WhyGuess.PARTNER)  # the window closes
                 if partner.is_full and socket.read >= partner.whole:
                     self.note_guess(WhyGuess.PARTNER)  # it was held back then, and would say more from now on
         for written in told.written.values():
-            self._compare_told(written, before)
+            self._compare_acts(written, before)
         for attempts in told.attempts.values():
             if attempts and attempts[0].began <= before:
                 self.note_guess(WhyGuess.PARTNER)
@@ -209,9 +209,9 @@ class PartnersAgain(Replay):
             if self._datagrams_read[owner] > read:
                 self.note_guess(WhyGuess.PARTNER)  # here was room
 
-    def _compare_told(self, told: deque[Told], before: int, is_deaf: bool = False) -> None:
-        while told and told[0].scan <= before:
-            told.popleft()
+    def _compare_acts(self, acts: deque[OwnAct], before: int, is_deaf: bool = False) -> None:
+        while acts and acts[0].scan <= before:
+            acts.popleft()
             if not is_deaf:
                 self.note_guess(WhyGuess.PARTNER)
 
@@ -224,10 +224,10 @@ class PartnersAgain(Replay):
         if not listens and clients and clients[0].since.scan <= before:
             self.note_guess(WhyGuess.PARTNER)
 
-    def _tell(self, told: deque[Told], what: tuple[object, ...], is_deaf: bool = False) -> Told | None:
-        """Tell a partner something; return the same of the recorded run, None where it was another thing."""
-        if told and told[0].scan == self.scan and told[0].what == what and self._is_on_time:
-            return told.popleft()
+    def _act(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
+        """Do what a partner sees; return the same of the recorded run, None where that did another thing."""
+        if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
+            return acts.popleft()
         if not is_deaf:
             self.note_guess(WhyGuess.PARTNER)
         return None
@@ -308,6 +308,9 @@ class PartnersAgain(Replay):
     def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
         failed = None if owner in self.peers else self._as_told(owner, "listen")
         self._sockets[handle].listens = failed is None
+        clients = self._told.clients.get(owner)
+        if clients and clients[0].since.scan <= self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # it came when there was no listener yet
         return failed
 
     def _at_poll_add(self, owner: str, handle: int) -> object:
@@ -455,6 +458,7 @@ class PartnersAgain(Replay):
             return was, b""
         self._told.kept -= len(data)
         self._datagrams_read[owner] += 1
+        socket.read += 1
         if len(data) < was.size:
             self.note_guess(WhyGuess.BYTES)
         size = min(size, was.size)
@@ -491,7 +495,7 @@ class PartnersAgain(Replay):
         if partner is None:
             return WOULD_BLOCK
         is_deaf = partner.was_reset and self._is_over(socket)
-        same = self._tell(partner.told, (size, check), is_deaf)
+        same = self._act(partner.acts, (size, check), is_deaf)
         told = self._as_told(owner, "send")
         if isinstance(told, Fault):
             return told
@@ -508,14 +512,14 @@ class PartnersAgain(Replay):
     def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
         if owner in self.peers:
             return WOULD_BLOCK
-        self._tell(self._told.written.get(owner, deque()), (size, check, end))
+        self._act(self._told.written.get(owner, deque()), (size, check, end))
         told = self._as_told(owner, "send_to")
         return told if isinstance(told, Fault) else size
 
     def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
         partner = self._sockets[handle].partner
         if partner is not None:
-            self._tell(partner.told, (SHUT,), partner.was_reset)
+            self._act(partner.acts, (SHUT,), partner.was_reset)
         return self._as_told(owner, "shutdown")
 
     def _gone(self, owner: str, call: str, handle: int) -> object:
@@ -524,7 +528,7 @@ class PartnersAgain(Replay):
         partner = socket.partner if socket is not None else None
         if socket is not None and partner is not None:
             how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
-            self._tell(partner.told, (how,), partner.was_reset and self._is_over(socket))
+            self._act(partner.acts, (how,), partner.was_reset and self._is_over(socket))
         told = self._as_told(owner, call)
         return told if isinstance(told, Fault) else None
 
@@ -550,7 +554,7 @@ class PartnersAgain(Replay):
         return data[:most]
 
     def _at_port_write(self, owner: str, size: int, check: int) -> object:
-        self._tell(self._told.written.get(owner, deque()), (size, check))
+        self._act(self._told.written.get(owner, deque()), (size, check))
         told = self._as_told(owner, "port write")
         return told if isinstance(told, Fault) else size
 

@@ -43,8 +43,8 @@ NEVER: Final = CallPlace(1 << 62)
 DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
-class Told(NamedTuple):
-    """One thing that a partner was told: a call that sent, or how this end went; `what` is compared."""
+class OwnAct(NamedTuple):
+    """One thing of this end that a partner sees: bytes sent, or how the end went; `what` is compared."""
 
     scan: int
     what: tuple[object, ...]
@@ -58,7 +58,8 @@ class Partner:
         self.end, self.since, self.accepted = end, since, since
         self.is_known = is_known  # what lay unread at the beginning of the file
         self.chunks: deque[tuple[int, bytes]] = deque()  # that the run that asks has not read, by position
-        self.known = self.read = self.whole = 0  # up to where bytes are told, are read, have come
+        # Up to where bytes are told, are read, have come; of messages: how many.
+        self.known = self.read = self.whole = 0
         self.hole = 0  # up to where a read alone tells them
         self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
         self._come = 0
@@ -68,7 +69,7 @@ class Partner:
         self.most_unread = MOST_UNREAD
         self.full_from = 1 << 62  # unread bytes from which on the window may be small
         self.refused: Fault | None = None  # what accept answered in its place
-        self.told: deque[Told] = deque()  # in order, as far as the run that asks has not told the same
+        self.acts: deque[OwnAct] = deque()  # in order, those that the run that asks has not done, too
         self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
 
     @property
@@ -152,7 +153,7 @@ class RecordedRun:
         self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
         self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
         self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
-        self.written: dict[str, deque[Told]] = {}  # datagrams and serial bytes
+        self.written: dict[str, deque[OwnAct]] = {}  # datagrams and serial bytes
         self.listening: dict[str, list[tuple[int, frozenset[int]]]] = {}  # from a scan on, on which handles
         self.begins: RunBegins | None = None
         self.is_broken = False  # what comes is not known
@@ -329,6 +330,11 @@ class RecordedRun:
         source, whole, flags = cast(tuple[Endpoint, int, int], args[1:])
         data, partner = cast(bytes, answer), self._partners.get(handle)
         self._unread[handle] += 1
+        if partner is not None:
+            partner.whole += 1
+            partner.full_from = (
+                min(partner.full_from, self._unread[handle]) if flags & FULL else partner.full_from
+            )
         queue = self._messages_of(owner, partner)
         got = Datagram(len(data), source, whole)
         is_kept = self.kept + len(data) <= MOST_BYTES
@@ -430,8 +436,12 @@ class RecordedRun:
         if isinstance(got, Datagram):
             if not self._unread[handle]:  # noted before the file begins
                 self._unread[handle] = 1
+                if partner is not None:
+                    partner.whole += 1
                 self._messages_of(owner, partner).append((at, got, data))
             self._unread[handle] -= 1
+            if partner is not None:
+                partner.read += 1
             self.datagrams_read[owner] += 1
             self.bytes_read += len(data)
             return
@@ -458,12 +468,12 @@ class RecordedRun:
             return
         if isinstance(answer, Fault) and answer.error != "EAGAIN":
             partner.note_end(self._seen(handle), answer)
-        partner.told.append(Told(self.scan, args[1:], answer))
+        partner.acts.append(OwnAct(self.scan, args[1:], answer))
         size = answer if isinstance(answer, int) else 0
         partner.taken, partner.took_all = partner.taken + size, size == args[1]
 
     def _wrote(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        self.written.setdefault(owner, deque()).append(Told(self.scan, args[-3:], answer))
+        self.written.setdefault(owner, deque()).append(OwnAct(self.scan, args[-3:], answer))
 
     def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
@@ -475,7 +485,7 @@ class RecordedRun:
 
     def _shut(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
-            partner.told.append(Told(self.scan, (SHUT,)))
+            partner.acts.append(OwnAct(self.scan, (SHUT,)))
 
     def _closed(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
@@ -488,12 +498,15 @@ class RecordedRun:
         now = CallPlace(self.scan, self._calls)
         if handle in self._dialled:
             self._dialled.pop(handle)[1].gone = now
-        if owner in self.listening:
+        if owner in self.listening and handle in self.listening[owner][-1][1]:
+            for client in self._waiting.pop(owner, ()):  # reset with the listener
+                if client in self.clients[owner]:
+                    self.clients[owner].remove(client)
             self._listen(owner, frozenset(), frozenset((handle,)))
         partner = self._partners.pop(handle, None)
         if partner is not None:
             partner.let_go = now
-            partner.told.append(Told(self.scan, (how,)))
+            partner.acts.append(OwnAct(self.scan, (how,)))
 
     def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, bytes) and answer:

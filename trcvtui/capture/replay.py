@@ -41,7 +41,7 @@ class Replay:
 
     def __init__(self, entries: Iterator[Entry], where: str) -> None:
         self.entries = entries
-        self._where = where
+        self.where = where
         self.scan = self._now = 0
         self.tell: Callable[[Note], None] = _tell_nobody
         self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
@@ -54,8 +54,8 @@ class Replay:
             self._front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a keyframe keeps: where it goes on is told beside it."""
-        return self.__dict__ | {"entries": None}
+        """Return what a keyframe keeps: where it goes on is told beside it, and which file has it."""
+        return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return what was answered; raise UserError where something else was asked then."""
@@ -198,7 +198,7 @@ class Replay:
         raise self._wrong(now, was)
 
     def _wrong(self, now: str, was: str) -> UserError:
-        return mistake(f"{self._where}: scan {self.scan}", now, was)
+        return mistake(f"{self.where}: scan {self.scan}", now, was)
 
 
 def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:

@@ -166,7 +166,7 @@ class _Kept:
         if kind is bytearray:
             return struct.pack("<BI", BUFFER, len(one)) + bytes(one)
         if kind is set or kind is frozenset:
-            return self._many(SET if kind is set else FROZEN, one)
+            return self._many(SET if kind is set else FROZEN, sorted(one, key=repr))
         if isinstance(one, type) or kind is FunctionType:
             return self._many(NAMED, _name_of(one))
         if kind is MethodType or kind is BuiltinMethodType:

@@ -142,10 +142,10 @@ class Unread(NamedTuple):
     """What lies unread at a handle.
 
     `size`: bytes of a stream; `data`: those after the first `skip`, up to PEEK_DEPTH.
-    `end`: fin, rst, "" where the poll has seen no end. `is_full`: so much that the partner's
-    window may be small. `messages`: those after the first `skip`; None: it is a stream. `clients`: those that
-    wait at a listener. `dropped`: datagrams that the stack had no room for. `has_session`: the wire has other
-    bytes.
+    `end`: fin, rst, "" where the poll has seen no end. `is_full`: the partner's window may be small, or a
+    session takes no more out of the stack. `messages`: those after the first `skip`; None: it is a stream.
+    `clients`: those that wait at a listener. `dropped`: datagrams that the stack had no room for.
+    `has_session`: the wire has other bytes.
     """
 
     size: int = 0

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.certificates import NEEDS_OPENSSL
 from tests.rig.scenarios import CONFIGS
-from tests.rig.truth.cases import CALLS, LISTENS, PEER, TCP, cases, pins, receiver, scenario
+from tests.rig.test_tls_blocks import CONNECT, HEAD, RECEIVES, SERVER
+from tests.rig.truth.cases import CALLS, ISO, ISO_PEER, LISTENS, PEER, TCP, cases, pins, receiver, scenario
 from tests.rig.truth.runs import CANNOT, Case, ask, judge, run, sizes
 
 
@@ -79,10 +81,58 @@ def test_an_unchanged_what_if_of_more_than_128_mib_is_the_run(tmp_path: Path) ->
     assert (verdict.word, len(sizes(verdict.told.both[1]))) == ("equal", 2100), str(verdict)
 
 
-def test_another_pause_between_calls_is_no_other_run_without_a_word(tmp_path: Path) -> None:
-    text = messages(8, 8, "run T#10s", connect=CALLS.replace('"@P1"', "3000"), peer=LISTENS)
-    verdict = judge(Case("", text, ("options.retry=T#200ms",)), tmp_path / "1")
-    assert verdict.word != "SILENT", str(verdict)
+ISO_IDLE = scenario(
+    "s7-1500",
+    ISO,
+    receiver("TRCV_C", 10, pins(CONT=True, EN_R=False)),
+    ISO_PEER + 'says = ["hex 01 02 03"]\nevery = "T#50ms"\n',
+    ["run T#1s"],
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "question"),
+    [
+        (
+            messages(8, 8, "run T#10s", connect=CALLS.replace('"@P1"', "3000"), peer=LISTENS),
+            "options.retry=T#200ms",
+        ),
+        (ISO_IDLE, "instance.R.EN_R=true"),  # its session holds four messages, the others are in the stack
+        (messages(8, 8, "run T#100ms", "peer P1 connect", "run T#500ms"), "task.MAIN.interval=T#50ms"),
+        (
+            messages(
+                8, 8, "run T#500ms", "fault recv ECONNRESET", "peer P1 send hex 01", "run T#500ms", en_r=False
+            ),
+            "instance.R.EN_R=true",
+        ),
+    ],
+    ids=[
+        "calls at other times",
+        "messages below a session",
+        "a client in the scan of listen",
+        "a planned fault",
+    ],
+)
+def test_what_nobody_knows_is_a_guess(text: str, question: str, tmp_path: Path) -> None:
+    verdict = judge(Case("", text, (question,)), tmp_path / "1")
+    assert verdict.word in ("equal", "marked"), str(verdict)
+
+
+@NEEDS_OPENSSL
+def test_what_lies_below_a_tls_session_is_a_guess(secure_bench: Path) -> None:
+    text = (
+        HEAD.replace("0..3", "0..29999") + RECEIVES.replace("EN_R = true", "EN_R = false") + CONNECT + SERVER
+    )
+    text += (
+        '[[certificate]]\nnumber = 3\nfile = "certificates/partner.pem"\nkey = "certificates/partner.key"\n'
+    )
+    text += (
+        f'[[peer]]\nname = "P1"\ntls = true\ncertificate = 3\nauthority = 1\n{PEER}[scenario]\nsteps = """\n'
+    )
+    text += 'run T#500ms\npeer P1 send random 30000 seed=1 repeat=9 every=T#50ms\nrun T#1s\n"""\n'
+    text = text.replace('"certificates/', f'"{secure_bench}/certificates/')
+    verdict = judge(Case("", text, ("instance.X.EN_R=true",)), secure_bench / "below")
+    assert verdict.word in ("equal", "marked"), str(verdict)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import ACK, FIN, NS, answer, handshake, tcp
+from tests.capture.wire import ACK, FIN, NS, RST, answer, handshake, tcp
 from tests.rig.watch.test_watch import Watch, project, stream, watch
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.rig import clock
@@ -35,8 +35,10 @@ def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
     return position.scan, shows, position.beside
 
 
-def test_each_edge_of_the_screen_is_a_line_of_watch(watch: Watch, tmp_path: Path) -> None:
+@pytest.mark.parametrize("by_plc", [False, True])
+def test_each_edge_of_the_screen_is_a_line_of_watch(watch: Watch, tmp_path: Path, by_plc: bool) -> None:
     end = [tcp(seq=120, ack=501, flags=FIN | ACK), answer(seq=501, ack=121, flags=FIN | ACK)]
+    end = [answer(seq=501, ack=120, flags=RST | ACK)] if by_plc else end
     bench = project(tmp_path)
     seen = watch([*handshake(), *stream(12, 7), *end], "--project", str(bench), step_ms=700)
     line = shown(watch.path, bench)

@@ -372,7 +372,7 @@ class IsoOnTcp:
     def unread(self, peer: Endpoint, skip: int) -> Unread:
         """Return the messages that are complete."""
         found = [WaitingMessage(peer, *one) for one in islice(self._messages, skip, None)]
-        return Unread(messages=tuple(found), has_session=True)
+        return Unread(is_full=not self.wants_more, messages=tuple(found), has_session=True)
 
     @property
     def wants_more(self) -> bool:

@@ -142,7 +142,9 @@ class Tls:
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
         """Return the bytes that are decrypted."""
-        return Unread(len(self._plain), bytes(self._plain[skip:]), has_session=True)
+        return Unread(
+            len(self._plain), bytes(self._plain[skip:]), is_full=not self.wants_more, has_session=True
+        )
 
     @property
     def held(self) -> int:

@@ -415,7 +415,7 @@ class SimStream:
     def leave(self) -> None:
         """Let the partner's program end the connection, as one that is played has ended it."""
         if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
-            self.partner.give_up("EPIPE" if self.partner._in.fin else OWN_END)
+            self.partner.give_up(OWN_END)
         self.abort()
 
     # -- the handshake -------------------------------------------------------------------------------

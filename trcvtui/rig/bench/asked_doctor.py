@@ -46,10 +46,6 @@ class Judge(Protocol):
         """Find out whether it has ended."""
         ...
 
-    def close(self) -> None:
-        """Let it look no more."""
-        ...
-
 
 class BenchDoctor:
     """Asks a judge for lines at the prompt and for the card."""

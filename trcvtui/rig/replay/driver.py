@@ -53,15 +53,15 @@ def opened(path: Path, at: str | None) -> TimeLine:
     line = TimeLine(recording, str(path), to)
     if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.index():
         return line
-    scan, ns = recording.index()[-1].scans, recording.index()[-1].ns
+    last, ns = line.survey.passed + recording.index()[-1].scans, recording.index()[-1].ns
     for entry in recording.entries(len(recording.index()) - 1):
         if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
-            scan, ns = scan + 1, entry.answer
-    first, last = line.survey.first + 1, line.survey.passed + scan
-    if not (first <= to <= last if isinstance(to, int) else to[1] <= ns):
-        expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}"
-        raise mistake("--at", shown(at), f"{expected}: {path} has no more")
-    return line
+            last, ns = last + 1, entry.answer
+    first = line.survey.first + 1
+    if first <= to <= last if isinstance(to, int) else to[1] <= ns:
+        return line
+    expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}: {path} has no more"
+    raise mistake("--at", shown(at), expected)
 
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:

@@ -190,7 +190,7 @@ def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTH
     run = from_state(frame.state(where), shared, where, instead)
     if not isinstance(run, RunAgain) or run.bench.runtime.scans != frame.scan:
         raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
-    run.is_restored = True
+    run.is_restored, run.where, run.replay.where = True, where, where
     return run
 
 

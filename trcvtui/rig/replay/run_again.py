@@ -82,6 +82,10 @@ class RunAgain:
         _, self.scenario, project = self.roots
         self.bench = Bench(self.project_to_run(project), begins.kernel, self.replay)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a keyframe keeps: the file that has it may get another name."""
+        return self.__dict__ | {"where": ""}
+
     def project_to_run(self, project: Project) -> Project:
         """Return the project that runs: the recorded one."""
         return project

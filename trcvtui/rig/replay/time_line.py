@@ -155,9 +155,8 @@ class ReplayController(Controller):
         """Return what a picture is made of, with the position in the recording."""
         bare = super().collect(request, timing, most_lines)
         of = "replay" if self.position is None or self.position.first_ns is None else "capture"
-        doctor = bare.update.doctor
-        if self.position is not None:  # what has looked has seen all of the file
-            doctor = replace(doctor, scan=self.position.last_scan)
+        last = 0 if self.position is None else self.position.last_scan  # the doctor has seen all of it
+        doctor = replace(bare.update.doctor, scan=last)
         return bare._replace(update=replace(bare.update, position=self.position, kernel=of, doctor=doctor))
 
 
@@ -169,7 +168,7 @@ class CaptureRun(NamedTuple):
     first_ns: int
     notes: tuple[str, ...]
     change: Change  # the project with other parameters
-    judge: Judge
+    judge: FilesJudge
 
 
 class TimeLine:
@@ -182,8 +181,9 @@ class TimeLine:
         self._keyframes = keyframes = Keyframes(journal, where, capture.project if capture else None)
         self.survey = Survey(journal.entries(), where, keyframes.first, keyframes.offset)
         judge = FilesJudge(lambda: (journal.path,)) if isinstance(journal, Recording) else None
-        self._doctor = BenchDoctor(), capture.judge if capture is not None else judge
-        self._wants_findings, self.survey.is_judged = False, self._doctor[1] is None
+        self._judge = judge = capture.judge if capture is not None else judge
+        self._wants_findings, self.survey.is_judged = False, judge is None
+        self._doctor = BenchDoctor(), judge
         self.controller = ReplayController(keyframes.begin(), self._obey, self._doctor)
         self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
         self._wanted = self._least = keyframes.first + 1
@@ -315,10 +315,9 @@ class TimeLine:
         survey = self.survey
         if survey.is_over and not survey.is_judged and self._doctor[0].snapshot.looks:
             for one in self._doctor[0].snapshot.findings:
-                if one.scan is not None or one.t_ns is not None:
-                    scan = one.scan if one.scan is not None else survey.scan_at(one.t_ns or 0)
-                    scan = max(self._least, min(scan, survey.last))
-                    survey.findings.setdefault(scan, one.cause)
+                if one.scan or one.t_ns:
+                    scan = min(one.scan or survey.scan_at(one.t_ns or 0), survey.last)
+                    survey.findings.setdefault(max(self._least, scan), one.cause)
             survey.is_judged = True
         if self._since is not None:
             began, t_ns = self._since
@@ -387,8 +386,8 @@ class TimeLine:
 
     def close(self) -> None:
         """Let the doctor look no more."""
-        if self._doctor[1] is not None:
-            self._doctor[1].close()
+        if self._judge is not None:
+            self._judge.close()
 
     def collect(self, request: UpdateRequest) -> BareUpdate:
         """Return what a picture is made of."""

@@ -246,6 +246,8 @@ class WhatIf:
         """Let a scan of both pass, or one of one of them; return False where both have ended."""
         if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
             return False
+        if self.parts_at is not None and self.what_if.plan.active:
+            self._partners.note_guess(WhyGuess.TIME)  # a planned fault counts calls
         if self.guess_from is None and self._partners.guess_from is not None:
             self.guess_from, self.guess_why = self.at, self._partners.guess_why
         return True

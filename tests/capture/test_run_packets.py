@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from trcvtui.capture.journal import RECV, SHOWS, SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
 from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.capture.recording import JOURNAL, Recording, RecordingWriter
-from trcvtui.net.kernel import Accepted, KernelLoss
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss
 from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.rig.recording.files import FileLimits, RecordTo
 
@@ -17,7 +17,7 @@ BEGINS = RunBegins("0", "sim", 0, SIM_WALL_NS, False, "x.toml", (), "/", (), ())
 HERE, PARTNER = Endpoint("10.0.0.5", 2000), Endpoint("10.0.0.9", 51000)
 CONNECTED: list[Entry] = [
     WireCall(0, "C1", "bind", 3, (HERE,), None, b""),
-    WireCall(0, "C1", "accept", 3, (), Accepted(7, PARTNER), b""),
+    WireCall(0, "C1", "accept", 3, (), Accepted(Handle(7), PARTNER), b""),
 ]
 FLAGS = {1: "FIN", 2: "SYN", 4: "RST"}
 
@@ -56,14 +56,17 @@ def shows(
     return Answered(instance, SHOWS, ("C1", *outputs), None)
 
 
-def written(path: Path, *entries: Entry | Sequence[Entry]) -> list[Packet]:
+def flat(entries: Iterable[Entry | list[Entry]]) -> list[Entry]:
+    return [one for some in entries for one in (some if isinstance(some, list) else [some])]
+
+
+def written(path: Path, *entries: Entry | list[Entry]) -> list[Packet]:
     """Write a recording; return its packets, those of the journal too."""
     writer = RecordingWriter(path)
-    flat = [one for some in entries for one in (some if isinstance(some, list) else [some])]
-    writer.take([BEGINS, *flat])
+    writer.take([BEGINS, *flat(entries)])
     writer.close()
     read = [one for one in Recording(path).entries() if isinstance(one, Answered)]
-    assert read == [one for one in flat if isinstance(one, Answered)]
+    assert read == [one for one in flat(entries) if isinstance(one, Answered)]
     return packets(path)
 
 
@@ -172,16 +175,20 @@ def test_a_reset_is_rst_whoever_meets_it(tmp_path: Path) -> None:
     reset = Fault("recv", "ECONNRESET")
     by_a_layer = written(tmp_path / "1", CONNECTED, call(RECV, 65536, answer=reset), scan(1), call("close"))
     assert told(by_a_layer)[3:] == ["partner 1 RST"]
-    by_a_send = [call("send", 4, answer=Fault("send", "EPIPE")), call(RECV, 10, answer=0), call("close")]
+    by_a_send: list[Entry] = [
+        call("send", 4, answer=Fault("send", "EPIPE")),
+        call(RECV, 10, answer=0),
+        call("close"),
+    ]
     assert told(written(tmp_path / "2", CONNECTED, by_a_send))[3:] == ["partner 1 RST"]
-    by_loss = [call("loss", answer=KernelLoss(reset, 4)), *reads(bytes(4)), call("close")]
+    by_loss: list[Entry] = [call("loss", answer=KernelLoss(reset, 4)), *reads(bytes(4)), call("close")]
     assert told(written(tmp_path / "3", CONNECTED, by_loss))[3:] == ["partner 1 4", "partner 5 RST"]
     by_a_probe: list[Entry] = [Answered("C1", "probe", (7,), Fault("shutdown", "ENOTCONN")), call("abort")]
     assert told(written(tmp_path / "4", CONNECTED, by_a_probe))[3:] == ["partner 1 RST"]
 
 
 def test_a_line_that_is_dead_has_no_end(tmp_path: Path) -> None:
-    dead = [call("loss", answer=KernelLoss(Fault("recv", "ETIMEDOUT"), 0)), call("close")]
+    dead: list[Entry] = [call("loss", answer=KernelLoss(Fault("recv", "ETIMEDOUT"), 0)), call("close")]
     assert told(written(tmp_path / "R", CONNECTED, dead)) == HANDSHAKE
 
 
@@ -228,7 +235,7 @@ def test_two_receivers_of_a_connection_have_a_packet_each(tmp_path: Path) -> Non
 
 
 def test_a_sender_and_an_error_have_theirs(tmp_path: Path) -> None:
-    reset = [call("ended", "rst"), Answered("C1", "gap ended", (7, 0), "rst")]
+    reset: list[Entry] = [call("ended", "rst"), Answered("C1", "gap ended", (7, 0), "rst")]
     found = written(
         tmp_path / "R", CONNECTED, scan(1), sends(bytes(5)), scan(2), shows("S1", 0x0000), sends(bytes(6)),
         scan(3), shows("S1", 0x0000), reset, scan(4), shows("R1", 0x80AA, 0), scan(5), scan(6),
@@ -261,12 +268,12 @@ def test_a_message_of_iso_on_tcp_ends_where_it_ends(tmp_path: Path) -> None:
 # -- files that go on --------------------------------------------------------------------------------------
 
 
-def numbered(folder: Path, limits: FileLimits, *entries: Entry | Sequence[Entry]) -> list[Path]:
+def numbered(folder: Path, limits: FileLimits, *entries: list[Entry]) -> list[Path]:
     folder.mkdir()
     files = RecordTo(folder, limits=limits).file_sink(folder / "R")
     files.take([BEGINS])
     for some in entries:
-        files.take(some if isinstance(some, list) else [some])
+        files.take(some)
     files.close()
     return sorted(folder.iterdir())
 

@@ -227,7 +227,8 @@ class WirePackets:
             stream.is_own = self._is_own(there)
             self._streams[call.handle] = stream
             self._keep(call.owner, call.handle, stream.flows)
-            yield self._segment(call, stream, 0, SYN)
+            if call.answer is None or _is_reset(call.answer):  # else nothing was sent
+                yield self._segment(call, stream, 0, SYN)
             yield from self._refused(call, stream, call.answer)
 
     def _keep(self, owner: str, handle: int, flows: tuple[Flow, Flow]) -> tuple[Flow, Flow]:
@@ -249,8 +250,8 @@ class WirePackets:
     def _refused(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
         if isinstance(answer, Fault) and not answer.injected:
             stream.stands &= answer.error not in GONE
-            if answer.error in RESETS:
-                yield from self._end_comes(call, stream, RST | ACK)
+        if _is_reset(answer):
+            yield from self._end_comes(call, stream, RST | ACK)
 
     def _end_comes(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
         """Yield the partner's end, or keep it until all that came before it is told."""
@@ -415,7 +416,9 @@ class WirePackets:
         for stream in self._streams.values():
             if not stream.stands:
                 continue
-            again = [b"", b""] if stream.is_tls else [bytes(flow.tail) for flow in stream.flows]
+            ours, theirs = stream.flows
+            again = [bytes(ours.tail) if ours.is_part or ours.ends else b"", bytes(theirs.tail)]
+            again = [b"", b""] if stream.is_tls else again
             out, come = (flow.told - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
             stream.begun_before = (
                 f"begins in the middle: {come} bytes to the PLC and {out} from it came before"
@@ -519,6 +522,10 @@ class WirePackets:
             )
             size = len(call.data)
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)
+
+
+def _is_reset(answer: object) -> bool:
+    return isinstance(answer, Fault) and not answer.injected and answer.error in RESETS
 
 
 def checksum(data: bytes) -> int:

@@ -184,8 +184,10 @@ PEEK_BYTES: Final = 65536
 MOST_DATAGRAMS: Final = 1024  # of one look
 _COUNT: Final = bytearray(4)  # where FIONREAD writes
 _NOTHING: Final = bytes(4)
-# TCP_INFO: the state stands first (CLOSE: a reset); of a listener tcpi_unacked is the number of its clients.
-CLOSED, LISTENS = b"\x07", b"\x0a"
+# TCP_INFO: the state stands first; of a listener tcpi_unacked is the number of its clients.
+LISTENS: Final = b"\x0a"
+# States of a stream that the partner has ended: TIME_WAIT, CLOSE, CLOSE_WAIT, LAST_ACK, CLOSING.
+ENDS: Final = {b"\x06": "fin", b"\x07": "rst", b"\x08": "fin", b"\x09": "fin", b"\x0b": "fin"}
 CLIENTS_AT: Final = 24
 SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
@@ -235,7 +237,7 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
         size = _ask(sock, termios.FIONREAD) if CAN_ASK else 0
         most = min(size, PEEK_DEPTH) if CAN_ASK else 0 if is_gone else PEEK_BYTES
         data = sock.recv(most, socket.MSG_PEEK)[skip:] if most > skip else b""
-        end = "" if not is_gone or not info else "rst" if info[:1] == CLOSED else "fin"
+        end = ENDS.get(info[:1], "") if is_gone else ""
         room = sock.getsockopt(BASE, socket.SO_RCVBUF)
         return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)
     except (OSError, ValueError):

@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.capture.arrivals import ARRIVED, ENDED, MESSAGE
 from trcvtui.capture.journal import GAP, RECV, SHOWS, STEP, Answered, Entry, InPackets, WireCall
-from trcvtui.capture.wire import RST, Flow, WirePacket, WirePackets
+from trcvtui.capture.wire import NO_FLOWS, RST, Flow, WirePacket, WirePackets
 from trcvtui.net.results import Datagram, Fault
 
 LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
@@ -111,7 +111,7 @@ class RunPackets:
         elif isinstance(got, Datagram):
             end = flow.tsdu_end()
         flow.ends.append((self.wire.scan, end))
-        return entry._replace(answer=(got, self._place(flow, at, data)))
+        return Answered(entry.owner, entry.call, entry.args, (got, self._place(flow, at, data)))
 
     def _arrived(self, entry: Answered) -> Answered:
         flows, data = self.wire.flows.get(_handle_of(entry)), entry.answer
@@ -170,7 +170,7 @@ class RunPackets:
     def _shows(self, shows: Answered) -> Answered:
         """Write a job's end beside the packet that brought it."""
         connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
-        ours, theirs = self.wire.newest.get(str(connect), (Flow(), Flow()))
+        ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
         readers = self._readers.setdefault(str(connect), set())
         if length is not None:
             readers.add(shows.owner)

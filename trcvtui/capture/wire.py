@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from typing import Final
 
 from trcvtui.capture.journal import WireCall
@@ -114,6 +115,9 @@ class Flow:
             is_last = self.tail[at + 5] == DATA_TPDU and self.tail[at + 6] > 127
             at += max(7, int.from_bytes(self.tail[at + 2 : at + 4], "big"))
         return min(first + at, self.taken) if is_last else self.taken
+
+
+NO_FLOWS: Final = Flow(), Flow()
 
 
 class _TcpStream:
@@ -291,7 +295,7 @@ class WirePackets:
         new = call.data[max(0, flow.told - at) :] if call.data else b""
         if new:
             flow.told = max(flow.told, at)  # what was read away unseen is missing
-            yield from self._data(call._replace(data=new), stream, 1)
+            yield from self._data(call, stream, 1, new)
         if stream.coming_end and flow.told >= flow.whole:
             yield from self._end(call, stream, 1, stream.coming_end)
 
@@ -301,16 +305,16 @@ class WirePackets:
             if call.handle in self.flows:  # a CONNECT of this PLC reads them
                 self.flows[call.handle][0].whole += len(call.data)
         elif call.data:
-            yield from self._data(call, stream, 0)
+            yield from self._data(call, stream, 0, call.data)
         elif not stream.has_ended[0]:
             yield from self._refused(call, stream, call.answer)
 
-    def _data(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
+    def _data(self, call: WireCall, stream: _TcpStream, who: int, data: bytes) -> Iterator[WirePacket]:
         flow, at = stream.flows[who], stream.flows[who].told
-        if not at and call.data[:2] == b"\x16\3" and call.data[5:6] == b"\1":  # ClientHello
+        if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello
             stream.is_tls = True
-        flow.tell(call.data)
-        yield from self._pieces(call, stream, who, at, call.data)
+        flow.tell(data)
+        return self._pieces(call, stream, who, at, data)
 
     def _pieces(
         self, call: WireCall, stream: _TcpStream, who: int, at: int, data: bytes, remark: str = ""
@@ -330,7 +334,7 @@ class WirePackets:
 
     def _closed(self, call: WireCall) -> Iterator[WirePacket]:
         """Yield our end: a stack that still has bytes for us, as it says or as is known here, sends RST."""
-        flow = self.flows.get(call.handle, (Flow(), Flow()))[1]
+        flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
         yield from self._freed(call, (RST if unread else FIN) | ACK)
 
@@ -398,10 +402,12 @@ class WirePackets:
             source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, window, 0, 0
         )
         sent = None if stream.is_own else who == 0
-        remark = "; ".join(filter(None, (stream.begun_before, remark)))
-        stream.begun_before = ""
-        packet = self._ip(call, stream.owners, TCP, source, target, head, 16, payload, sent)
-        return packet._replace(flow=flow, at=at, remark=remark)
+        if stream.begun_before:
+            remark = "; ".join(filter(None, (stream.begun_before, remark)))
+            stream.begun_before = ""
+        data = self._ip(TCP, source, target, head, 16, payload)
+        ns = self.wall_ns + call.at
+        return WirePacket(stream.owners, "", ns, data, len(payload), sent, flow, at, remark)
 
     # -- files that go on -------------------------------------------------------------------------------
 
@@ -462,24 +468,15 @@ class WirePackets:
     ) -> WirePacket:
         payload = call.data[:MOST_DATAGRAM]
         head = _UDP(source.port, target.port, 8 + len(payload), 0)
-        packet = self._ip(call, (call.owner,), UDP, source, target, head, 6, payload, sent)
+        data = self._ip(UDP, source, target, head, 6, payload)
         at, flow.told = flow.told, flow.told + len(payload) + 1
-        return packet._replace(flow=flow, at=at)
+        return WirePacket((call.owner,), "", self.wall_ns + call.at, data, len(payload), sent, flow, at)
 
     def _ip(
-        self,
-        call: WireCall,
-        owners: tuple[str, ...],
-        protocol: int,
-        source: Endpoint,
-        target: Endpoint,
-        head: bytes,
-        sum_at: int,
-        payload: bytes,
-        sent: bool | None,
-    ) -> WirePacket:
+        self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
+    ) -> bytes:
         """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
-        ends = bytes(octets(source.address) or (0, 0, 0, 0)) + bytes(octets(target.address) or (0, 0, 0, 0))
+        ends = _octets(source.address) + _octets(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
         if protocol == UDP and not inner:
@@ -488,8 +485,7 @@ class WirePackets:
         self._number = self._number + 1 & 0xFFFF
         fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
         outer = checksum(_IP(*fields, 0, ends[:4], ends[4:]))
-        data = _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
-        return WirePacket(owners, "", self.wall_ns + call.at, data, len(payload), sent)
+        return _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
 
     # -- serial lines -----------------------------------------------------------------------------------
 
@@ -522,6 +518,11 @@ class WirePackets:
             )
             size = len(call.data)
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)
+
+
+@lru_cache(1024)
+def _octets(address: str) -> bytes:
+    return bytes(octets(address) or (0, 0, 0, 0))
 
 
 def _is_reset(answer: object) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -226,6 +227,14 @@ def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
         int, re.findall(r": scans (\d+) to (\d+), the same again\n", capsys.readouterr().out)[0]
     )
     assert 30_000 < first < last == 40_001
+    for name in files:
+        done = [one for one in entries(out / name) if isinstance(one, Answered) and one.args[3:4] == (True,)]
+        with open_capture(out / name) as capture:
+            came = [packet for packet in capture if packet.data[:1] == b"E" and len(packet.data) > 40]
+        assert sum(len(packet.data) - 40 for packet in came) == 1000 * len(done) > 0
+        assert came[0].comments[0].startswith("begins in the middle: ")
+        assert sum(" DONE 1000 B" in text for packet in came for text in packet.comments) == len(done)
+        assert {packet.data[20:24] for packet in came} == {struct.pack(">HH", 32768, 32769)}
 
 
 def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:

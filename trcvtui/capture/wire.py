@@ -2,7 +2,7 @@
 
 The calls of the kernel tell more than a wire does: a packet's other half (who sent ACK, and when) is made up.
 Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
-Rule: the partner's end stands behind all that came before it, also where the blocks read that later.
+Rule: the partner's end comes after all that came before it, also where the blocks read that later.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class _TcpStream:
         self.flows = Flow(True), Flow(True)  # from the PLC, to it
         self.controls = [0, 0]  # SYN and FIN take a sequence number each
         self.has_ended = [False, False]  # FIN or RST
-        self.coming_end = 0  # the partner's FIN or RST, which stands behind bytes that are not told yet
+        self.coming_end = 0  # the partner's FIN or RST, which comes after bytes that are not told yet
         self.stands = False
         self.is_own = False  # both ends are the PLC's
         self.is_tls = False

@@ -73,7 +73,7 @@ class _Sockets(dict[int, _Socket]):
 class PartnersAgain(Replay):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
-    `told` goes on with the recorded run, which is never behind. `intervals_ns`: of the bench that asks and of
+    `told` goes on with the recorded run, which passes first. `intervals_ns`: of the bench that asks and of
     the recorded one, where these are two; scans pass at multiples of it, and those of the recorded run before
     them, and one beyond.
     `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.

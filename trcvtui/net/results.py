@@ -127,7 +127,7 @@ def pair(end: Endpoint) -> tuple[str, int]:
     return end.address, end.port
 
 
-PEEK_DEPTH: Final = 256 << 10  # bytes behind the read position that are looked at: what lies deeper is a size
+PEEK_DEPTH: Final = 256 << 10  # bytes after the read position that are looked at: what lies deeper is a size
 
 
 class WaitingMessage(NamedTuple):

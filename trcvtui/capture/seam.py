@@ -315,7 +315,7 @@ class _NotedKernel(_SeamKernel):
     def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
         super().__init__(seam, label, inner)
         self._arrivals = Arrivals(seam, inner, self._owners, label)
-        calls = ("listen", "connect_result", "readable", "renew", "discard")
+        calls = ("listen", "connect_result", "readable", "renew", "discard", "poll_del")
         self._asked = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
 
     def note_arrivals(self) -> None:
@@ -340,6 +340,11 @@ class _NotedKernel(_SeamKernel):
         failed: Fault | None = self._asked["listen"](handle, backlog)
         if failed is None:
             self._arrivals.listen(handle)
+        return failed
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        self._arrivals.note(handle)  # afterwards the kernel knows no end
+        failed: Fault | None = self._asked["poll_del"](handle)
         return failed
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
@@ -546,6 +551,7 @@ class _WireKernel:
         is_told = self._is_next and name in ("recv", "recv_from")
 
         def tapped(handle: Handle, *args: object) -> object:
+            unread = (self._inner.unread(handle),) if name == "close" else ()
             answer = call(handle, *args)
             if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
                 return answer
@@ -559,7 +565,7 @@ class _WireKernel:
                     data = bytes(view[:size])  # type: ignore[index]
             elif isinstance(answer, Accepted):
                 owners[answer.handle] = owner
-            wire(owner, name, handle, args, answer, data)
+            wire(owner, name, handle, args + unread, answer, data)
             return answer
 
         return tapped

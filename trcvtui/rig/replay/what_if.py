@@ -263,11 +263,8 @@ class WhatIf:
         else:
             self._what_if.follow(self._lines)
             self._lines = None
-        was, now = (
-            () if self._lines is not None else self.recorded.runtime.changed,
-            self.what_if.runtime.changed,
-        )
-        self._edges = was, now
+        was = () if self._lines is not None else self.recorded.runtime.changed
+        self._edges = was, now = was, self.what_if.runtime.changed
         if self.parts_at is None and _shown(was) != _shown(now):
             self.parts_at = self.at
         if self.value is None:
@@ -290,9 +287,8 @@ class WhatIf:
         self._later = self._later[len(passed) :]
         self._what_if.follow([line for _, lines, _ in passed for line in lines])
         self._edges = (), self.what_if.runtime.changed
-        for shown, edges in zip(
-            self._shown, ([e for *_, some in passed for e in some], self._edges[1]), strict=True
-        ):
+        was = [edge for *_, edges in passed for edge in edges]
+        for shown, edges in zip(self._shown, (was, self._edges[1]), strict=True):
             shown.update(_shown(edges))
         if self.parts_at is None and self._shown[0] != self._shown[1]:
             self.parts_at = self.at
@@ -402,8 +398,8 @@ class WhatIf:
 
     def summary(self) -> Iterator[str]:
         was, now = self.sums()
-        parts = f"they part at scan {self.parts_at}" if self.parts_at else "STATUS is the same in each scan"
-        yield parts
+        same = "in each scan" if self._partners.intervals_ns is None else "at each time"
+        yield f"they part at scan {self.parts_at}" if self.parts_at else f"STATUS is the same {same}"
         if self.value is not None:
             value = self.value
             yield (

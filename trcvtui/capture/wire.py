@@ -67,9 +67,7 @@ class Flow:
         self.told = self.whole = self.taken = 0  # what has a packet, what has come, what of it was read
         self.tail = bytearray()  # of a stream: what was told since `job`, the newest MOST_TAIL bytes
         self.job = 0  # where the last job has ended
-        self.ends: deque[tuple[int, int]] = deque(
-            maxlen=MOST_MESSAGES
-        )  # since which scan a job may end where
+        self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: since scan, place
         self.unread: deque[WirePacket] = deque(maxlen=MOST_MESSAGES)  # datagrams
         self.read: list[WirePacket] = []  # datagrams, since `job`
         self.is_part = False  # the newest call has sent a part of a job

@@ -115,7 +115,7 @@ def test_the_stories_of_a_night_and_of_a_capture_hold(
         is_judged = " doctor " in line  # 1: it has found something
         assert main(shlex.split(line)[1:]) == is_judged, capsys.readouterr()
         told[shlex.split(line)[1]] = capsys.readouterr().out
-    assert "what-if:  2 DONE, 0 ERROR" in told["replay"]
+    assert "what-if:  3 DONE, 0 ERROR" in told["replay"]
     assert "127.0.0.1:32768" in told["conversations"]
     assert "TRCV_C_1  7008" in told["watch"]
     assert told["doctor"].splitlines()[1].startswith("  frame-short ")

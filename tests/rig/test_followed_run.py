@@ -143,7 +143,7 @@ def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
     for late in (
         ["--set", "options.retry=T#1s"],
         ["--dialect", "s7-1500"],
-        ["--set", "connect.C1.LocalPort=1"],
+        ["--set", "task.MAIN.interval=T#20ms"],
     ):
         assert main(["replay", str(path), *late]) == 2
         assert "all else needs the run's beginning" in capsys.readouterr().err

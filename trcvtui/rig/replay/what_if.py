@@ -427,13 +427,12 @@ def _text(value: Value | None) -> str:
 
 def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
     """Write the records of both runs in scan order, then what has come of them."""
-    reports = [JsonLines(write, bench.runtime.interval_ns) for bench in (run.recorded, run.what_if)]
+    benches, names = (run.recorded, run.what_if), (RECORDED, WHAT_IF)
+    reports = [JsonLines(write, bench.runtime.interval_ns, bench) for bench in benches]
     while run.scan():
         guess = {"guess": True} if run.guess_from is not None else {}
-        for report, name, bench, edges, more in zip(
-            reports, (RECORDED, WHAT_IF), (run.recorded, run.what_if), run.edges(), ({}, guess), strict=True
-        ):
+        for report, bench, name, edges in zip(reports, benches, names, run.edges(), strict=True):
+            more = guess if name == WHAT_IF else {}
             for edge in edges:
                 report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
-    report = reports[0]
-    report.write(run.record())
+    reports[0].write(run.record())

@@ -211,6 +211,7 @@ class Conversations:
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.first_ns: int | None = None
+        self.recorded_to: int | None = None  # by the journal of a recording of ours
         self.packets = 0
         self._told = told
         self._is_detailed = is_detailed and told is not None
@@ -328,6 +329,7 @@ class Conversations:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
             self.not_read[NotRead.JOURNAL] += 1
+            self.recorded_to = packet.ns
             return
         if self.first_ns is None:
             self.first_ns = packet.ns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from pathlib import Path
 
@@ -9,8 +10,11 @@ import pytest
 
 from tests.capture.wire import NS, PARTNER, PLC, capture, udp
 from tests.rig.watch.test_on_screen import work
-from tests.rig.watch.test_watch import Watch, watch
+from tests.rig.watch.test_watch import Record, Watch, watch
+from trcvtui.capture.command import take_captures
 from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, interface_block, packet_block, section_block
+from trcvtui.capture.reassembly import Conversations
+from trcvtui.cli import main
 from trcvtui.rig.watch.command import MISSING
 from trcvtui.rig.watch.on_screen import _played
 
@@ -231,3 +235,86 @@ def test_the_screen_shows_the_run_of_watch(watch: Watch, tmp_path: Path, kind: s
     work(shown)
     assert shown.survey.trouble == ""
     assert shown.controller.bench.runtime.snapshot().instances[0].jobs_done == 3
+
+
+ISO = """
+dialect = "s7-1500"
+[[data]]
+name = "rx"
+type = "ARRAY[0..15] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+ActiveEstablished = false
+LocalTSelector = "16#E002"
+RemoteTSelector = "16#E001"
+IsoPort = 0
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+iso = true
+remote = "@C1"
+local_tsap = "16#E001"
+remote_tsap = "16#E002"
+reconnect = "T#100ms"
+says = ["random 16", "random 9"]
+every = "T#30ms"
+"""
+TWO_SENDERS = """
+[[peer]]
+name = "P1"
+udp = true
+remote = "@U1"
+says = ["random 8", "random 5", "random 3"]
+every = "T#30ms"
+[[peer]]
+name = "P2"
+udp = true
+remote = "@U1"
+says = ["random 4"]
+every = "T#20ms"
+"""
+
+
+def recorded(tmp_path: Path, bench: str, steps: str) -> tuple[Path, list[Record]]:
+    """Return the recording of a scenario, and its records."""
+    project(tmp_path, bench)
+    scenario, path, out = tmp_path / "s.toml", tmp_path / "run.pcapng", tmp_path / "run.jsonl"
+    text = f'project = "bench.toml"\n[scenario]\nname = "s"\nsteps = """\n{steps}\n"""\n'
+    scenario.write_text(text, encoding="utf-8")
+    words = ["--record", str(path), "--format", "jsonl", "--out", str(out)]
+    assert main(["scenario", str(scenario), *words]) == 0
+    return path, [json.loads(each) for each in out.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_partner_of_iso_on_tcp_says_nothing_before_its_shadow_has_answered(
+    watch: Watch, tmp_path: Path
+) -> None:
+    path, run = recorded(tmp_path, ISO, "run T#500ms")
+    seen = watch.file(path, "--project", str(tmp_path / "bench.toml"), "--plc", "127.0.0.1:32768")
+    jobs = [("0000", r["RCVD_LEN"]) for r in run if r.get("DONE")]
+    assert jobs[:3] == [("0000", 16), ("0000", 9), ("0000", 16)]
+    assert seen.jobs("R1")[: len(jobs)] == jobs
+    assert seen.last["left_out"] == {}
+
+
+def test_datagrams_that_the_recorded_plc_left_unread_are_left_out_at_the_end_of_the_recording(
+    watch: Watch, tmp_path: Path
+) -> None:
+    steps = "set R1 EN_R=1\nrun T#200ms\nset R1 EN_R=0\nrun T#200ms\nset R1 EN_R=1\nrun T#300ms"
+    bench = UDP + "CONT = true\nLEN = 8\n" + TWO_SENDERS
+    path, run = recorded(tmp_path, bench, steps)
+    seen = watch.file(path, "--project", str(tmp_path / "bench.toml"))
+    done = [each for each in seen.of("R1") if each["DONE"]]
+    assert done[-1]["t_ms"] <= run[-2]["t_ms"] + 30
+    conversations = Conversations()
+    take_captures([str(path)], conversations, [])
+    sent = sum(each.there.bytes + each.back.bytes for each in conversations.all)
+    assert set(seen.last["left_out"]) == {"C1", "C2"}
+    assert sum(each["RCVD_LEN"] for each in done) + sum(seen.last["left_out"].values()) == sent

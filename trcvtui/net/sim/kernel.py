@@ -82,6 +82,11 @@ class DatagramWire:
         target = self._socket_at(remote)
         return target is not None and target.arrive(source, data)
 
+    def take_back(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
+        """Let what nobody has read at an end never have come, and return it."""
+        target = self._socket_at(end)
+        return target.take_back() if target is not None else []
+
     def _socket_at(self, end: Endpoint) -> SimDatagrams | None:
         """Return who gets it: the socket of that very address, else one of all; the newest of several."""
         holders = self._bound.get(end.port, []) if self.wire.owns(end.address) else []
@@ -166,6 +171,13 @@ class SimDatagrams(SimSocket):
         self._used += cost
         self.changed()
         return True
+
+    def take_back(self) -> list[tuple[Endpoint, bytes]]:
+        """Let what nobody has read never have come, and return it."""
+        unread = list(self._queue)
+        self._queue.clear()
+        self._used = 0
+        return unread
 
     def take(self, into: memoryview) -> Datagram | WouldBlock:
         """Take the oldest datagram; what is larger than the view is cut off."""

@@ -30,7 +30,7 @@ from trcvtui.project.tables import Given, shown
 from trcvtui.records import NamedTuple
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.scenario.scenario import load_bench
-from trcvtui.rig.watch.player import PlayedEnd, PlayedLine, Shadows
+from trcvtui.rig.watch.player import FIRST_JOB, PlayedEnd, PlayedLine, Shadows
 from trcvtui.rig.watch.shadows import NEVER_NS, ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
 from trcvtui.rig.watch.talks import Talks
 
@@ -162,7 +162,9 @@ class CapturePlayer:
         running = self._running.get(number)
         if running is not None and event.kind is EventKind.BYTES:
             for says, end in running.ends:  # nearly all that is said
-                if says is event.direction and not end.has_ended:
+                if says is not event.direction:
+                    end.hear()
+                elif not end.has_ended:
                     running.probes = 0
                     end.send(event.data)
             return
@@ -264,6 +266,8 @@ class CapturePlayer:
         match event.kind:
             case EventKind.BYTES if is_own:
                 end.send(event.data)
+            case EventKind.BYTES:
+                end.hear()
             case EventKind.MISSING if is_own:
                 end.keep_place(event.size)
             case EventKind.FIN if is_own:
@@ -283,7 +287,15 @@ class CapturePlayer:
     def play(self, paths: Sequence[str]) -> None:
         """Play a capture to its last packet, and let the shadows settle."""
         take_captures(paths, self._reading, [])
-        self.shadows.go_to(max(self._last_ns.values(), default=self._first_ns) - self._first_ns)
+        recorded_to = self._reading.recorded_to
+        last_ns = max(*self._last_ns.values(), recorded_to or 0, self._first_ns)
+        self.shadows.go_to(last_ns - self._first_ns)
+        if recorded_to is not None:  # its PLC read no datagram after that
+            tasks = [self.shadows.scans_of_task(link) for link in self._played]
+            for _ in range(FIRST_JOB * max(tasks, default=0)):
+                self.shadows.step()
+            for line in self._played.values():
+                line.read_no_more()
         self.shadows.settle()
 
     def close(self) -> Played:

@@ -201,6 +201,9 @@ class PlayedEnd:
         self._own = own
         self._calls = calls
         self._is_begun = self._has_called = False
+        config = shadows.bench.project.connect(connect)
+        self._asks = calls and config is not None and config.session is not None
+        self._awaits = self._has_answer = False  # the partner the shadow's answer: its CC
         self._stream: SimStream | None = None
         self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
         self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
@@ -219,6 +222,18 @@ class PlayedEnd:
             if self._stream is None:
                 self._shadows.waiting.append(self)
 
+    def hear(self) -> None:
+        """Hear the PLC end: to the first that it says the partner had waited, so it is waited for here."""
+        if self._asks:
+            self._asks = False
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._do(self._await)
+            if self._awaits:
+                self._shadows.waiting.append(self)
+
+    def _await(self) -> None:
+        self._awaits = not self._has_answer
+
     @property
     def link(self) -> str:
         """Return the CONNECT."""
@@ -226,11 +241,14 @@ class PlayedEnd:
 
     def go_on(self, may_try: bool) -> bool:
         """Look again whether the shadow is ready; return whether it still waits."""
-        if may_try:
+        if may_try and self._stream is None:
             self._connect()
+        is_late = self._shadows.network.now_ns >= self.gives_up_at
         if self._stream is not None:
-            return False
-        if self._shadows.network.now_ns < self.gives_up_at:
+            self._awaits &= not (self._has_answer or is_late)
+            self._catch_up()
+            return self._awaits
+        if not is_late:
             return True
         self.left_out += self._kept
         self._acts.clear()
@@ -256,18 +274,22 @@ class PlayedEnd:
         self._stream = stream
         self._shadows.wake()
         stream.changed = self._drain
-        while self._acts:
+        self._catch_up()
+
+    def _catch_up(self) -> None:
+        while self._acts and not self._awaits:
             self._acts.popleft()()
 
     def _drain(self) -> None:
         stream = self._stream
         while stream is not None and stream.unread:
+            self._has_answer = True
             stream.read(_WASTE, len(_WASTE))
 
     def _do(self, act: Callable[[], None], size: int = 0) -> None:
         if not self._is_begun:
             self.begin()
-        if self._stream is not None:
+        if self._stream is not None and not self._awaits:
             act()
         elif not self.is_over and self._kept + size <= PLAYED_ROOM:
             self._kept += size
@@ -278,7 +300,7 @@ class PlayedEnd:
     def send(self, data: bytes) -> None:
         """Send bytes."""
         self._shadows.room += len(data)
-        if self._stream is not None and self._is_begun:
+        if self._stream is not None and self._is_begun and not self._awaits:
             self._send(data)
         else:
             self._do(lambda: self._send(data), len(data))
@@ -402,6 +424,7 @@ class PlayedLine:
         self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
         self._kept = 0  # bytes of these
         self._packets = self._sent = 0
+        self._numbers: dict[Endpoint, int] = {}  # of the conversation of each source
         project = shadows.bench.project
         of_udp = project.connect(link) or project.udp_config(link)
         self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
@@ -432,6 +455,13 @@ class PlayedLine:
             self.close()
         return bool(self._waiting)
 
+    def read_no_more(self) -> None:
+        """Leave out the datagrams that came and were not read."""
+        port = self._shadows.bench.runtime.listening_port(self._link)
+        if self._address and port is not None:
+            for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
+                self._left_out[self._numbers[source]] += len(data)
+
     def close(self) -> None:
         """Count what still waits as left out."""
         for number, _, data, _ in self._waiting:
@@ -447,6 +477,7 @@ class PlayedLine:
             if port is None:
                 return False
             target = Endpoint(self._address, port)
+            self._numbers[source] = number
             is_taken = shadows.network.datagrams.deliver(source, target, whole)
         else:
             line = shadows.bench.lines[self._link]

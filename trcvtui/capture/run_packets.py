@@ -221,7 +221,7 @@ class RunPackets:
         self.begin_block()
 
     def begin_file(self) -> list[Answered]:
-        """Begin a file in which goes on what stands; return entries that tell what nobody has read yet."""
+        """Begin a file in which goes on what stands; return entries that tell what is unread."""
         self.begin_block()
         self._add(self.wire.begin_file(self._now))
         told: list[Answered] = []

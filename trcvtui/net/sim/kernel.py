@@ -83,7 +83,7 @@ class DatagramWire:
         return target is not None and target.arrive(source, data)
 
     def take_back(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
-        """Let what nobody has read at an end never have come, and return it."""
+        """Let what is unread at an end never have come, and return it."""
         target = self._socket_at(end)
         return target.take_back() if target is not None else []
 
@@ -173,7 +173,7 @@ class SimDatagrams(SimSocket):
         return True
 
     def take_back(self) -> list[tuple[Endpoint, bytes]]:
-        """Let what nobody has read never have come, and return it."""
+        """Let what is unread never have come, and return it."""
         unread = list(self._queue)
         self._queue.clear()
         self._used = 0

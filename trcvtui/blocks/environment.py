@@ -77,6 +77,14 @@ class JobStarted(NamedTuple):
     adhoc: bool
 
 
+class JobMode(NamedTuple):
+    """The receive job that runs goes on ad-hoc, or static."""
+
+    instance: str
+    job: int
+    adhoc: bool
+
+
 class JobEnded(NamedTuple):
     """A receive job ended; `size` bytes of the stream, from `offset` on, went to DATA when `done`.
 
@@ -117,7 +125,7 @@ class SendEnded(NamedTuple):
     reason: str
 
 
-JobNote = JobStarted | JobEnded | SendStarted | SendEnded | SerialNote
+JobNote = JobStarted | JobMode | JobEnded | SendStarted | SendEnded | SerialNote
 
 
 @dataclass(slots=True)

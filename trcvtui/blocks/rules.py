@@ -50,7 +50,8 @@ class StatusSequence:
     `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a TRCV of its own
     while its connection is being built again.
     `teardown`: "closing" shows before the error of a loss that ends a job.
-    `silent_connect`: an attempt to connect that fails shows no error.
+    `silent_connect`: an attempt to connect that fails shows no error. `silent_dead_link`: the same, while a link
+    that was found dead answers nothing.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `request_connects`: an edge of REQ or EN_R = 1 connects, too, and CONT says whether that outlives the job.
     `faults_once`: a receive job that every call refuses shows its error once, else with each call.
@@ -78,6 +79,7 @@ class StatusSequence:
     still_asked: Condition | None = None
     teardown: bool = False
     silent_connect: bool = False
+    silent_dead_link: bool = False
     reset_closes: bool = False
     request_connects: bool = False
     faults_once: bool = False
@@ -148,6 +150,7 @@ class Rules:
     max_datagram: int = 2048
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
+    adhoc_at_once: bool = False  # ADHOC acts on the job that runs; else on the next one
     part_follows_en_r: bool = False  # of a frame from a TRCV_C: EN_R = 0 throws it away
     lock_outlives: bool = True  # the lock of a job stays when its instance goes
     one_class: bool = False  # blocks of another priority are kept off a connection while one works on it

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Any, Final
 
-from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted, SerialNote
+from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import shown_by
@@ -99,6 +99,7 @@ Event = (
     StatusEdge
     | InputEdge
     | JobStarted
+    | JobMode
     | JobEnded
     | SendStarted
     | SendEnded

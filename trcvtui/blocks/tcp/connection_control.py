@@ -296,7 +296,10 @@ class ConnectionControl:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
-        if self._course.silent_connect and failed.stage is SetUpStage.CONNECT:
+        is_silent = self._course.silent_connect or (
+            self._course.silent_dead_link and self._connection.link_is_dead
+        )
+        if is_silent and failed.stage is SetUpStage.CONNECT:
             self.waits += 1
             return replace(shown, condition=Condition.ESTABLISHING)
         self._script.extend(self._rebuilding(shown.cause))

@@ -1,6 +1,7 @@
 """The receive job: what TRCV does between EN_R and DONE.
 
-Rule 1: LEN, ADHOC and the size of DATA are latched when a job starts; a job reads at most its own length.
+Rule 1: LEN and the size of DATA are latched when a job starts; a job reads at most its own length. ADHOC acts
+on the job that runs (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
 Rule 2: DATA changes only at DONE; until then the bytes are the job's.
 Rule 3: at least one scan of "receiving" stands before each DONE (design 6, row 5).
 """
@@ -12,7 +13,7 @@ from typing import Final
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import JobRequest, fits, refuse, reserve, rival_of, unfit
@@ -69,6 +70,8 @@ class ReceiveJob:
             return self._begin(inputs.len, inputs.adhoc)
         if self._area.must_stay and (changed := self._changed(inputs.len)) is not None:
             return changed
+        if inputs.adhoc != self.adhoc and self._env.rules.adhoc_at_once:
+            self._switch(inputs.adhoc)
         if not self.complete:
             loss = self._collect()
             if loss is not None:
@@ -159,6 +162,16 @@ class ReceiveJob:
         self._env.write(
             JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
         )
+
+    def _switch(self, adhoc: bool) -> None:
+        """Let the job that runs go on in the other mode, with what is here; a message is whole in both."""
+        self.adhoc = adhoc
+        self._env.write(JobMode(self._instance, self.number, adhoc))
+        if self._is_message_oriented:
+            return
+        if adhoc and self.have and self.connection.unread():  # a loss shows after the frame
+            self._collect()
+        self.complete = self.claim.has_frame = self.have > 0 if adhoc else self.have == self.need
 
     def _collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands after the last byte."""

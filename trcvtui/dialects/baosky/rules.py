@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp_status import UDP_STATUS
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue
@@ -41,6 +41,16 @@ SWITCHES: Final = (
         "partner resets during a receive job: receiving failed, or a close like any other",
         ("80AA", "80C5"),
     ),
+    # 7.15.1, 80AB: "holds it for one cycle, and subsequently stays in the 7002 state".
+    Switch(
+        "dead_link",
+        "choice",
+        "silent",
+        "after 80AB: 7002 until the link is up, or 80A0 with each attempt that fails",
+        ("silent", "80A0"),
+    ),
+    # 7.15.1, ADHOC mode: "sets the current reception function to ADHOC mode".
+    Switch("adhoc", "choice", "at_once", "ADHOC acts on the job that runs, or the next", ("at_once", "latched")),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
     # The pin tables say 65535, the text of 80A5 says 65536 (baosky.md section 15, 1).
     Switch("max_len", "choice", "65535", "longest job in bytes", ("65535", "65536")),
@@ -89,6 +99,8 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
     return Rules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
         not_connected=NotConnected(chosen["not_connected"]),
+        course=StatusSequence(silent_dead_link=chosen["dead_link"] == "silent"),
+        adhoc_at_once=chosen["adhoc"] == "at_once",
         short_frame_shown=chosen["short_frame"] == "both",
         reset_counts_as_close=chosen["reset_is"] == "80C5",
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),

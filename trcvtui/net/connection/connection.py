@@ -193,6 +193,7 @@ class Connection:
         self.pending_loss: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
+        self.link_is_dead = False  # from its loss until the partner's machine answers, or a new beginning
         self.handle: Handle | None = None
         ids, note, work = resources.connection_ids, self._note_set_up, resources.work
         self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
@@ -326,6 +327,7 @@ class Connection:
     def _begin_incarnation(self, handle: Handle, peer: Endpoint | None) -> None:
         self.handle, self.peer = handle, peer
         self.state = State.CONNECTED
+        self.link_is_dead = False
         self.incarnation += 1
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self._local = self._kernel.local_end(handle)
@@ -334,6 +336,8 @@ class Connection:
         self.set_up.free_attempt()
         self._resources.budget.release(self.config.name)
         self.state = State.ESTABLISHING
+        if failed.stage is SetUpStage.CONNECT:
+            self.link_is_dead &= failed.fault.error in LINK_DEAD_ERRORS
         self.retry_at = now + self._policy.retry_ns
         return failed
 
@@ -557,6 +561,7 @@ class Connection:
         fault = self.set_up.free() or fault
         self._resources.budget.release(self.config.name)
         self.state, self.retry_at, self._pauses = State.CLOSED, None, False
+        self.link_is_dead = False
         return fault
 
     def reset(self) -> Fault | None:
@@ -608,6 +613,7 @@ class Connection:
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         self._losses.add(self.incarnation, loss)
+        self.link_is_dead = loss.kind is LossKind.LINK_DEAD
         self.handle, self.pending_loss, self.retry_at = None, None, None
         self.peer, self._local = None, None
         self.receiving.end()

@@ -147,7 +147,7 @@ def evidence_then(
         data_size=data.size if data else 0,
         have=have,
         need=need,
-        adhoc=facts.job_adhoc or (bool(dict(decl.inputs).get("ADHOC")) if decl else False),
+        adhoc=facts.job_adhoc if facts.job_began else bool(decl and dict(decl.inputs).get("ADHOC")),
         config=project.connect(decl.connect) if decl else None,
         facts=facts,
         has_adhoc=_has_adhoc(project, edge.block),

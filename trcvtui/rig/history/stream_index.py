@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
 from trcvtui.records import NamedTuple
@@ -158,6 +158,7 @@ class StreamIndex:
             PeerSent: [self._message_sent],
             BytesReceived: [self._bytes_received],
             JobStarted: [self._job_started],
+            JobMode: [self._job_mode],
             JobEnded: [self._job_ended],
             ConnectionChanged: [self._connection_noted],
         }
@@ -244,6 +245,12 @@ class StreamIndex:
         reading.began = scan, t_ns, tuple(event)
         reading.runs = True
         reading.reads = []
+
+    def _job_mode(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        reading = self._readings.get(event[0])
+        if reading is not None and reading.began is not None:
+            begun, at, fields = reading.began
+            reading.began = begun, at, (*fields[:-1], event[-1])
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, _, _, _, _, _, done, _ = event

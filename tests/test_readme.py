@@ -82,13 +82,13 @@ def test_the_project_file_of_the_readme_shows_a_living_bench_when_it_is_pasted(
 def test_the_page_of_siemens_has_each_switch_with_its_default_and_descriptions_that_are_right(
     tmp_path: Path,
 ) -> None:
-    from trcvtui.dialects.siemens.rules import SWITCHES
+    from trcvtui.dialects.siemens.rules import LEGACY_SWITCHES
     from trcvtui.project.file import load_project
 
     listed = re.findall(
         r"^\| `(\w+)` \| \S+ \| (.*) \|$", SIEMENS.partition("What the manuals leave open")[2], re.MULTILINE
     )
-    assert listed == [(switch.name, switch.text) for switch in SWITCHES]
+    assert listed == [(switch.name, switch.text) for switch in LEGACY_SWITCHES]
     connects = next(
         block for block in re.findall(r"```toml\n(.*?)```", SIEMENS, re.DOTALL) if "[[connect]]" in block
     )

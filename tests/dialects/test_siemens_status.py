@@ -137,7 +137,7 @@ _ENDS = _SINGLE | {Condition.FINISHED}
 
 # A TCON_Param, the one description that they take, has no name and no certificate.
 _NAMES_AND_TLS = {c for c in Condition if c.name.startswith(("TLS_", "NAME_"))} | {Condition.NO_RESOLVER}
-NOT_BEFORE_3 = {Condition.JOB_BEGINS, Condition.ESTABLISHED} | _NAMES_AND_TLS
+NOT_BEFORE_3 = _NAMES_AND_TLS
 
 # What each block can show: the conditions that its code makes.
 CAN_SHOW = {
@@ -216,11 +216,23 @@ def test_instructions_before_3_have_one_row_for_each_condition_that_they_can_sho
         rows = Counter(c for row in legacy.status if block in row.blocks for c in row.conditions)
         assert {str(c): rows[c] for c in CAN_SHOW[block] - NOT_BEFORE_3 if rows[c] != 1} == {}
         assert {str(c) for c in _NAMES_AND_TLS if rows[c]} == set()
-    rules = legacy.answer({})
-    assert rules.word("TSEND_C", Condition.ESTABLISHING) == 0x7001
-    assert rules.word("TSEND_C", Condition.SENDING) == 0x7002
-    assert rules.word("TRCV_C", Condition.RECEIVING) == 0x7006
-    assert rules.word("TRCV_C", Condition.RECEIVING_PART) == 0x7002
+
+
+@pytest.mark.parametrize(
+    ("switch", "words"),
+    [("figures", (0x7002, 0x7005, 0x7006, 0x7006)), ("help", (0x7001, 0x7002, 0x7006, 0x7002))],
+)
+def test_instructions_before_3_show_the_words_of_the_figures_or_of_their_help(
+    switch: str, words: tuple[int, ...]
+) -> None:
+    rules = DIALECTS["s7-1200-legacy"].answer({"status_sequence": switch})
+    asked = (
+        ("TSEND_C", Condition.ESTABLISHING),
+        ("TSEND_C", Condition.SENDING),
+        ("TRCV_C", Condition.RECEIVING),
+        ("TRCV_C", Condition.RECEIVING_PART),
+    )
+    assert tuple(rules.word(*each) for each in asked) == words
     assert rules.word("TRCV_C", Condition.LINK_DONE) == 0x0000
 
 

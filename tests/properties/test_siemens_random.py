@@ -23,7 +23,9 @@ OPTIONS = (
     ("options.teardown_before_error=true", "options.status_0001_always=true", "options.rcv_lag=false"),
     ("options.silent_connect=true", "options.en_r_falls=drops", "options.retry=T#30ms"),
 )
-CASES = [(project, options) for project in PROJECTS for options in OPTIONS] + [(one, ()) for one in LEGACY]
+HELP = ("options.status_sequence=help",)
+CASES = [(project, options) for project in PROJECTS for options in OPTIONS]
+CASES += [(project, options) for project in LEGACY for options in ((), HELP)]
 
 
 def a_line(draw: random.Random, bench: Bench) -> str:

@@ -108,7 +108,7 @@ def test_three_dialects_stand_side_by_side(tmp_path: Path) -> None:
     race = raced(tmp_path, RECEIVE, "baosky", "s7-1200", "s7-1200-legacy")
     assert summary(race.instances[0]).startswith("first differ in scan 1: 0001 vs 7001 vs 7001; ")
     assert race_rows(race.instances[0])[4] == RaceRow(
-        "5", (Cell("7004"), Cell("0001", "B"), Cell("0000", "D")), ("STATUS", "BUSY", "DONE")
+        "5", (Cell("7004"), Cell("0001", "B"), Cell("0001", "B")), ("STATUS", "BUSY")
     )
 
 

@@ -161,7 +161,7 @@ async def test_a_digit_takes_a_dialect_into_the_race_and_out_of_it(shelf: Path) 
         await stage.press("4")
         await stage.raced()
         assert "4 ■ s7-1200-legacy" in stage.words
-        assert stage.table[4] == "5 ≠ 7004 B□ D□ E□ 0001 B■ D□ E□ 0000 B□ D■ E□"
+        assert stage.table[4] == "5 ≠ 7004 B□ D□ E□ 0001 B■ D□ E□ 0001 B■ D□ E□"
         await stage.press("1")
         await stage.raced()
         await stage.press("2")

@@ -98,7 +98,7 @@ class SingleTcon:
             return Outcome(Condition.NOT_NOW, STILL_CLOSED)
         if self._connection.state is not State.CLOSED:
             return self._refused()
-        fault = self._connection.open()
+        fault = self._connection.open(self._env.now)
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self._is_building = True

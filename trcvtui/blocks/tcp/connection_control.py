@@ -257,7 +257,7 @@ class ConnectionControl:
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
-        fault = self._connection.open(self._has_addr)
+        fault = self._connection.open(self._env.now, self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))

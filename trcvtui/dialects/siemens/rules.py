@@ -11,7 +11,7 @@ from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
-from trcvtui.dialects.siemens.states import ALL, BOTH_C, RCV_C, SEND_C
+from trcvtui.dialects.siemens.states import ALL, BOTH_C
 from trcvtui.dialects.siemens.status import STATUS
 from trcvtui.net.connection.config import Policy
 from trcvtui.net.connection.connection import LossKind
@@ -234,6 +234,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         policy=Policy(
             retry_ns=int(chosen["retry"]),
             pauses_after_idle=True,
+            listens_at_once=True,  # 2.1, 7002: passive, it waits for the partner
             attempt_limit_ns=int(chosen["attempt_limit"]),
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
@@ -325,70 +326,69 @@ S7_1200: Final = _dialect(
 
 AD_HOC: Final = frozenset({0, 65535})  # LEN, where there is no ADHOC pin; 65535 in the older manual
 LEGACY_CPU: Final = Cpu(8192, 1472, 8, True, True)
-MANUAL: Final = "siemens.md 1.11"
-UNSURE: Final = "what instructions before 3.0 show between these words is pieced together from two help pages"
+UNSURE: Final = "the help of instructions before 3.0 tells it otherwise: switch status_sequence"
 
 LEGACY_BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DIAG")
 _NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
-_NOT_THESE: Final = frozenset({0x0001, 0x7005})  # of the _C blocks
 
 
 # cont_mode: the status sequences are of instructions V2.0, so they, and no later manual, tell of these.
-LEGACY_SWITCHES: Final = with_default("silent_connect", True)
+LEGACY_SWITCHES: Final = (
+    *with_default("silent_connect", True),
+    Switch(
+        "status_sequence",
+        "choice",
+        "figures",
+        "figures: 7001 7002 0001 7005 7006 as in the figures of the status sequences; help: as in the help "
+        "of these instructions, 7001 until the connection is up, then 0000 with DONE; 7002 while bytes move",
+        ("figures", "help"),
+    ),
+)
 
 
 def _row(code: int, block: str) -> StatusRow:
     return next(row for row in STATUS if row.code == code and block in row.blocks)
 
 
-def _of(row: StatusRow, blocks: tuple[str, ...], *conditions: Condition, title: str, cause: str) -> StatusRow:
-    """Return a row of newer instructions with what is different here."""
-    first, *also = conditions
-    causes = (cause, *row.causes[:3])
+def _of(row: StatusRow, *also: Condition, by_help: str) -> StatusRow:
+    """Return a row of newer instructions with what the help of these says of its code."""
+    causes = (*row.causes[:3], f"switch status_sequence = help: {by_help}")
     return replace(
-        row, condition=first, also=tuple(also), blocks=blocks, title=title, causes=causes, manual=MANUAL,
+        row, also=(*row.also, *also), blocks=BOTH_C, causes=causes, manual=f"{row.manual}, 1.11",
         unsure=UNSURE,
     )  # fmt: skip
 
 
 OWN_ROWS: Final = (
     _of(
-        _row(0x0000, "TSEND_C"), BOTH_C, Condition.LINK_DONE, Condition.NOT_CALLED, Condition.SENT,
-        Condition.RECEIVED, title="Connected, or a job ended well (DONE = 1)",
-        cause="DONE shows twice: once when the connection is up, once when the job has ended",
+        _row(0x0000, "TSEND_C"), Condition.LINK_DONE,
+        by_help="DONE shows once more, in the first scan of each connection",
     ),
+    _of(_row(0x7001, "TSEND_C"), by_help="it stays until the connection is up"),
     _of(
-        _row(0x7001, "TSEND_C"), BOTH_C, Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING,
-        title="Connecting, or waiting for the partner",
-        cause="7001 stays until the connection is up; newer instructions show 7002 for that",
-    ),
-    _of(
-        _row(0x7002, "TSEND_C"), SEND_C, Condition.SENDING,
-        title="Sending",
-        cause="a send job runs; newer instructions show 7005 for that",
-    ),
-    _of(
-        _row(0x7002, "TRCV_C"), RCV_C, Condition.RECEIVING_PART,
-        title="Data is being received",
-        cause="some bytes of the frame are here, and the rest is awaited",
+        _row(0x7002, "TSEND_C"),
+        by_help="a job sends (7005 otherwise), or some bytes of the frame are here (7006)",
     ),
     replace(
         _row(0x7006, "TRCV_C"),
-        also=(),
-        title="Armed and waiting",
         causes=(
             "nothing has come: with EN_R at 1 this is the normal state of rest",
             "LEN is 0 (or 65535): ad hoc, what is there ends the job; any other LEN is awaited whole",
             "EN_R fell, and the job goes on all the same until data is there",
         ),
         checks=(
-            "the partner's length against LEN; 7002 shows while part of a frame is here",
+            "the partner's length against LEN: bytes here against bytes wanted",
             "frames of varying length: LEN = 0, or ISO-on-TCP, which keeps their ends",
             "shifted values: one rising edge at COM_RST, then watch the first frame",
         ),
         unsure=UNSURE,
     ),
 )  # fmt: skip
+# switch status_sequence = help: what shows another code than in the figures (1.11).
+BY_HELP: Final[dict[str, dict[Condition, int]]] = {
+    block: dict.fromkeys((Condition.CREATED, Condition.ESTABLISHING), 0x7001) | {moves: 0x7002}
+    for block, moves in (("TSEND_C", Condition.SENDING), ("TRCV_C", Condition.RECEIVING_PART))
+}
 _OWN: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
 
 
@@ -421,7 +421,6 @@ def _listed(row: StatusRow) -> StatusRow:
 def _kept(row: StatusRow) -> StatusRow | None:
     """Return what these instructions have of a row of the newer ones."""
     gone = {block for block in row.blocks if (row.code, block) in _OWN or block not in LEGACY_BLOCKS}
-    gone |= set(BOTH_C) if row.code in _NOT_THESE else set()
     gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)
     return (
@@ -436,19 +435,24 @@ LEGACY_STATUS: Final = tuple(sorted(map(_listed, _SHOWN), key=lambda row: row.co
 def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
     chosen = {switch.name: switch.default for switch in LEGACY_SWITCHES} | dict(values)
     newer = answer(chosen, LEGACY_CPU)
-    return replace(
+    rules = replace(
         newer,
         status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
         types={"LEN": "UINT", "RCVD_LEN": "UINT"},  # 1.11
-        receiving_part=Condition.RECEIVING_PART,
         area=replace(newer.area, adhoc_lens=AD_HOC),
-        course=replace(
-            newer.course,
-            job_begins=Condition.LINK_DONE,
-            established=Condition.LINK_DONE,
-            reset_closes=True,
-        ),
+        course=replace(newer.course, reset_closes=True),
+    )
+    return _by_help(rules) if chosen["status_sequence"] == "help" else rules
+
+
+def _by_help(rules: Rules) -> Rules:
+    done = Condition.LINK_DONE
+    return replace(
+        rules,
+        status_of={block: codes | BY_HELP.get(block, {}) for block, codes in codes_of(_SHOWN).items()},
+        receiving_part=Condition.RECEIVING_PART,
+        course=replace(rules.course, job_begins=done, established=done),
     )
 
 

@@ -23,6 +23,7 @@ class Policy:
     pauses_after_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
     attempt_limit_ns: int = 5_000_000_000
     strict_local_address: bool = False
+    listens_at_once: bool = False  # the listener is there in the scan that begins the set-up
     check_remote_ip: bool = True
     check_remote_port: bool = False
     second_client: str = "reject"

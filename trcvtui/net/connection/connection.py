@@ -204,6 +204,7 @@ class Connection:
         self._write = write
         self._name = config.name
         self._local: Endpoint | None = None
+        self._early: list[tuple[State, StepFault | None]] = []  # steps that were taken as it was queued
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
         self._losses = Losses()
@@ -255,12 +256,25 @@ class Connection:
 
     # -- set-up: TCON ------------------------------------------------------------------------
 
-    def open(self, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send."""
+    def open(self, now: int, has_addr: bool = True) -> Fault | None:
+        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send.
+
+        A listener that is made at once shows what failed in the steps of any other.
+        """
         fault = self._resources.queue.put(self.config.name)
-        if fault is None:
-            self.state = State.QUEUED
-        return fault
+        if fault is not None:
+            return fault
+        at_once = self._policy.listens_at_once and not (self.config.active or self.config.is_datagram)
+        self._early = self._listen_at_once(now) if at_once else []
+        self.state = State.QUEUED
+        return None
+
+    def _listen_at_once(self, now: int) -> list[tuple[State, StepFault | None]]:
+        """Make the listener; return what the first steps have to tell of it."""
+        failed = self._create(now)
+        if failed is not None:
+            return [(State.ESTABLISHING, failed)]
+        return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
     def step(self, scan: int, now: int) -> StepFault | None:
         """Take one step of the set-up, once a scan; return what failed in this scan's step."""
@@ -274,6 +288,9 @@ class Connection:
 
     def _take_step(self, now: int) -> StepFault | None:
         match self.state:
+            case State.QUEUED | State.CREATED if self._early:
+                self.state, failed = self._early.pop(0)
+                return failed
             case State.QUEUED:
                 return self._create(now)
             case State.CREATED:

@@ -124,10 +124,10 @@ class UdpEndpoint(Connection):
         """Return whether the socket is there and bound."""
         return self.handle is not None
 
-    def open(self, has_addr: bool = True) -> Fault | None:
+    def open(self, now: int, has_addr: bool = True) -> Fault | None:
         """Queue the set-up job; who opens it without an ADDR is told so by the first step."""
         self.set_up.needs_addr = not has_addr
-        return super().open()
+        return super().open(now)
 
     def _take_step(self, now: int) -> StepFault | None:
         if not self.is_config:

@@ -236,7 +236,7 @@ class OsKernel:
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return the verdict: connected only when writable, without error and with a partner (3.3).
 
-        Bytes prove that it stood: they are read before the end of a partner who has sent them and reset at once.
+        Bytes prove that it stood: who has sent them and reset at once is read before that end is told.
         """
         sock = self._sockets.get(handle)
         if sock is None:

@@ -1,13 +1,15 @@
 """Partners that send one message and reset at once: every frame is delivered, whatever else comes between.
 
-Each test prints its line (`pytest -s`). Partners and PLC take turns in one thread: a partner may be gone before
-the PLC looks. No more come at once than a listener's queue holds (128): where more come at once, the stack forgets
-who has reset before there was room for it, and a plain accept and recv gets 260 of 300.
+Each test prints its line (`pytest -s`). Partners and PLC take turns in one thread: one may be gone before the
+PLC looks. No more of them wait than a listener's queue holds (128): beyond that the stack forgets who has
+reset before there was room, and a plain accept and recv gets 260 of 300.
 """
 
 from __future__ import annotations
 
+import json
 import random
+import select
 import socket
 import ssl
 from collections.abc import Callable, Iterator
@@ -20,6 +22,8 @@ import pytest
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
 from tests.e2e.tapping import PATIENCE, reset
+from tests.rig.truth.live_plc import LivePlc
+from trcvtui.cli import main
 from trcvtui.net.os.forwarder import Forwarder
 from trcvtui.net.tap import route_of
 from trcvtui.project.file import read_project
@@ -138,6 +142,21 @@ ISO: dict[str, Any] = {"type": "TCON_IP_RFC", "LocalTSelector": "PLC", "RemoteTS
 # CR of a partner and the CC of one, ISO 8073 13.3 and 13.4 behind the header of RFC 1006
 REQUEST = bytes.fromhex("03000016 11e0 0000 0001 00") + b"\xc1\4PEER\xc2\3PLC"
 CONFIRM = bytes.fromhex("03000016 11d0 0001 0001 00") + b"\xc1\3PLC\xc2\4PEER"
+RECORDED = f"""dialect = "baosky"
+[[task]]
+name = "MAIN"
+interval = "T#2ms"
+[[data]]
+name = "rx"
+type = "ARRAY[1..{SIZE}] OF BYTE"
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+"""
 
 
 @pytest.fixture
@@ -219,6 +238,18 @@ def test_a_mix_in_which_half_of_the_partners_stay_or_end_by_fin(
     with Line(connect, tmp_path, "TSEND_C") as line:
         come(line, door if is_active else None, is_mixed=True)
         line.deliver(f"{'active' if is_active else 'passive'} duplex, mixed")
+
+
+def test_a_recorded_run_with_such_partners_says_the_same_again(door: socket.socket, tmp_path: Path) -> None:
+    ends = "".join(f"{key} = {json.dumps(value)}\n" for key, value in calls(door, PASSIVE).items())
+    with LivePlc(f'{RECORDED}[[connect]]\nname = "C1"\n{ends}', tmp_path) as plc:
+        for number in range(1, 21):
+            plc.until(lambda: select.select([door], [], [], 0)[0])
+            sock = prompt(door.accept()[0])
+            sock.sendall(frame(number))
+            reset(sock)
+            plc.until_done(number)
+    assert main(["replay", str(plc.recording), "--check"]) == 0
 
 
 @NEEDS_OPENSSL

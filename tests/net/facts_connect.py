@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_facts import fact
+from trcvtui.net.kernel import Handle, KernelLoss
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 
@@ -23,6 +24,66 @@ def a_refusal_is_told_once(b: Bench) -> None:
     assert b.verdict(client) == Fault("connect", "ECONNREFUSED")
     assert b.kernel.connect_result(client) == Fault("connect", "ENOTCONN")
     assert b.kernel.connect(client, b.end(nobody)) == Fault("connect", "ECONNABORTED")
+
+
+@fact
+def bytes_in_front_of_a_rst_make_a_connection_of_it_and_come_before_its_end(b: Bench) -> None:
+    client = _called_by_who_sends_and(b, "rst")
+    assert b.verdict(client) is None
+    assert b.kernel.poll_add(client) is None
+    assert b.receive(client, 5) == b"five!"
+    assert b.answer(client) == Fault("recv", "ECONNRESET")
+    assert b.answer(client) == 0
+    assert b.try_send(client) == Fault("send", "EPIPE")
+
+
+@fact
+def after_such_a_connect_loss_tells_the_rst_and_leaves_the_bytes(b: Bench) -> None:
+    client = _called_by_who_sends_and(b, "rst")
+    assert b.verdict(client) is None
+    assert b.loss(client) == KernelLoss(Fault("recv", "ECONNRESET"), 5)
+    assert b.receive(client, 5) == b"five!"
+    assert b.answer(client) == 0
+
+
+@fact
+def after_such_a_connect_a_send_takes_the_error_and_leaves_the_bytes(b: Bench) -> None:
+    client = _called_by_who_sends_and(b, "rst")
+    assert b.verdict(client) is None
+    assert b.try_send(client) == Fault("send", "ECONNRESET")
+    assert b.receive(client, 5) == b"five!"
+    assert b.answer(client) == 0
+
+
+@fact
+def bytes_a_fin_and_a_rst_are_a_connection_that_ended_by_fin(b: Bench) -> None:
+    client = _called_by_who_sends_and(b, "fin, rst")
+    assert b.verdict(client) is None
+    assert b.receive(client, 5) == b"five!"
+    assert b.answer(client) == 0
+
+
+@fact
+def a_rst_without_bytes_is_no_connection(b: Bench) -> None:
+    listener, client = b.listener(), b.socket()
+    assert b.kernel.connect(client, b.end(listener)) is None
+    b.kernel.abort(b.accept(listener).handle)
+    b.settle()
+    assert b.verdict(client) == Fault("connect", "ECONNRESET")
+
+
+def _called_by_who_sends_and(b: Bench, end: str) -> Handle:
+    """Return a socket whose connect has met five bytes and an end before its verdict was asked for."""
+    listener, client = b.listener(), b.socket()
+    assert b.kernel.connect(client, b.end(listener)) is None
+    partner = b.accept(listener).handle
+    b.send(partner, b"five!")
+    b.until(lambda: b.kernel.unread(client) == 5)
+    if end == "fin, rst":
+        assert b.kernel.shutdown(partner, both=False) is None
+    b.kernel.abort(partner)
+    b.settle()
+    return client
 
 
 @fact

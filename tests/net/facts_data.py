@@ -147,6 +147,18 @@ def loss_takes_the_error_and_leaves_the_bytes(b: Bench) -> None:
 
 
 @fact
+def a_look_at_the_end_leaves_the_bytes_in_front_of_a_rst(b: Bench) -> None:
+    one = b.pair()
+    b.send(one.client, b"five!")
+    b.until(lambda: b.kernel.unread(one.server) == 5)
+    b.kernel.abort(one.client)
+    b.settle()
+    assert b.kernel.renew(one.server)
+    assert b.receive(one.server, 5) == b"five!"
+    assert b.answer(one.server) == Fault("recv", "ECONNRESET")
+
+
+@fact
 def a_rst_after_a_fin_stays_a_fin_for_the_reader_and_epipe_for_the_sender(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"five!")

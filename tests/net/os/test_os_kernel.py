@@ -328,3 +328,33 @@ def test_a_partner_who_sends_byte_by_byte_costs_one_read_a_bounded_number_of_cal
     trickle.calls = 0
     assert kernel.discard(handle, 1 << 20) == trickle.calls == os_queues.MOST_READS
     kernel.close_all()
+
+
+@pytest.mark.parametrize("comes", ["before the error is asked for", "after it"])
+def test_bytes_and_a_rst_that_come_while_the_verdict_is_asked_for_are_no_refusal(
+    network: OsNetwork, monkeypatch: pytest.MonkeyPatch, comes: str
+) -> None:
+    b, kernel = Bench(network), network.kernel
+    listener, client = b.listener(), b.socket()
+    assert kernel.connect(client, b.end(listener)) is None
+    partner = b.accept(listener).handle
+    take_error = kernel._take_error
+
+    def sends_and_resets() -> None:
+        b.send(partner, b"five!")
+        kernel.abort(partner)
+        b.settle()
+
+    def beside(handle: int, sock: socket.socket) -> str:
+        if comes == "after it":
+            error = take_error(handle, sock)
+            sends_and_resets()
+            return error
+        sends_and_resets()
+        return take_error(handle, sock)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(kernel, "_take_error", beside)
+        assert kernel.connect_result(client) is None
+    assert b.receive(client, 5) == b"five!"
+    assert b.answer(client) == Failed("recv", "ECONNRESET")

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from unittest.mock import patch
+
 from tests.rig.peers.peer_wire import Wire, connected, write
+from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.results import WOULD_BLOCK, Endpoint
 from trcvtui.rig.commands.words import PeerSend
+from trcvtui.rig.peers.peer import Peer
 
 # -- states ----------------------------------------------------------------------------------------------
 
@@ -179,3 +183,59 @@ def test_commands_without_a_connection_say_so_in_the_journal(wire: Wire) -> None
     peer = wire.peer("P1", True, "@C1")
     assert (peer.rst(), peer.shutdown(), peer.close()) == ("", "", "")
     assert wire.notes("P1") == ["nothing to reset", "nothing to shut down"]
+
+
+# -- who sends and resets at once ------------------------------------------------------------------------
+
+
+def test_an_active_peer_reads_what_came_before_the_reset_of_whom_it_has_called(wire: Wire) -> None:
+    peer, other = called(wire)
+    write(wire, other, b"frame")
+    wire.kernel.abort(other)
+    wire.until(lambda: peer.is_in("reset"))
+    assert peer.has_received(b"frame") and not peer.is_in("refused")
+
+
+def test_a_passive_peer_reads_clients_that_reset_before_it_looks_and_whoever_comes_after_them(
+    wire: Wire,
+) -> None:
+    peer = wire.peer("P2", False)
+    peer.listen()
+    for word in (b"one,", b"two,", b"three"):
+        assert peer.listening_port is not None
+        client = wire.socket()
+        assert wire.kernel.connect(client, Endpoint("127.0.0.1", peer.listening_port)) is None
+        assert wire.kernel.connect_result(client) is None
+        write(wire, client, word)
+        wire.kernel.abort(client)
+    wire.until(lambda: peer.is_in("reset"))
+    assert peer.inbox.total == len(b"one,two,three") and peer.has_received(b"three")
+
+
+def test_a_peer_whose_send_meets_the_reset_reads_what_came_before_it(wire: Wire) -> None:
+    peer, other = connected(wire)
+    write(wire, other, b"frame")
+    wire.kernel.abort(other)
+    assert peer.send(PeerSend("P1", b"too late"), wire.now) == ""
+    assert peer.is_in("reset") and peer.has_received(b"frame")
+
+
+def test_a_stalled_peer_whose_send_meets_the_reset_reads_nothing(wire: Wire) -> None:
+    peer, other = connected(wire)
+    peer.stall()
+    wire.step()
+    write(wire, other, b"frame")
+    wire.kernel.abort(other)
+    peer.send(PeerSend("P1", b"too late"), wire.now)
+    assert peer.is_in("reset") and not peer.has_received(b"frame")
+
+
+def called(wire: Wire) -> tuple[Peer, Handle]:
+    """Return an active peer that has not asked yet how its call has ended, and the other end."""
+    listener = wire.listener()
+    peer = wire.peer("P1", True, "@C1")
+    with patch.object(wire.kernel, "connect_result", lambda _: WOULD_BLOCK):
+        assert peer.connect(wire.now) == ""
+    got = wire.kernel.accept(listener)
+    assert isinstance(got, Accepted)
+    return peer, got.handle

@@ -234,14 +234,22 @@ class OsKernel:
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return the verdict: connected only when writable, without error and with a partner (3.3)."""
+        """Return the verdict: connected only when writable, without error and with a partner (3.3).
+
+        Bytes prove that it stood: who has sent them and reset at once is read before that end is told.
+        """
         sock = self._sockets.get(handle)
         if sock is None:
             return Fault("connect", "EBADF")
         if not self._look(handle, OUT) & VERDICT:
             return WOULD_BLOCK
         error = self._take_error(handle, sock)
-        return Fault("connect", error) if error else self._do("connect", handle, Socket.getpeername)
+        fault = Fault("connect", error) if error else self._do("connect", handle, Socket.getpeername)
+        if fault is None or not self.unread(handle):
+            return fault
+        if error and error != "EPIPE":  # a FIN came before that one
+            self._held[handle] = error
+        return None
 
     # -- data ----------------------------------------------------------------------------------------
 
@@ -249,7 +257,7 @@ class OsKernel:
         """Read straight into the view until it is full or the stack is empty; 0 = the partner's FIN."""
         if handle not in self._ready and handle in self._polled:
             return WOULD_BLOCK
-        if handle in self._held:
+        if handle in self._held and not self.unread(handle):
             return self._tell_held("recv", handle)
         try:
             taken = self._sockets[handle].recv_into(into)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake
-from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of
+from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, unread_bytes
 from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
 
@@ -72,8 +72,11 @@ class TcpTalk:
             self._end_attempt(errno.ETIMEDOUT)
 
     def _end_attempt(self, error: int) -> None:
-        """Go on with an end that has answered; reset the near one for one that has not."""
-        if error:
+        """Go on with an end that has answered; reset the near one for one that has not.
+
+        Bytes prove that it has: an end that has sent them and reset at once is read to its end.
+        """
+        if error and not unread_bytes(self._far):
             self.has_ended = True
             self._far.close()
             with suppress(OSError):
@@ -85,6 +88,8 @@ class TcpTalk:
         self.tell(TapEventKind.STANDS, BACK)
         near, far = TapEnd(self.loop, self._near), TapEnd(self.loop, self._far)
         self.lanes = TapLane(self, TO, near, far), TapLane(self, BACK, far, near)
+        if error:
+            self.lanes[BACK].is_reset(is_read=False)
         near.want()
         far.want()
 

@@ -431,6 +431,8 @@ class SimKernel:
             return Fault("connect", "EBADF" if socket is None else "ENOTCONN")
         if stream.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
+        if stream.unread:  # a partner who has sent them and reset at once was there
+            return None
         return _fault(
             "connect", stream.take_error() or ("ENOTCONN" if stream.phase is StreamPhase.OVER else "")
         )

@@ -77,6 +77,7 @@ class StreamTransport(_Transport):
     _ended: tuple[str, ...] = ()  # in which words the last connection ended; the first is shown
     _offset = 0  # in the sent stream of this connection
     _now = 0
+    _is_stalled = False
 
     @property
     def state(self) -> str:
@@ -218,7 +219,7 @@ class StreamTransport(_Transport):
 
     def step(self, now: int, is_stalled: bool) -> None:
         """Look for a verdict, read what has arrived, accept, send what is due; time in ns of the run."""
-        self._now = now
+        self._now, self._is_stalled = now, is_stalled
         if self._attempt is not None:
             self._look()
         if self._handle is not None:
@@ -234,7 +235,7 @@ class StreamTransport(_Transport):
         while self._handle is not None and (chunk := outbox.due(now)) is not None:
             got = self._kernel.send(self._handle, chunk)
             if isinstance(got, Fault):
-                self._lost(self._handle, got)
+                self._lost(self._handle, got) if self._is_stalled else self._read(self._handle, got)
             elif isinstance(got, int):
                 self._queues.sent(got, str(self.local or ""), str(self.remote), self._offset)
                 self._offset += got
@@ -260,6 +261,8 @@ class StreamTransport(_Transport):
             if not isinstance(got, Accepted):
                 return
             # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
+            if self._handle is not None and not self._is_stalled:
+                self._read(self._handle)  # who has sent and gone in the same moment was heard
             if self._handle is not None:
                 self._kernel.abort(self._handle)
                 self._end(("reset", "closed"), "reset for a newer connection")
@@ -282,9 +285,12 @@ class StreamTransport(_Transport):
         elif loss is not None and not loss.unread:
             self._partner_closed(handle)
 
-    def _read(self, handle: Handle) -> None:
+    def _read(self, handle: Handle, lost: Fault | None = None) -> None:
+        """Read what is here; `lost`: the end that a send has met, which comes after it."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
+            if lost is not None and not (isinstance(got, int) and got):
+                got = lost
             if isinstance(got, WouldBlock):
                 return
             if isinstance(got, Fault):

@@ -177,6 +177,7 @@ def test_a_variable_is_written(project: Project, line: str, data: str, offset: i
         ("peer P2 listening", words.PeerIs("P2", "listening")),
         ("peer P1 received hex 01 02", words.PeerReceived("P1", b"\1\2")),
         ('peer P1 received text "ok"', words.PeerReceived("P1", b"ok")),
+        ("peer P1 received nothing", words.PeerReceived("P1", b"")),
         ("rx hex 01 02 03 04", words.DataIs("rx", 0, b"\1\2\3\4")),
         ("rx+50 hex 01", words.DataIs("rx", 50, b"\1")),
         ("rx.speed 12.5", words.MemberIs("rx", "speed", 12.5)),

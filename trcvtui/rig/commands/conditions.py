@@ -161,6 +161,7 @@ def read_data_condition(words: Words, project: Project) -> Condition:
     )
 
 
+NOTHING: Final = "nothing"
 UDP_STATES: Final = ("listening", "closed")
 OF_UDP: Final = "listening, closed or received"
 SUBJECT: Final = "an instance, a DATA variable or peer NAME"
@@ -223,6 +224,10 @@ def _read_pins(words: Words, project: Project) -> PinsAre:
 def _read_peer_condition(words: Words, project: Project) -> Condition:
     peer = read_peer(words, project)
     state = words.next(f"received, or a state: {', '.join(PEER_STATES)}")
+    if state == "received" and words.peek() == NOTHING:
+        words.next(NOTHING)
+        words.finish()
+        return PeerReceived(peer.name, b"")
     if state == "received":
         payload = read_payload(words, project)
         if len(payload.content) > KEPT_BYTES:

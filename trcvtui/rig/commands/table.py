@@ -175,7 +175,7 @@ def condition_text(condition: words.Condition) -> str:
         case words.PeerIs(peer, state):
             return f"peer {peer} {state}"
         case words.PeerReceived(peer, payload, text):
-            return f"peer {peer} received {text or 'hex ' + payload.hex(' ')}"
+            return f"peer {peer} received {text or ('hex ' + payload.hex(' ') if payload else 'nothing')}"
         case words.DataIs(data, offset, payload, text):
             return text or _bytes_of(data, offset, payload)
         case words.MemberIs(data, path, value):

@@ -461,7 +461,7 @@ class PeerIs:
 
 @dataclass(frozen=True, slots=True)
 class PeerReceived:
-    """`peer P1 received hex 01 02`: see `Peer.has_received`."""
+    """`peer P1 received hex 01 02`, `peer P1 received nothing`: see `Peer.has_received`."""
 
     peer: str
     payload: bytes

@@ -6,8 +6,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
+from trcvtui.dialects import DIALECTS
+from trcvtui.dialects.dialect import Switch
 from trcvtui.project.key_rows import Key, TableRow
 from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP, UDT
+from trcvtui.udt.literals import format_time
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
 HEAD: Final = """# The keys of a project file
@@ -21,15 +24,17 @@ This page is made from `trcvtui/project/keys.py`.
 TAIL: Final = """
 ## `[options]`, `[constants]`
 
-`[options]` has the switches of the dialect, the points that its manual leaves open. `black_box = "off"`
-stands there too: then nothing of a run on the screen is kept for a recording. `[constants]` has whole
-numbers that the UDTs use, such as `"GVL.MAX" = 10`.
+`[options]` has the switches of the dialect, the points that its manual leaves open: the table below.
+`black_box = "off"` stands there too: then nothing of a run on the screen is kept for a recording.
+`[constants]` has whole numbers that the UDTs use, such as `"GVL.MAX" = 10`.
 """
 
 
 def page() -> str:
     """Return the page."""
-    return HEAD + "".join(line + "\n" for line in _lines()) + TAIL
+    return (
+        HEAD + "".join(line + "\n" for line in _lines()) + TAIL + "".join(line + "\n" for line in _switches())
+    )
 
 
 def _lines() -> Iterator[str]:
@@ -55,6 +60,28 @@ def _takes(key: Key) -> str:
         return ""
     is_name = key.refers is not None and not key.refers.by_at and not key.refers.words
     return f"the name of a {key.refers.what}" if key.refers and is_name else key.kind.expected
+
+
+def _switches() -> Iterator[str]:
+    found: dict[Switch, list[str]] = {}
+    for dialect in DIALECTS.values():
+        for switch in dialect.switches:
+            found.setdefault(switch, []).append(dialect.name)
+    yield from ("", "| switch | dialects | says | takes, the default first |", "| --- | --- | --- | --- |")
+    for switch, names in sorted(found.items(), key=lambda item: item[0].name):
+        whose = "all" if len(names) == len(DIALECTS) else ", ".join(names)
+        yield f"| `{switch.name}` | {whose} | {switch.text} | {_values(switch)} |"
+
+
+def _values(switch: Switch) -> str:
+    if switch.kind == "choice":
+        others = [each for each in switch.values if each != switch.default]
+        return ", ".join(f'`"{each}"`' for each in (switch.default, *others))
+    if switch.kind == "bool":
+        return "`true`, `false`" if switch.default else "`false`, `true`"
+    if switch.kind == "duration":
+        return f'`"{format_time(int(switch.default))}"`, a duration'
+    return f"`{switch.default}`, {switch.least} to {switch.most}"
 
 
 def _by_name(rows: Iterable[Key]) -> dict[str, list[Key]]:

@@ -22,6 +22,7 @@ class Why(StrEnum):
     WAITING = "waiting"
     KERNEL = "kernel"
     BYTES = "bytes"
+    FRAME = "frame"  # it is whole, with `have` of at most `need` bytes
     PARTNER = "partner"
     PARAMETER = "parameter"
     OWNER = "owner"
@@ -99,6 +100,11 @@ class Cause:
 
 _fields: Final = attrgetter(*Cause.__slots__)
 FULL: Final = Fault("send", "EAGAIN")  # what the kernel means when it takes no byte
+
+
+NEXT_REQ: Final = Cause(
+    Why.WAITING, "the last job has ended; a rising edge of REQ starts the next", pin="REQ"
+)
 
 
 def full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:

@@ -56,15 +56,9 @@ SECOND: Final = 1_000_000_000
 
 
 def age(ns: int) -> str:
-    """Return how long ago something was, as coarse as a glance needs: `1.2 s`, `48 s`, `12 min`, `3 h`."""
+    """Return how long ago something was: `1.2 s`, `48 s`, `1 min 39 s`, `2 h 5 min`."""
     seconds = max(0, ns) / SECOND
-    if seconds < 10:
-        return f"{int(seconds * 10) / 10:.1f} s"
-    if seconds < 100:
-        return f"{int(seconds)} s"
-    if seconds < 6000:
-        return f"{int(seconds / 60)} min"
-    return f"{int(seconds / 3600)} h"
+    return f"{int(seconds * 10) / 10:.1f} s" if seconds < 10 else duration(int(seconds) * SECOND)
 
 
 def duration(ns: int) -> str:

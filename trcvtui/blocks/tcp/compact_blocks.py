@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
+from trcvtui.blocks.outcome import NEXT_REQ, Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionControl, OneShotCont, Phase
 from trcvtui.blocks.tcp.job_checks import FaultRepeat
@@ -239,7 +239,7 @@ class TsendC:
         elif req_rose:
             got = self.job.begin(inputs)
         else:
-            got = self.job.check_loss() or NO_REQ
+            got = self.job.check_loss() or no_req(self.job)
         return got if isinstance(got, Outcome) else self._lost(got, req_rose)
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
@@ -255,3 +255,9 @@ class TsendC:
 
 
 NO_REQ = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+_NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
+
+
+def no_req(job: SendJob) -> Outcome:
+    """Return the outcome of a block that waits for an edge: the first, or that of the next job."""
+    return _NEXT_REQ if job.number else NO_REQ

@@ -298,11 +298,11 @@ class ReceiveJob:
 @lru_cache(OUTCOMES_KEPT)
 def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
     name = COMPLETE if complete else SOME_BYTES if have else NO_BYTE
-    cause = Cause(Why.BYTES, name, have=have, need=need)
+    cause = Cause(Why.FRAME if complete else Why.BYTES, name, have=have, need=need)
     return Outcome(condition, cause, stable=not complete)
 
 
 @lru_cache(OUTCOMES_KEPT)
 def _received(size: int, need: int) -> Outcome:
-    cause = Cause(Why.BYTES, "the frame is complete", have=size, need=need)
+    cause = Cause(Why.FRAME, "the frame is complete", have=size, need=need)
     return Outcome(Condition.RECEIVED, cause, rcvd_len=size)

@@ -8,7 +8,7 @@ from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0, NO_REQ
+from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0, no_req
 from trcvtui.blocks.tcp.connection_control import (
     ConnectionControl,
     Phase,
@@ -214,7 +214,7 @@ class Tsend:
         elif req_rose:
             got = self.job.begin(inputs)
         else:
-            got = self.job.check_loss() or NO_REQ
+            got = self.job.check_loss() or no_req(self.job)
         return got if isinstance(got, Outcome) else self._lost(got, req_rose)
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:

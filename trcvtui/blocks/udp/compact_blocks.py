@@ -6,13 +6,14 @@ from collections import deque
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.outcome import NEXT_REQ, Cause, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import PLAIN_SET_UP
 from trcvtui.blocks.tcp.no_connection import StandingRequest
 from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
 from trcvtui.net.connection.set_up import StepFault
 from trcvtui.net.connection.udp import UdpEndpoint
+from trcvtui.records import replace
 
 
 class UdpControl:
@@ -119,7 +120,7 @@ class UsendC:
             return self._while_not_ready(inputs, outcome, req_rose)
         if self.job.running:
             return self.job.go_on()
-        return self.job.begin(inputs.len) if req_rose else NO_REQ
+        return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -145,6 +146,7 @@ class UsendC:
 
 
 NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+_NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class UrecvC:

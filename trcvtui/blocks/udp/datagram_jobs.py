@@ -239,7 +239,7 @@ class DatagramIn:
         kept = min(size, data.size)
         self._drop(kept, size - kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
-        cause = Cause(Why.BYTES, "a datagram is here", have=size, need=self.need, peer=str(source))
+        cause = Cause(Why.FRAME, "a datagram is here", have=size, need=self.need, peer=str(source))
         return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
 
     def _drop(self, begin: int, size: int, reason: str) -> None:

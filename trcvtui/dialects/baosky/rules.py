@@ -50,7 +50,9 @@ SWITCHES: Final = (
         ("silent", "80A0"),
     ),
     # 7.15.1, ADHOC mode: "sets the current reception function to ADHOC mode".
-    Switch("adhoc", "choice", "at_once", "ADHOC acts on the job that runs, or the next", ("at_once", "latched")),
+    Switch(
+        "adhoc", "choice", "at_once", "ADHOC acts on the job that runs, or the next", ("at_once", "latched")
+    ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
     # The pin tables say 65535, the text of 80A5 says 65536 (baosky.md section 15, 1).
     Switch("max_len", "choice", "65535", "longest job in bytes", ("65535", "65536")),

@@ -563,6 +563,8 @@ def _numbers(cause: Cause, block: str) -> str:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
         if not cause.have and row.receives and row.speaks_udp:  # it is here whole, or not at all
             return f", at most {count(cause.need, 'byte')}"
+        if cause.why is Why.FRAME and cause.have != cause.need:
+            return f", {count(cause.have, 'byte')}"
         where = "taken" if row.sends else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:

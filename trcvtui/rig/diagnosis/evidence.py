@@ -49,6 +49,7 @@ class Evidence:
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
     has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 0 is ad hoc
+    adhoc_at_once: bool = False  # it acts on the job that runs
     is_stopped: bool = False  # the PLC is in STOP
     buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on
 
@@ -109,6 +110,7 @@ def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence 
         callers=_callers(project, instance.connect),
         budget=(snapshot.connections_used, snapshot.connections_limit),
         has_adhoc=_has_adhoc(project, instance.block),
+        adhoc_at_once=project.rules.adhoc_at_once,
         is_stopped=not snapshot.running,
         buffer=snapshot.combuffer(instance.connect),
     )
@@ -151,4 +153,5 @@ def evidence_then(
         config=project.connect(decl.connect) if decl else None,
         facts=facts,
         has_adhoc=_has_adhoc(project, edge.block),
+        adhoc_at_once=project.rules.adhoc_at_once,
     )

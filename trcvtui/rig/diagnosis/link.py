@@ -13,7 +13,7 @@ from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.history.records import NOT_BUILT, Failures
 from trcvtui.rig.snapshots import PeerSnapshot
-from trcvtui.rig.wording import age, count, times
+from trcvtui.rig.wording import SECOND, age, count, duration, times
 
 ANY: Final = "0.0.0.0"
 MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
@@ -255,11 +255,11 @@ def dead_link(e: Evidence) -> str:
     """Nobody acknowledged, as long as the keep-alive waits."""
     if e.config is None:
         return ""
-    limit = 3 * e.config.keep_alive_s
+    limit = duration(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
     stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
     return (
-        f"{e.cause.peer or 'the partner'} was silent for about {limit} s (3 x KeepAliveTimeInterval "
+        f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
         f"{e.config.keep_alive_s} s): cable, switch or its power, not its program{stood}"
     )
 

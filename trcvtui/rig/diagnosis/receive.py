@@ -61,6 +61,8 @@ def _pin(e: Evidence) -> str:
 
 def _switch(e: Evidence) -> str:
     """Return what would make it ad hoc."""
+    if e.pin("ADHOC"):
+        return "ADHOC, which is 1 for the next job,"
     return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
 
 
@@ -157,7 +159,7 @@ def _held_back(e: Evidence, size: int, missing: int) -> str:
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
         return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
     whole = e.have and e.have % size == 0
-    waits = f"; {count(e.need - e.have, 'byte')} stay missing"
+    waits = f"; {count(e.need - e.have, 'byte')} still missing"
     return waits if whole and not e.is_past else ""
 
 
@@ -243,6 +245,8 @@ def ad_hoc_hint(e: Evidence) -> str:
     if e.adhoc or state(e) != STUCK or not e.have:
         return ""
     here = count(e.have, "byte")
+    if e.adhoc_at_once:
+        return f"ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} these {here} at once"
     return f"{_switch(e)} would have delivered these {here} at once (read when EN_R rises again)"
 
 

@@ -76,18 +76,19 @@ def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[s
 
 
 RESET: Final = "COM_RST"
-LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts (design 6, row 17)
+LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts, ADHOC where it does not act at once
 CONNECTED, NO_EFFECT = "connected", "without effect"
 
 
-def remark_on(command: words.BenchCommand, snapshot: Snapshot) -> str:
+def remark_on(command: words.BenchCommand, snapshot: Snapshot, adhoc_at_once: bool) -> str:
     """Return the remark on a command that was given after this snapshot, mostly ""."""
     match command:
         case words.Pulse(name, "COM_RST"):
             return _on_reset(_instance(snapshot, name), snapshot)
         case words.Set(name, pins):
             instance = _instance(snapshot, name)
-            said = [_on_latched(instance, *pin) for pin in pins if pin[0] in LATCHED]
+            latched = LATCHED[: 1 if adhoc_at_once else None]
+            said = [_on_latched(instance, *pin) for pin in pins if pin[0] in latched]
             if any(pin == RESET and value for pin, value in pins):
                 said.append(_on_reset(instance, snapshot))
             return "; ".join(filter(None, said))
@@ -261,7 +262,8 @@ class Controller:
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case words.Set() | words.Pulse():
-                remark = remark_on(command, self.bench.runtime.snapshot())
+                at_once = self.bench.project.rules.adhoc_at_once
+                remark = remark_on(command, self.bench.runtime.snapshot(), at_once)
                 wrong = self.bench.do(command)
                 self._told = "" if wrong else remark
                 return wrong

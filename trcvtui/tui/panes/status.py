@@ -41,7 +41,7 @@ class StatusHistory(LineView):
         self._actions = actions
         self._edges: list[Line] = []
         self._chosen: int | None = None
-        self._word, self._lamp = WORD, LAMP
+        self._longest, self._lamp = WORD, LAMP
 
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
@@ -61,7 +61,7 @@ class StatusHistory(LineView):
         fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
         looks = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
         for edge in looks.values():
-            self._word = max(self._word, len(self._label(edge)))
+            self._longest = max(self._longest, len(self._label(edge, MOST_CONDITION)))
             self._lamp = max(self._lamp, len(_lamp(edge)))
 
     def _detail(self) -> str:
@@ -69,9 +69,14 @@ class StatusHistory(LineView):
             return ""
         return f"{self._view_model.history.skipped} lines came too fast for this list"
 
-    def _label(self, edge: StatusEdge) -> str:
+    def _label(self, edge: StatusEdge, width: int) -> str:
         condition = self._view_model.project.dialect.label(edge.condition)
-        return f"{status_word(edge.outputs.status)} {clip(condition, self._condition_width())}"
+        return f"{status_word(edge.outputs.status)} {clip(condition, width)}"
+
+    @property
+    def _word(self) -> int:
+        """Return how wide code and condition are in a pane of this width."""
+        return min(self._longest, len(status_word(0)) + 1 + self._condition_width())
 
     def _condition_width(self) -> int:
         """Return how wide a condition may be: the reason has the greater part of the line."""
@@ -116,7 +121,7 @@ class StatusHistory(LineView):
         return [
             (CURSOR if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
-            (self._label(edge).ljust(self._word + 2), style),
+            (self._label(edge, self._condition_width()).ljust(self._word + 2), style),
             (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
         ]
@@ -172,7 +177,7 @@ class StatusHistory(LineView):
     def forget(self) -> None:
         """Another instance was selected: back to the present."""
         self._chosen = None
-        self._edges, self._word, self._lamp = [], WORD, LAMP
+        self._edges, self._longest, self._lamp = [], WORD, LAMP
         self.scroll_to(y=0, animate=False)
 
     def chosen(self) -> Line | None:

@@ -10,6 +10,7 @@ import contextlib
 import multiprocessing
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,9 @@ NOTHING_RAN: Final = "no test was run to its end"
 
 
 def _loop(parent: int) -> None:
-    """Take a processor, until the one who asked for it has ended."""
+    """Take a processor, until the process that asked for it has ended."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     while os.getppid() == parent:
         sum(range(1_000_000))
 
@@ -66,6 +69,8 @@ def main(rounds: int, tests: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM):  # both end the tests of a round, too
+        signal.signal(number, signal.default_int_handler)
     with contextlib.suppress(KeyboardInterrupt):
         sys.exit(main(int(sys.argv[1]), sys.argv[2:]))
     sys.exit(130)

@@ -64,7 +64,7 @@ def waited_ns(process: int) -> int:
 
 
 def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int, int | None]:
-    """Record a run and kill; return the file, when (UTC less what the processes have waited), how a spared run ended."""
+    """Record a run and kill; return the file, when (UTC less what was waited), how a spared run ended."""
     (folder / "P.toml").write_text(PROJECT)
     path = folder / "out" / "P-0001.pcapng"
     words = [sys.executable, "-m", "trcvtui", "record", "P.toml", "--out", "out"]

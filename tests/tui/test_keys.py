@@ -229,6 +229,39 @@ async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_an
         assert looker.lines == [*again, "set TRCV_C_1 EN_R=0"], "and it commands again"
 
 
+async def test_keys_wait_for_an_engine_that_starts_and_q_alone_does_not() -> None:
+    async with looking(WIDE) as looker:
+        looker.driver.stopped = "killed"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "n", "7", "r")
+        again = [*looker.lines]
+        assert not any(line.endswith("EN_R=0") for line in again) and "engine starts" in looker.text
+        await looker.show(picture(scan=3))
+        await looker.settle()
+        assert looker.lines == [*again, "set TRCV_C_1 EN_R=0", "peer P1 rst"]
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R")
+        await looker.show(picture(scan=4))
+        assert "engine 3 runs" in looker.text
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "q")
+        assert not looker.app.is_running or looker.app._exit
+
+
+async def test_keys_that_waited_for_an_engine_are_obeyed_where_it_ends_at_once() -> None:
+    async with looking(WIDE) as looker:
+        looker.driver.stopped = "killed"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "7", "R")
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        assert looker.driver.restarts == 2
+        await looker.show(picture(scan=3))
+        assert "engine 3 runs" in looker.text and looker.app.main.peer.has_focus_within
+
+
 def lamp_colour(looker: Looker) -> Color | None:
     """Return the colour of the BUSY lamp in the first line of the list."""
     strip = looker.app.main.instances.render_line(0)

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 LOOPS: Final = 2
-FAILED: Final = re.compile(r"^(?:FAILED|ERROR) .*", re.MULTILINE)
+FAILED: Final = re.compile(r"^(?:FAILED|ERROR) tests/.*", re.MULTILINE)
 PASSED: Final = re.compile(r"\b(\d+) passed")
 NOTHING_RAN: Final = "no test was run to its end"
 
@@ -37,16 +37,19 @@ def _round(number: int, tests: list[str], output: Path) -> tuple[int, list[str]]
     began = time.monotonic()
     pytest = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "worksteal", "-rfE", *tests]
     with output.open("wb") as file:
-        code = subprocess.run(pytest, stdout=file, stderr=subprocess.STDOUT, check=False).returncode
+        # In a session of its own: ctrl+c comes to us alone, and from us once.
+        tested = subprocess.Popen(pytest, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            code = tested.wait()
+        except KeyboardInterrupt:
+            tested.send_signal(signal.SIGINT)
+            tested.wait()
+            raise
     text = output.read_text(errors="replace")
     failed = FAILED.findall(text) or ([f"pytest answered {code}: {NOTHING_RAN}"] if code else [])
     passed = sum(map(int, PASSED.findall(text)[-1:]))
-    print(
-        f"round {number}: {passed} passed in {time.monotonic() - began:.0f} s",
-        *failed,
-        sep="\n  ",
-        flush=True,
-    )
+    took = time.monotonic() - began
+    print(f"round {number}: {passed} passed in {took:.0f} s", *failed, sep="\n  ", flush=True)
     if failed:
         print(f"  its output: {output}", flush=True)
     else:

@@ -16,7 +16,7 @@ from textual.app import App
 
 from trcvtui.tui.settings import ScreenSettings
 from trcvtui.tui.widgets.theme import THEMES
-from trcvtui.tui.widgets.typed_lines import obey
+from trcvtui.tui.widgets.typed_lines import TypedField, obey
 
 HANG_UP_S: Final = 1.0
 REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
@@ -125,7 +125,9 @@ class TerminalApp(App[None]):
 
     def _ends(self, event: events.Key | events.Paste) -> bool:
         """Return whether a key ends the program whatever is waited for; a letter may be part of a line."""
-        if not self._is_up or isinstance(event, events.Paste) or (event.is_printable and self._kept_keys):
+        if not self._is_up or isinstance(event, events.Paste):
+            return False
+        if event.is_printable and (self._kept_keys or isinstance(self.focused, TypedField)):
             return False
         bound = self.screen.active_bindings.get(event.key)
         return bound is not None and bound.binding.action in QUITS

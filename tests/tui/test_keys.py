@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from rich.color import Color
 
-from tests.tui.fakes import bench_project, picture
+from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
 from trcvtui.rig.snapshots import Answer
+from trcvtui.tui.app import BenchApp
 
 
 @BOTH
@@ -248,6 +249,13 @@ async def test_keys_wait_for_an_engine_that_starts_and_q_alone_does_not() -> Non
         await follow(looker.app, looker.pilot)
         await looker.press("R", "q")
         assert not looker.app.is_running or looker.app._exit
+
+
+async def test_a_picture_may_come_before_the_panes_stand() -> None:
+    app = BenchApp(FakeDriver(), bench_project())
+    app.view_model.take(picture())
+    app.main.peer.show()
+    assert not app.main.peer.is_attached
 
 
 async def test_keys_that_waited_for_an_engine_are_obeyed_where_it_ends_at_once() -> None:

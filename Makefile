@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 COMPARED := $(VENV)/.compared
 
-.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas tables doctor-corpus clean
+.PHONY: run test quick lint types contracts collected unit stress soak oracle bench scenarios pictures atlas tables doctor-corpus clean
 
 # Compiled tests are kept: each of the processes that run them would compile them again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -44,6 +44,18 @@ unit: $(READY)
 
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)
+
+# Beside two busy loops: what fails there is a bug until proven otherwise. Of golden traces those of cut wires.
+ROUNDS ?= 20
+CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml)
+LIVE   := test_a_scenario_holds_on_real_sockets_with_the_same_status_walk_for_the_same_causes
+RECORD := tests/rig/test_record_command.py::test_
+TESTS  ?= tests/e2e/test_tap_screen.py tests/rig/test_black_box.py tests/tui/fleet/test_fleet_screen.py \
+          tests/properties/test_killed_runs.py $(RECORD)a_run_that_is_killed_leaves_a_file_that_opens \
+          $(RECORD)record_ends_cleanly_when_all_its_programs_are_told_to \
+          $(CUT:configs/scenarios/baosky/%.toml='tests/rig/test_golden_traces.py::$(LIVE)[%]')
+stress: $(READY)
+	@$(BIN)/python .ci/stress.py $(ROUNDS) $(TESTS)
 
 # A million random scans on simulated networks: minutes; ten million of self-checking traffic: an hour or two.
 # TRCVTUI_SOAK_SCANS and TRCVTUI_SOAK_TRAFFIC say how many.

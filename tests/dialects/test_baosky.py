@@ -6,7 +6,7 @@ import pytest
 
 from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import defaults, format_value, read_switches
@@ -35,6 +35,8 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
         "not_connected": "pulse",
         "short_frame": "both",
         "reset_is": "80AA",
+        "dead_link": "silent",
+        "adhoc": "at_once",
         "com_rst_autoclear": "true",
         "max_len": "65535",
         "large_datagram": "error",
@@ -54,7 +56,8 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
 
 def test_without_switches_the_rules_are_the_decisions_of_the_design() -> None:
     answered = BAOSKY.answer({})
-    assert answered == Rules(status=answered.status)
+    of_the_manual = StatusSequence(silent_dead_link=True)
+    assert answered == Rules(status=answered.status, course=of_the_manual, adhoc_at_once=True)
     assert answered.policy == Policy()
 
 
@@ -77,6 +80,8 @@ def test_a_condition_gets_the_word_of_the_manual() -> None:
         ("short_frame", "80C5", "short_frame_shown", False),
         ("reset_is", "80C5", "reset_counts_as_close", True),
         ("com_rst_autoclear", False, "com_rst_autoclear", False),
+        ("adhoc", "latched", "adhoc_at_once", False),
+        ("dead_link", "80A0", "course", StatusSequence()),
         ("max_len", 65536, "max_len", 65536),
         ("buffers", 2, "buffers", 2),
         ("queue", 0, "queue", 0),

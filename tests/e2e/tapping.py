@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 
 RESET = (1).to_bytes(4, sys.byteorder) + bytes(4)  # SO_LINGER: close sends RST
-PATIENCE = 20.0  # seconds, of a socket: a busy machine is slow
+PATIENCE = 60.0  # seconds, of a socket: a busy machine is slow
 
 
 class Tap:

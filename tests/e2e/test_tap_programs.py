@@ -13,6 +13,7 @@ import pytest
 from tests.certificates import Certificates
 from tests.e2e.tapping import PATIENCE, Tap
 from tests.e2e.terminal import need
+from tests.waiting import until
 
 pytestmark = pytest.mark.live
 
@@ -91,8 +92,7 @@ def test_socat_joins_two_serial_lines_with_a_tap_between(tmp_path: Path) -> None
         for two in (ends[:2], ends[2:])
     ]
     try:
-        while not all(end.exists() for end in ends):
-            assert all(pair.poll() is None for pair in pairs)
+        until(lambda: all(end.exists() for end in ends), lambda: [pair.poll() for pair in pairs])
         with Tap(f"serial:{ends[2]},19200,8E1", listen=f"serial:{ends[1]},19200,8E1") as tap:
             assert tap.said == f"T: serial:{ends[1]} to serial:{ends[2]}\n"
             with ends[0].open("r+b", buffering=0) as plc, ends[3].open("r+b", buffering=0) as device:

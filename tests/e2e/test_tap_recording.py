@@ -14,6 +14,7 @@ import pytest
 
 from tests.e2e.tapping import Tap, end_of, exactly, joined, listening
 from tests.e2e.terminal import need
+from tests.waiting import until
 
 pytestmark = pytest.mark.live
 
@@ -93,8 +94,7 @@ def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tm
         near.sendall(b"kept")
         assert exactly(far, 4) == b"kept"
         recorder = min(children_of(tap.process.pid))  # started before who shows it
-        while b"kept" not in file.read_bytes():
-            assert tap.process.poll() is None
+        until(lambda: b"kept" in file.read_bytes(), lambda: (tap.process.poll(), file.read_bytes()))
         os.kill(recorder, signal.SIGKILL)
         assert tap.process.stderr is not None
         assert tap.process.stderr.readline() == b"the recording has ended: bytes still go on\n"

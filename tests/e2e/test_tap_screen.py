@@ -178,14 +178,23 @@ def test_an_engine_that_is_started_anew_shows_the_conversation_that_goes_on(line
     line.near.sendall(b"unseen")
     assert exactly(line.far, 6) == b"unseen"
     line.terminal.keys("R")
-    line.terminal.wait(lambda text: "ENGINE ENDED" not in text and "1 open of 1" in text)
-    line.terminal.keys("7")
+    line.terminal.wait("engine 2 runs")
     line.terminal.keys("h")
     line.terminal.wait(is_held)
     line.near.sendall(b"seen")
     line.terminal.wait("4 B held")
     line.terminal.keys("h")
     assert exactly(line.far, 4) == b"seen"
+
+
+def test_a_key_typed_while_an_engine_starts_waits_for_it_and_for_the_pane(line: Line) -> None:
+    line.call()
+    os.kill(line.process("multiprocessing.spawn"), signal.SIGKILL)
+    line.terminal.wait("ENGINE ENDED")
+    line.terminal.keys("R", "h")
+    line.terminal.wait(is_held)
+    line.near.sendall(b"seen")
+    line.terminal.wait("4 B held")
 
 
 def test_a_killed_tap_ends_both_ends_and_its_screen_gives_the_terminal_back(line: Line) -> None:

@@ -6,19 +6,12 @@ import shutil
 import socket
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 needs_mosquitto = pytest.mark.skipif(PROGRAM is None, reason="mosquitto cannot be had here")
-
-
-def until(holds: Callable[[], object]) -> None:
-    """Wait until something holds; a test hangs in pytest's own time limit, not here."""
-    while not holds():
-        time.sleep(0.01)  # the only wait of these tests: between two looks
 
 
 class Mosquitto:

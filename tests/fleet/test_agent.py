@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.test_cli import ENVIRONMENT
+from tests.waiting import until
 from trcvtui.cli import main
 from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench

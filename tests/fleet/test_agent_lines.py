@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import until
+from tests.waiting import until
 from trcvtui.cli import main
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
+from tests.waiting import until
 from trcvtui.errors import UserError
 from trcvtui.fleet import broker as fleet_broker
 from trcvtui.fleet.broker import (

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.fleet.fakes import status
-from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, until
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
+from tests.waiting import until
 from trcvtui.fleet import publisher, reader
 from trcvtui.fleet.broker import Broker, BrokerConnection, Will
 from trcvtui.fleet.lines import SeenInstance

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.test_cli import ENVIRONMENT
+from tests.waiting import until
 from trcvtui.capture.journal import Answered, RunBegins
 from trcvtui.capture.recording import Recording
 
@@ -60,8 +61,7 @@ def killed(path: Path, victim: str, rounds: int) -> int:
         if victim != "engine":
             os.kill(writer, signal.SIGKILL)
         engine.stdout.read()  # of the engine, and of nobody else
-    while is_there(writer):
-        pass  # he writes what he had, up to the end of his pipe
+    until(lambda: not is_there(writer))  # he writes what he had, up to the end of his pipe
     return crossed
 
 

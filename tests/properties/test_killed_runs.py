@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.test_cli import ENVIRONMENT
+from tests.waiting import until, until_size
 from trcvtui.capture.journal import STEP, Answered, RunBegins
 from trcvtui.capture.recording import Recording
 from trcvtui.rig.replay.command import check
@@ -57,20 +58,24 @@ def children(process: int) -> list[int]:
     return [*map(int, Path(f"/proc/{process}/task/{process}/children").read_text().split())]
 
 
+def waited_ns(process: int) -> int:
+    """Return how long a process has waited for a processor: what it could not write then it did not lose."""
+    return int(Path(f"/proc/{process}/schedstat").read_text().split()[1])
+
+
 def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int, int | None]:
-    """Record a run and kill; return the file, UTC of the kill in ns, and how a run ended that was spared."""
+    """Record a run and kill; return the file, when (UTC less what was waited), how a spared run ended."""
     (folder / "P.toml").write_text(PROJECT)
     path = folder / "out" / "P-0001.pcapng"
     words = [sys.executable, "-m", "trcvtui", "record", "P.toml", "--out", "out"]
     pipe = subprocess.PIPE
     with subprocess.Popen(words, cwd=folder, env=ENVIRONMENT, stdout=pipe, stderr=pipe) as engine:
         least = chance.randint(1, 30_000)  # bytes
-        while not path.is_file() or path.stat().st_size < least:
-            assert engine.poll() is None
+        until_size(engine, path, least)
         with suppress(subprocess.TimeoutExpired):  # somewhere between two blocks
             engine.wait(chance.random() / 2)
         (writer,) = children(engine.pid)
-        at = time.time_ns()
+        at = time.time_ns() - waited_ns(engine.pid) - waited_ns(writer)
         if victim != "writer":
             engine.kill()
         if victim != "engine":
@@ -79,8 +84,7 @@ def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int,
         if victim == "writer":
             told = engine.wait()
             assert engine.stderr is not None and b"the writer has ended" in engine.stderr.read()
-        while os.path.exists(f"/proc/{writer}/task/{writer}/children") and is_running(writer):
-            pass  # he writes what he had
+        until(lambda: not is_running(writer))  # he writes what he had
     return path, at, told
 
 

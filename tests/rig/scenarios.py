@@ -11,8 +11,10 @@ from typing import Any
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.words import Link
+from trcvtui.rig.scenario.command import LivePace
 from trcvtui.rig.scenario.report import JsonLines
-from trcvtui.rig.scenario.runner import Runner, Verdict, VirtualPace
+from trcvtui.rig.scenario.runner import Pace, Runner, Verdict, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -65,8 +67,11 @@ def play(path: Path, kernel: str, *overrides: str) -> Played:
     bench = Bench(scenario.project, kernel)
     out = io.StringIO()
     report = JsonLines(out.write, bench.runtime.interval_ns, bench)
-    pace = PatientPace() if kernel == "live" else VirtualPace()
-    verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+    steps = *scenario.start, *scenario.steps
+    pace: Pace = PatientPace() if kernel == "live" else VirtualPace()
+    if kernel == "live" and any(isinstance(step.command, Link) for step in steps):
+        pace = LivePace()  # the stack finds a cut wire by the clock: scans have its time, too
+    verdict = Runner(bench, scenario.name, pace, report.scan).play(steps)
     report.verdict(verdict)
     edges = tuple(line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge))
     bench.close()

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.rig.test_recorded_run import again
+from tests.waiting import until
 from trcvtui.capture.journal import EntriesLost, Entry
 from trcvtui.capture.recording import Recording
 from trcvtui.errors import UserError
+from trcvtui.rig import clock
 from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.recording import black_box, recorder
 from trcvtui.rig.recording.black_box import BlackBox, new_name
@@ -73,12 +76,19 @@ class Run:
         return answer.error or answer.told
 
     def until_written(self) -> None:
-        while self.box._ending:
-            self.box.go_on()
+        self._until(lambda: not self.box._ending)
 
     def until_state(self) -> None:
-        while self.box._state is not None:
+        self._until(lambda: self.box._state is None)
+
+    def _until(self, is_done: Callable[[], bool]) -> None:
+        """Leave the processor to the process that is waited for: it is a nice one."""
+
+        def goes_on() -> bool:
             self.box.go_on()
+            return is_done()
+
+        until(goes_on, lambda: vars(self.box))
 
     def close(self) -> None:
         self.controller.bench.close()
@@ -183,6 +193,20 @@ def test_a_box_that_takes_too_much_of_the_time_gives_up(
     assert run.box._kept == type(run.box._kept)()
 
 
+def test_a_box_that_waits_beside_other_programs_goes_on(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = itertools.count(0, recorder.LOOK_NS // 2)
+    monkeypatch.setattr(clock, "now_ns", lambda: next(times))  # each gap lasts seconds: they were not ours
+    run.recorder._time_of = clock.now_ns
+    run.scans(100)
+    assert run.box._since > 0 and not run.recorder.seam.is_off
+    monkeypatch.setattr(clock, "used_ns", lambda: next(times))
+    run.recorder._time_of = clock.now_ns
+    run.scans(100)
+    assert run.recorder.seam.is_off
+
+
 def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     path.write_text(PROJECT)
@@ -243,6 +267,7 @@ def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
         while run.box._passed_scans <= passed or not run.box._frames:
             run.scans(10)
             run.until_state()
+            assert not run.recorder.seam.is_off, "the box has given up"
         run.line(f"save recording {tmp_path}/{name}")
         run.until_written()
         keyframes = Keyframes(Recording(tmp_path / f"{name}.pcapng"), name)

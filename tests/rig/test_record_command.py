@@ -14,6 +14,7 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS
 from tests.test_cli import ENVIRONMENT
+from tests.waiting import until, until_size
 from trcvtui.capture.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
 from trcvtui.capture.pcap import open_capture
 from trcvtui.capture.recording import Recording, RecordingWriter
@@ -158,8 +159,7 @@ def test_a_run_that_is_killed_leaves_a_file_that_opens(tmp_path: Path) -> None:
     scenario.write_text(text, encoding="utf-8")
     words = ["scenario", str(scenario), "--kernel", "live", "--record", str(file)]
     with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
-        while not file.exists() or file.stat().st_size < 30_000:
-            assert run.poll() is None
+        until_size(run, file, 30_000)
         run.kill()
     found = entries(file)
     assert isinstance(found[0], RunBegins)
@@ -349,8 +349,8 @@ def test_record_ends_cleanly_when_all_its_programs_are_told_to(
     words = ["record", str(project), "--out", str(out)]
     program = [sys.executable, "-m", "trcvtui", *words]
     with subprocess.Popen(program, env=ENVIRONMENT, start_new_session=True) as run:
-        while not out.exists() or not names(out) or (out / names(out)[0]).stat().st_size < 5_000:
-            assert run.poll() is None
+        until(lambda: run.poll() is not None or (out.exists() and names(out)))
+        until_size(run, out / names(out)[0], 5_000)
         os.killpg(run.pid, number)
         assert run.wait() == 0
     assert main(["replay", str(out / names(out)[0]), "--check"]) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -195,6 +196,19 @@ def test_no_command_waits_for_a_partner_whose_window_is_closed(
     file = scenario(tmp_path, steps)
     assert main(["scenario", file, "--kernel", "live", "--format", "jsonl"]) == 0
     assert len(naps) == jsonl(capsys)[-1]["scans"] == 10, "time passes with scans alone"
+
+
+def test_on_a_late_live_bench_run_is_the_time_that_it_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = itertools.count(0, 40_000_000)  # each scan of T#10ms is 40 ms after the last, or later
+    monkeypatch.setattr("trcvtui.rig.scenario.command.clock.now_ns", lambda: next(times))
+    monkeypatch.setattr("trcvtui.rig.scenario.command.clock.sleep_until", lambda deadline: None)
+    file = scenario(tmp_path, "run T#200ms")
+    assert main(["scenario", file, "--kernel", "live", "--format", "jsonl"]) == 0
+    assert 1 <= jsonl(capsys)[-1]["scans"] <= 5
+    assert main(["scenario", file, "--kernel", "sim", "--format", "jsonl"]) == 0
+    assert jsonl(capsys)[-1]["scans"] == 20
 
 
 def test_json_lines_are_ascii_whatever_a_partner_sent(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -61,7 +62,7 @@ def styles_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Stylesheet, "_parse_rules", _parsed_once)
 
 
-async def _wait_for_the_busy(pilot: Any, timeout: float = 30.0) -> bool:
+async def _wait_for_the_busy(pilot: Any, timeout: float = 240.0) -> bool:
     """Wait as Pilot does, but for the busy widgets only: it asks each of two hundred, each time."""
     app, screen = pilot.app, pilot.app.screen
     busy = (one for one in screen.walk_children() if one._message_queue.qsize() or one._next_callbacks)
@@ -86,11 +87,12 @@ MOMENT_S = 0.05  # Textual holds a screen as long after a palette
 async def _wait_until_nothing_is_left(min_sleep: float = 0.0, max_sleep: float = 1.0) -> None:
     """Wait as `wait_for_idle` does, but look at what is left: it judges by a clock that a busy machine slows.
 
-    A repaint that is due is made at once; a thread and a moment (of a resize) are waited for.
+    A repaint that is due is made at once; a thread and a moment (of a resize) are waited for. `max_sleep`: of
+    processor time.
     """
     loop: Any = asyncio.get_running_loop()
-    end = loop.time() + max_sleep
-    while loop.time() < end:
+    end = time.process_time() + max_sleep
+    while time.process_time() < end:
         await asyncio.sleep(0)
         if loop._ready:
             continue

@@ -129,7 +129,7 @@ async def test_keys_typed_before_anything_is_there_are_obeyed_in_order() -> None
     for key in [*first, *typed(":plc stop\r")]:
         app.post_message(key)
     async with app.run_test(size=SMALL) as pilot:
-        while app._early_keys is not None:  # as long as that takes here
+        while app._keeps_keys:  # as long as that takes here
             await pilot.pause()
         assert driver.lines == ["set TRCV_C_1 CONT=1", "plc stop"]
 

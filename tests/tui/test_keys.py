@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from rich.color import Color
 
-from tests.tui.fakes import bench_project, picture
+from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
 from trcvtui.rig.snapshots import Answer
+from trcvtui.tui.app import BenchApp
 
 
 @BOTH
@@ -227,6 +228,46 @@ async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_an
         assert lamp_colour(looker) == lamp
         await looker.press("n")
         assert looker.lines == [*again, "set TRCV_C_1 EN_R=0"], "and it commands again"
+
+
+async def test_keys_wait_for_an_engine_that_starts_and_q_alone_does_not() -> None:
+    async with looking(WIDE) as looker:
+        looker.driver.stopped = "killed"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "n", "7", "r")
+        again = [*looker.lines]
+        assert not any(line.endswith("EN_R=0") for line in again) and "engine starts" in looker.text
+        await looker.show(picture(scan=3))
+        await looker.settle()
+        assert looker.lines == [*again, "set TRCV_C_1 EN_R=0", "peer P1 rst"]
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R")
+        await looker.show(picture(scan=4))
+        assert "engine 3 runs" in looker.text
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "q")
+        assert not looker.app.is_running or looker.app._exit
+
+
+async def test_a_picture_may_come_before_the_panes_stand() -> None:
+    app = BenchApp(FakeDriver(), bench_project())
+    app.view_model.take(picture())
+    app.main.peer.show()
+    assert not app.main.peer.is_attached
+
+
+async def test_keys_that_waited_for_an_engine_are_obeyed_where_it_ends_at_once() -> None:
+    async with looking(WIDE) as looker:
+        looker.driver.stopped = "killed"
+        await follow(looker.app, looker.pilot)
+        await looker.press("R", "7", "R")
+        looker.driver.stopped = "killed again"
+        await follow(looker.app, looker.pilot)
+        assert looker.driver.restarts == 2
+        await looker.show(picture(scan=3))
+        assert "engine 3 runs" in looker.text and looker.app.main.peer.has_focus_within
 
 
 def lamp_colour(looker: Looker) -> Color | None:

@@ -66,7 +66,7 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         card = newcomer.read("status")
         assert "stuck: 20 of 24 bytes are here, the last one came" in card
         assert "LEN is 0 and DATA (screw) has 24 bytes, Station's only message was 20 bytes" in card
-        assert "4 bytes too large for this sender; 4 bytes stay missing" in card
+        assert "4 bytes too large for this sender; 4 bytes still missing" in card
         assert "program is the last whole member, tool is missing" in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"

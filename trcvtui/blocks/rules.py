@@ -50,7 +50,7 @@ class StatusSequence:
     `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a TRCV of its own
     while its connection is being built again.
     `teardown`: "closing" shows before the error of a loss that ends a job.
-    `silent_connect`: a failed attempt to connect shows no error; `silent_dead_link`: none while a link is dead.
+    `silent_connect`: a failed attempt shows no error; `silent_dead_link`: while a link is dead it shows none.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `request_connects`: an edge of REQ or EN_R = 1 connects, too, and CONT says whether that outlives the job.
     `faults_once`: a receive job that every call refuses shows its error once, else with each call.

@@ -93,6 +93,7 @@ class BenchApp(TerminalApp):
         self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
+        self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
         self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
         self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
         self._warned = 0, 0  # the key of the warning, and what was unsaved
@@ -138,12 +139,21 @@ class BenchApp(TerminalApp):
                 self._edits = [line for line in self._edits if line.startswith(NEVER_SAVED)]
             self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
             if picture is not None:
+                if self._starts:
+                    self.main.prompt.tell(f"engine {self._engines} runs")
                 self._show(before)
+                self._obey_again()
         except EngineStopped as stopped:
             if stopped.ends_screen:
                 self.exit(return_code=1, message=str(stopped))
             else:
                 self._end(stopped)
+
+    def _obey_again(self) -> None:
+        """Let keys act that were typed while the engine started, on what stands there now."""
+        if self._starts:
+            self._starts = False
+            self.call_after_refresh(self.obey_kept)
 
     def _show(self, before: int) -> None:
         if self.card is not None:
@@ -234,6 +244,7 @@ class BenchApp(TerminalApp):
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         self.main.end(f"{why}; {'' if self._read_only else 'R starts the engine anew, '}q quits")
+        self._obey_again()
 
     def action_restart(self) -> None:
         """Record the run, or end its recording; after the engine has ended: start it anew."""
@@ -247,6 +258,8 @@ class BenchApp(TerminalApp):
             self.submit("record stop" if picture is not None and picture.is_recording else "record")
             return
         picture, self.last_words = self.view_model.live, ""
+        self._engines, self._starts = self._engines + 1, True
+        self.keep_keys()
         self._engine.restart()
         if picture is not None:
             self._again = ()

@@ -16,13 +16,14 @@ from textual.app import App
 
 from trcvtui.tui.settings import ScreenSettings
 from trcvtui.tui.widgets.theme import THEMES
-from trcvtui.tui.widgets.typed_lines import obey
+from trcvtui.tui.widgets.typed_lines import TypedField, obey
 
 HANG_UP_S: Final = 1.0
 REST_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
 LONG_REST: Final = 15  # such rests: and at all that was made since the start
 YOUNG: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
 ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+QUITS: Final = frozenset(("app.quit", "quit"))
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 
 
@@ -39,7 +40,8 @@ class TerminalApp(App[None]):
         self.key_names, self.problems = settings.names, settings.problems
         self.set_keymap(dict(settings.keymap))
         self._keys = self._rests = self._keys_seen = 0
-        self._early_keys: list[events.Key | events.Paste] | None = []
+        self._kept_keys: list[events.Key | events.Paste] = []
+        self._keeps_keys, self._is_up = True, False  # until that is there which they act on; since the start
         self._ended_by = 0  # a signal
         for theme in THEMES.values():
             self.register_theme(theme)
@@ -76,9 +78,8 @@ class TerminalApp(App[None]):
     async def stand(self) -> None:
         """Obey the keys that came before the first frame, and begin to be quiet."""
         await self.prepare()
-        while self._early_keys:
-            await self._obey_early(self._early_keys.pop(0))
-        self._early_keys = None
+        await self.obey_kept()
+        self._is_up = True
         if self._ended_by:
             self._end_by_signal(self._ended_by)
         self.tell_first()
@@ -95,7 +96,7 @@ class TerminalApp(App[None]):
                 loop.add_signal_handler(number, self._end_by_signal, number)
 
     def _end_by_signal(self, number: int) -> None:
-        if self._early_keys is not None:  # the screen is not there yet: as soon as it is
+        if not self._is_up:  # as soon as the screen is there
             self._ended_by = number
             return
         if not self.is_web:
@@ -115,16 +116,33 @@ class TerminalApp(App[None]):
         """Obey a key at once; those typed before everything is there are kept for the moment it is."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             self._keys += 1
-            if self._early_keys is not None:
-                self._early_keys.append(_as_typed(event))
+            if (self._keeps_keys or self._kept_keys) and not self._ends(event):
+                self._kept_keys.append(_as_typed(event))
                 return
             if await obey(self, event):
                 return
         await super().on_event(event)
 
-    async def _obey_early(self, event: events.Key | events.Paste) -> None:
-        if not await obey(self, event):
-            await super().on_event(event)
+    def _ends(self, event: events.Key | events.Paste) -> bool:
+        """Return whether a key ends the program whatever is waited for; a letter may be part of a line."""
+        if not self._is_up or isinstance(event, events.Paste):
+            return False
+        if event.is_printable and (self._kept_keys or isinstance(self.focused, TypedField)):
+            return False
+        bound = self.screen.active_bindings.get(event.key)
+        return bound is not None and bound.binding.action in QUITS
+
+    def keep_keys(self) -> None:
+        """Obey no key from now on until `obey_kept`."""
+        self._keeps_keys = True
+
+    async def obey_kept(self) -> None:
+        """Obey the keys that were kept, in their order; one of them may begin another wait."""
+        self._keeps_keys = False
+        while self._kept_keys and not self._keeps_keys:
+            if not await obey(self, self._kept_keys[0]):
+                await super().on_event(self._kept_keys[0])
+            del self._kept_keys[0]  # now: what comes meanwhile is kept, too
 
     # -- the collector ------------------------------------------------------------------------------
 

@@ -35,13 +35,13 @@ SITUATIONS = [
         (*UP, "peer P1 send random 92 seed=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
         "LEN is 0 and DATA (rx) has 96 bytes, P1's only message was 92 bytes: LEN or DATA is 4 bytes too "
-        "large for this sender; 4 bytes stay missing",
+        "large for this sender; 4 bytes still missing",
         id="a sender 4 bytes short",
     ),
     pytest.param(
         (*UP, "peer P1 send random 64 seed=1", "run 200"), "X",
         "stuck: 64 of 96 bytes are here, the last one came 1.9 s ago",
-        "ADHOC=1 would have delivered these 64 bytes at once",
+        "ADHOC=1 delivers these 64 bytes at once",
         id="stuck, and ADHOC would help",
     ),
     pytest.param(

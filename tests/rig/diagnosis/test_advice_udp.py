@@ -115,7 +115,7 @@ SITUATIONS = [
     ),
     pytest.param(
         ("set S CONT=1", "run 4", "set S REQ=1", "run 5"), 2000, "S",
-        "REQ has not risen",
+        "the last job has ended; a rising edge of REQ starts the next",
         "REQ stays 1: a job starts with a rising edge only, set it to 0 first",
         id="REQ stays 1",
     ),

@@ -189,7 +189,7 @@ class Runner:
                 self._scan()
             failure = self._stage.failure or self._internal(step)
             errors = self._errors.newest() if failure is not None else ()
-            self._taken.append(StepTaken(step, self._elapsed(), failure, errors, self._stage.told))
+            self._taken.append(StepTaken(step, self._stage.elapsed_ns, failure, errors, self._stage.told))
             if self._stage.is_over:
                 break
         return Verdict(
@@ -206,11 +206,6 @@ class Runner:
         """Return the failure that an internal error is, whatever the file expects."""
         found = self._bench.containment.take_newest()
         return Failure(step.number, step.line, found) if found else None
-
-    def _elapsed(self) -> int:
-        """Return the end of the last scan's interval: virtual time, or the clock's on a live bench."""
-        runtime = self._bench.runtime
-        return self._bench.now + runtime.interval_ns if runtime.scans else 0
 
     def _scan(self) -> None:
         runtime = self._bench.runtime

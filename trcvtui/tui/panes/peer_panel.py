@@ -279,6 +279,9 @@ class PeerPanel(Vertical):
         self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
         self.lines.show()
         self.peers.show()
+        focused = self.screen.focused if self.is_attached else None  # a picture may come before the panes
+        if focused in (self.lines, self.peers, self.talks) and not focused.display:
+            self.screen.set_focus(self.first)  # at once: the next key is for what stands here now
         if self._view_model.project.peers and not self._speaks:
             self._speaks = True
             self.run_worker(self._begin_to_speak())

@@ -128,7 +128,9 @@ class TalkList(LineView):
         """Open the prompt with the command of a key; hold and go, and on an armed tap RST and FIN, act."""
         talk, picture = self._talk(), self._view_model.live
         if talk is None or not talk.tap:
-            self._actions.complain("only a tap can intervene: trcvtui tap LISTEN CONNECT")
+            waits = talk is None and self._view_model.project.taps
+            why = "nobody has come yet" if waits else "only a tap can intervene: trcvtui tap LISTEN CONNECT"
+            self._actions.complain(why)
             return
         what = next(each for each in INTERVENTIONS if each.key == key)
         to_plc = self._here()[1]

@@ -53,17 +53,24 @@ def port_hint(buffer: ComBufferSnapshot | None) -> str:
 
 
 SECOND: Final = 1_000_000_000
+IN_SECONDS: Final = 120  # shorter times are told in seconds alone
 
 
 def age(ns: int) -> str:
-    """Return how long ago something was: `1.2 s`, `48 s`, `1 min 39 s`, `2 h 5 min`."""
+    """Return how long ago something was, as coarse as a glance needs: `1.2 s`, `99 s`, `12 min`, `3 h`."""
     seconds = max(0, ns) / SECOND
-    return f"{int(seconds * 10) / 10:.1f} s" if seconds < 10 else duration(int(seconds) * SECOND)
+    if seconds < 10:
+        return f"{int(seconds * 10) / 10:.1f} s"
+    if seconds < IN_SECONDS:
+        return f"{int(seconds)} s"
+    if seconds < 7200:
+        return f"{int(seconds / 60)} min"
+    return f"{int(seconds / 3600)} h"
 
 
 def duration(ns: int) -> str:
     """Return how long something took: `0.35 ms`, `12 ms`, `4.2 s`, `3 min 5 s`, `2 h 5 min`."""
-    if ns < 60 * SECOND:
+    if ns < IN_SECONDS * SECOND:
         return f"{ns / 1e6:.3g} ms" if ns < SECOND else f"{ns / SECOND:.3g} s"
     minutes, seconds = divmod(ns // SECOND, 60)
     return f"{minutes} min {seconds} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

@@ -11,6 +11,7 @@ from typing import Final
 from rich.cells import cell_len
 
 from trcvtui.errors import one_line
+from trcvtui.rig.wording import IN_SECONDS
 from trcvtui.rig.wording import age as age
 from trcvtui.rig.wording import count as count
 
@@ -48,7 +49,7 @@ def duration(ns: int) -> str:
     if ns < SECOND:
         return f"{ns / MS:.6g} ms"
     seconds, rest = divmod(ns, SECOND)
-    if rest or seconds < 60:
+    if rest or seconds < IN_SECONDS:
         return f"{ns / SECOND:.6g} s"
     parts = (seconds // 3600, "h"), (seconds // 60 % 60, "min"), (seconds % 60, "s")
     return " ".join(f"{number} {unit}" for number, unit in parts if number)

@@ -41,7 +41,7 @@ SITUATIONS = [
     pytest.param(
         (*UP, "peer P1 send random 64 seed=1", "run 200"), "X",
         "stuck: 64 of 96 bytes are here, the last one came 1.9 s ago",
-        "ADHOC=1 delivers these 64 bytes at once",
+        "ADHOC=1 delivers the 64 bytes at once",
         id="stuck, and ADHOC would help",
     ),
     pytest.param(

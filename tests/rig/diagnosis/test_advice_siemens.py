@@ -250,7 +250,7 @@ def test_older_instructions_have_len_0_in_the_place_of_adhoc() -> None:
     told = shipped("s7-legacy-receiver", "set TRCV_C_1 LEN=8", *ARMED, "peer P1 connect", "run 20")
     told.do("peer P1 send hex 01 02 03", "run 200")
     assert "stuck: 3 of 8 bytes are here" in told.of("TRCV_C_1").why
-    assert "LEN=0, which is ad hoc here, would have delivered these 3 bytes" in said(told, "TRCV_C_1")
+    assert "LEN=0, which is ad hoc here, would have delivered the 3 bytes" in said(told, "TRCV_C_1")
 
 
 # -- cont_mode manual: REQ and EN_R connect, too ------------------------------------------------------------

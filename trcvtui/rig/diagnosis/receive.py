@@ -246,8 +246,8 @@ def ad_hoc_hint(e: Evidence) -> str:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
-        return f"ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} these {here} at once"
-    return f"{_switch(e)} would have delivered these {here} at once (read when EN_R rises again)"
+        return f"ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} the {here} at once"
+    return f"{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)"
 
 
 def parts_of_a_message(e: Evidence) -> str:

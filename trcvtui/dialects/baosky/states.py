@@ -185,7 +185,7 @@ STATES: Final = (
         (
             "bytes here against bytes wanted, and how long ago the last one came",
             "the partner's message length against LEN; `trcvtui udt show FILE` prints the size of a UDT",
-            "messages of varying length need ADHOC=1, or one job for the header and one for the rest",
+            "messages of varying length need ad-hoc mode, or one job for the header and one for the rest",
             "values look shifted: one rising edge at COM_RST, then watch the first frame",
         ),
         Reach.REAL,

@@ -273,7 +273,7 @@ JOB_ERRORS: Final = (
         ),
         (
             "bytes here against bytes wanted at the moment of the close: the ledger has both",
-            "the partner's message length against LEN (or the size of DATA); else ADHOC=1",
+            "the partner's message length against LEN (or the size of DATA); else ad-hoc mode",
             "the next scan names the close itself; the part that had come is dropped, DATA is unchanged",
         ),
         Reach.REAL,

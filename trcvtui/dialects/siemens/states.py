@@ -287,7 +287,7 @@ STATES: Final = (
         (
             "bytes here against bytes wanted; on ISO-on-TCP any message, on UDP any datagram ends the job",
             "the partner's length against LEN; `trcvtui udt show FILE` prints the size of a type",
-            "frames of varying length: ADHOC = 1, or ISO-on-TCP, which keeps their ends",
+            "frames of varying length: ad-hoc mode, or ISO-on-TCP, which keeps their ends",
             "shifted values: one rising edge at COM_RST, then watch the first frame",
         ),
         Reach.REAL,

@@ -185,6 +185,7 @@ class ConnectionControl:
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
         self.cont = False
+        self._has_begun_anew = False  # CONT has risen, and no connection has stood since
         self._level = level or OneShotCont(None)
         self._com_rst = False
         self._close_wanted = False
@@ -222,6 +223,7 @@ class ConnectionControl:
         self.cont, self._com_rst = cont, com_rst
         if fell or (self._close_wanted and not cont):
             return self._close()
+        self._has_begun_anew |= rose
         if rose and not self._script:  # else a close that has begun ends first (row 26)
             return self._start()
         if not cont:
@@ -296,9 +298,8 @@ class ConnectionControl:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
-        is_silent = self._course.silent_connect or (
-            self._course.silent_dead_link and self._connection.link_is_dead
-        )
+        is_dead = self._connection.link_is_dead and not self._has_begun_anew
+        is_silent = self._course.silent_connect or (self._course.silent_dead_link and is_dead)
         if is_silent and failed.stage is SetUpStage.CONNECT:
             self.waits += 1
             return replace(shown, condition=Condition.ESTABLISHING)
@@ -320,7 +321,7 @@ class ConnectionControl:
         return self._waiting()
 
     def _connected(self) -> Outcome:
-        self.phase = Phase.CONNECTED
+        self.phase, self._has_begun_anew = Phase.CONNECTED, False
         self.incarnation = self._connection.incarnation
         cause = established(self._connection)
         begins = self._course.job_begins if self._asks else self._course.established

@@ -169,7 +169,7 @@ class ReceiveJob:
         self._env.write(JobMode(self._instance, self.number, adhoc))
         if self._is_message_oriented:
             return
-        if adhoc and self.have and self.connection.unread():  # a loss shows after the frame
+        if adhoc and 0 < self.have < self.need and self.connection.unread():  # a loss shows after the frame
             self._collect()
         self.complete = self.claim.has_frame = self.have > 0 if adhoc else self.have == self.need
 

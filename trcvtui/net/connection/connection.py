@@ -193,7 +193,7 @@ class Connection:
         self.pending_loss: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
-        self.link_is_dead = False  # from its loss until the partner's machine answers, or a new beginning
+        self.link_is_dead = False  # from its loss until the partner's machine answers
         self.handle: Handle | None = None
         ids, note, work = resources.connection_ids, self._note_set_up, resources.work
         self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
@@ -275,6 +275,13 @@ class Connection:
         if failed is not None:
             return [(State.ESTABLISHING, failed)]
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
+
+    def _tell_early(self) -> None:
+        """Note what failed in a first step whose turn to tell never comes."""
+        for _, failed in self._early:
+            if failed is not None:
+                self._note(What.ATTEMPT_FAILED, self.set_up.remote, failed.fault, failed.detail)
+        self._early = []
 
     def step(self, scan: int, now: int) -> StepFault | None:
         """Take one step of the set-up, once a scan; return what failed in this scan's step."""
@@ -570,6 +577,7 @@ class Connection:
 
         ENOTCONN of shutdown means that the partner's RST was quicker (80A2). All is freed either way.
         """
+        self._tell_early()
         fault = None
         if self.handle is not None:
             fault = self._close_orderly(self.handle)
@@ -578,7 +586,6 @@ class Connection:
         fault = self.set_up.free() or fault
         self._resources.budget.release(self.config.name)
         self.state, self.retry_at, self._pauses = State.CLOSED, None, False
-        self.link_is_dead = False
         return fault
 
     def reset(self) -> Fault | None:

@@ -629,6 +629,12 @@ def _udt_cure(args: SimpleNamespace) -> int:
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
 
 
+def _examples(args: SimpleNamespace) -> int:
+    from trcvtui.paths import example_lines
+
+    return _print("\n".join(example_lines(args.word)))
+
+
 def _with_examples(args: SimpleNamespace) -> SimpleNamespace:
     """Return the arguments with each file that is not there, but came with the program, by its path."""
     args.file = _given(args.file)
@@ -915,6 +921,11 @@ def _add_status(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
+def _add_examples(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_examples)
+    parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
+
+
 def _add_st(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_st)
     parser.add_argument("project", metavar="PROJECT.toml")
@@ -955,6 +966,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "watch": ("put a capture through shadow instances", _add_watch),
     "tap": ("stand between two ends, look on, intervene", _add_tap),
     "status": ("explain a STATUS code", _add_status),
+    "examples": ("list the projects and stories that come along", _add_examples),
     "st": ("print instances as their calls in Structured Text", _add_st),
     "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),
 }

@@ -203,19 +203,15 @@ class Snapshot:
     combuffers: tuple[ComBufferSnapshot, ...] = ()
 
     def instance(self, name: str) -> InstanceSnapshot | None:
-        """Return the instance of that name."""
         return next((i for i in self.instances if i.name == name), None)
 
     def combuffer(self, name: str) -> ComBufferSnapshot | None:
-        """Return the ComBuffer of that name."""
         return next((b for b in self.combuffers if b.name == name), None)
 
     def addr(self, name: str | None) -> AddrSnapshot | None:
-        """Return the ADDR_PARAM of that name."""
         return next((a for a in self.addrs if a.name == name), None)
 
     def connection(self, name: str) -> ConnectionSnapshot | None:
-        """Return the CONNECT of that name."""
         return next((c for c in self.connections if c.name == name), None)
 
 

@@ -88,5 +88,6 @@ def test_your_own_device_in_a_minute(opened: list[Terminal], tmp_path: Path, col
     with device:
         device.sendall(b"\x0a\x0b\x0c\x0d")
         terminal.wait(lambda screen: "0a 0b 0c 0d" in screen.lower())
-        play(terminal, "`:` `save project` `enter` *✓*")
+        play(terminal, "`:` `save project` `enter`")
+        terminal.wait(lambda screen: "unsaved" not in screen)
     assert "TRCV_C" in (tmp_path / "new.toml").read_text(encoding="utf-8")

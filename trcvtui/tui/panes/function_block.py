@@ -411,7 +411,7 @@ class FunctionBlock(LineView):
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
         if y == 2:
-            errors = f"  {count(instance.errors, 'error')}"
+            errors = f"  {count(instance.errors, 'error')}" + ", expected" * instance.last_is_expected
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
         if y == 3:
             return row((" last    ", "dim"), (_last(instance), "dim"))

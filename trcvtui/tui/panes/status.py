@@ -323,13 +323,8 @@ class StatusCard(LineView):
 
     def _expected(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         """Return, until the first connection is up, that an EN_R before it does no harm."""
-        connection = self._view_model.connection
-        if (
-            isinstance(shown, StatusEdge)
-            or not shown.last_is_expected
-            or not connection
-            or connection.incarnation
-        ):
+        link = self._view_model.connection
+        if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
             return []
         code = status_word(shown.last_error_status or 0)
         return [f"{code} expected: EN_R was set before the connection; it receives once it is up"]

@@ -482,6 +482,7 @@ class MainScreen(FullScreen[None]):
     async def on_key(self, event: events.Key) -> None:
         """Take a key that neither the pane with the focus nor the screen knows."""
         if event.is_printable:
+            event.stop()  # above, it would act again on what has the focus then
             await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:

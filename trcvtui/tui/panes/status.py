@@ -306,10 +306,10 @@ class StatusCard(LineView):
             rows += [row(*lamps), row(*rest)]
         elif lamps:
             rows.append(row(*lamps))
-        rows += self._paragraph("note", self._expected(shown), "dim")
         rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
+        rows += self._paragraph("note", self._expected(shown), "dim")
         rows += self._paragraph("next", told.checks, "strong")
         self._whole = len(rows)
         label = "else" if told.checks else "next"

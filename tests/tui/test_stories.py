@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
-from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.paths import demo_path
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
@@ -45,9 +48,9 @@ class Newcomer(Looker):
 
 
 @asynccontextmanager
-async def opened(story: str, size: Size, scans: int) -> AsyncIterator[Newcomer]:
-    """Open a prepared fault, as `trcvtui run --kernel sim` does."""
-    project = load_bench(CONFIGS / "stories" / f"{story}.toml")
+async def opened(story: str | Path, size: Size, scans: int) -> AsyncIterator[Newcomer]:
+    """Open a prepared fault, or a project, as `trcvtui run --kernel sim` does."""
+    project = load_bench(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
     driver = LocalDriver(fresh_bench(project, "sim"))
     app = BenchApp(driver, project)
     async with app.run_test(size=size) as pilot:
@@ -125,10 +128,65 @@ async def test_com_rst_by_one_key_cures_the_shift(size: Size) -> None:
         assert newcomer.value("length") == "400.0"
 
 
-@pytest.mark.parametrize("story", sorted(path.stem for path in (CONFIGS / "stories").glob("*.toml")))
-async def test_the_program_of_a_story_comes_to_its_end(story: str) -> None:
-    bench = fresh_bench(load_bench(CONFIGS / "stories" / f"{story}.toml"), "sim")
-    for _ in range(1000):
-        bench.step()
-    assert not any("gave up" in str(line.event) for line in bench.runtime.ledger)
-    bench.close()
+STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*.toml")), demo_path()]
+
+
+@pytest.mark.parametrize("path", STARTS, ids=[path.stem for path in STARTS])
+async def test_a_shipped_project_starts_without_an_error_and_its_program_comes_to_its_end(path: Path) -> None:
+    console = Controller(fresh_bench(load_bench(path), "sim"))
+    for scan in range(1000):
+        console.scan()
+        for peer in console.bench.peers.values() if scan == 50 else ():
+            if peer.decl.active and not peer.is_in("connected"):
+                console.take(scan, f"peer {peer.decl.name} connect")
+    edges = [line.event for line in console.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    assert [edge for edge in edges if edge.outputs.error and not edge.cause.is_expected] == []
+    assert not any("gave up" in str(line.event) for line in console.bench.runtime.ledger)
+    waits = [edge.cause for edge in edges if edge.cause.is_expected]
+    assert not waits or path.stem == "twincat-stream"
+    console.bench.close()
+
+
+@asynccontextmanager
+async def from_nothing(folder: Path, size: Size) -> AsyncIterator[Newcomer]:
+    """Make a bench in an empty folder, as A and enter do, with a CONT that listens."""
+    path = folder / "new.toml"
+    path.write_text('dialect = "baosky"\n')
+    async with opened(path, size, 2) as newcomer:
+        await newcomer.press("A", "enter")
+        await newcomer.look(2)
+        await newcomer.press("t")
+        await newcomer.look(5)
+        yield newcomer
+
+
+@BOTH
+async def test_an_en_r_before_the_first_connection_is_no_error_to_look_after(
+    tmp_path: Path, size: Size
+) -> None:
+    async with from_nothing(tmp_path, size) as newcomer:
+        await newcomer.press("n", "3")
+        await newcomer.look(20)
+        card = newcomer.read("status")
+        assert "note 16#80A1 expected: EN_R was set before the connection; it receives once it is up" in card
+        assert "last error" not in newcomer.text and "ERROR □" in card and "ERROR ◆" not in card
+        assert "E□" in newcomer.pane("instances")
+        newcomer.bench.submit("add peer P1 remote=@C1")
+        newcomer.bench.scan(2)
+        newcomer.bench.submit("peer P1 connect")
+        await newcomer.look(20)
+        assert "16#7006" in newcomer.text and "16#80A1" not in newcomer.read("status")
+
+
+@BOTH
+async def test_an_en_r_after_a_connection_was_lost_is_an_error(tmp_path: Path, size: Size) -> None:
+    async with from_nothing(tmp_path, size) as newcomer:
+        newcomer.bench.submit("add peer P1 remote=@C1")
+        newcomer.bench.scan(2)
+        for line in ("peer P1 connect", "peer P1 rst", "set TRCV_C_1 EN_R=1"):
+            newcomer.bench.submit(line)
+            newcomer.bench.scan(20)
+        await newcomer.look(100)
+        await newcomer.press("3")
+        assert "last error 16#80A1 in scan" in newcomer.read("status")
+        assert "expected" not in newcomer.read("status")

@@ -110,6 +110,7 @@ class InstanceSnapshot:
     addr: str | None = None
     framer: FramerSnapshot | None = None  # of a block that receives from a ComBuffer
     on_config: bool = False  # `connect` names a UDP_CONFIG
+    last_is_expected: bool = False  # of the last error, see Cause
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""

@@ -475,8 +475,15 @@ class MainScreen(FullScreen[None]):
         self.toggle_class(zoomed)
         self._arrange()
 
-    def action_pin(self, letter: str) -> None:
-        self.block.press(letter)
+    async def action_pin(self, letter: str) -> None:
+        if missing := self.block.press(letter):
+            await self.run_action(f"app.press_from_afar({letter!r}, {missing!r})")
+
+    async def on_key(self, event: events.Key) -> None:
+        """Take a key that neither the pane with the focus nor the screen knows."""
+        if event.is_printable:
+            event.stop()  # above, it would act again on what has the focus then
+            await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
         """Decode the running job's bytes instead of DATA, or DATA again."""

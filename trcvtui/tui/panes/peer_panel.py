@@ -402,6 +402,11 @@ class PeerPanel(Vertical):
             self._actions.complain("no peer in this project; A adds one")
         return not self._view_model.peer
 
+    def takes_from_afar(self, letter: str) -> bool:
+        """Return whether a key of this pane means one thing from everywhere, and no harm."""
+        harms = any(b.letter == letter and b.harms for b in self._buttons_now())
+        return len(self._view_model.project.peers) == 1 and not harms
+
     def action_button(self, letter: str) -> None:
         """Press the button of this letter."""
         button = next((b for b in self._buttons_now() if b.letter == letter), None)

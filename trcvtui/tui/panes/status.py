@@ -115,7 +115,7 @@ class StatusHistory(LineView):
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
-        style = edge.outputs.lit
+        style = "dim" if edge.cause.is_expected else edge.outputs.lit
         room = self._room()
         reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
@@ -309,6 +309,7 @@ class StatusCard(LineView):
         rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
+        rows += self._paragraph("note", self._expected(shown), "dim")
         rows += self._paragraph("next", told.checks, "strong")
         self._whole = len(rows)
         label = "else" if told.checks else "next"
@@ -319,6 +320,14 @@ class StatusCard(LineView):
             rows += self._paragraph(label, found.checks_of(shown.block), "dim")
             rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
+
+    def _expected(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+        """Return, until the first connection is up, that an EN_R before it does no harm."""
+        link = self._view_model.connection
+        if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
+            return []
+        code = status_word(shown.last_error_status or 0)
+        return [f"{code} expected: EN_R was set before the connection; it receives once it is up"]
 
     def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         project = self._view_model.project
@@ -351,6 +360,7 @@ class StatusCard(LineView):
             parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
         if (
             instance.last_error_status is not None
+            and not instance.last_is_expected
             and not instance.outputs.error
             and not glow(instance.name, ERROR, now)
         ):

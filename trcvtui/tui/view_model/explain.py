@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
-    return because(shown.cause, shown.block)
+    return "expected: " * shown.cause.is_expected + because(shown.cause, shown.block)
 
 
 class Explainer:

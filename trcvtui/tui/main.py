@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -38,6 +38,8 @@ BROAD, HIGH = 180, 56  # from here on timing stands beside STATUS; has a row of 
 BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
 PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
 MOST_INSTANCES: Final = 10  # rows of the list, its frame included
+TIMING, LEAST_HISTORY, MOST_HISTORY, LEAST_BYTES = 8, 6, 12, 5
+OTHER_LINES: Final = 3  # header, prompt, keys
 REST: Final = 0  # the row that takes what is left: bytes and members
 
 
@@ -45,7 +47,7 @@ def sizes(width: int, height: int, instances: int, block: int = ROWS) -> dict[st
     """Return the class names and whether each holds; `block` is the height that pane 2 needs."""
     below = height - min(MOST_INSTANCES, instances + 2)
     tabs = width < LEAST_WIDTH or height < LEAST_HEIGHT or below < LEAST_BELOW
-    high = height >= HIGH and below >= HIGH_BELOW
+    high = height >= HIGH and below >= HIGH_BELOW + block - ROWS
     both = not tabs and below >= BOTH_BELOW + block - ROWS and (width >= BOTH_WIDTH or high)
     return {
         TABS: tabs,
@@ -59,20 +61,24 @@ def sizes(width: int, height: int, instances: int, block: int = ROWS) -> dict[st
     }
 
 
-def grid_rows(holds: Mapping[str, bool], timing: bool, block: int = ROWS) -> tuple[int, ...]:
-    """Return the heights of the rows of panes: nothing that the panes say changes them.
+def grid_rows(holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS) -> tuple[int, ...]:
+    """Return the heights of the rows of panes in `height` rows: nothing that the panes say changes them.
 
     `holds` are the classes of a size, `timing` whether timing was looked at after history.
     """
     tall, peer = holds["-tall"], 10 if holds["-tall"] else 9 if holds["-roomy"] else 8
+    if not holds["-both"]:
+        status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
+        return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
+    high = TIMING if holds["-high"] else 0
+    half = (height - block - high - peer - 3) // 2  # three rows more for the bytes below it
+    history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
-        return block, 12 if tall and block == ROWS else 6, REST, peer
-    if holds["-high"]:
-        return block, 8, 9 if block == ROWS else 6, REST, peer
-    if holds["-both"]:
-        past = 9 if timing else 5
-        return block - past, past, 8 if tall and block == ROWS else 6, REST, peer
-    return (11, 12, REST, peer) if tall else (8, 10 if timing else 7, REST, peer)
+        return block, history, REST, peer
+    if high:
+        return block, high, history, REST, peer
+    beside = 9 if timing else 5
+    return block - beside, beside, history, REST, peer
 
 
 if TYPE_CHECKING:
@@ -173,7 +179,7 @@ class MainScreen(FullScreen[None]):
         self._grid = Container(id="panes")
         self._rows = ""  # as the style sheet writes them
         self._sizes: dict[str, bool] = {}
-        self._block_rows = ROWS
+        self._block_rows, self._pane_rows = ROWS, 0
         self._instances = 0  # of the project, when the panes were arranged
         self.prompt = Prompt(view_model, self.peer.lines.heard(submit), self._only_looks)
 
@@ -223,6 +229,7 @@ class MainScreen(FullScreen[None]):
     def _fit(self, width: int, height: int) -> None:
         self._instances = len(self._view_model.project.instances)
         self._block_rows = rows_needed(self._view_model.project)
+        self._pane_rows = height - min(MOST_INSTANCES, self._instances + 2) - OTHER_LINES
         self._sizes = sizes(width, height, self._instances, self._block_rows)
         self.update_classes(self._sizes)
 
@@ -410,7 +417,8 @@ class MainScreen(FullScreen[None]):
             self._grid.styles.grid_rows = self._rows = rows
 
     def _wanted_rows(self) -> str:
-        return _written(grid_rows(self._sizes, self._past == 8, self._block_rows))
+        rows = grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows)
+        return " ".join("1fr" if each == REST else str(each) for each in rows)
 
     def _in_tabs(self) -> set[int]:
         """Return what stands where not all panes do: one pane, or a pair; with Peer stands STATUS."""
@@ -609,8 +617,3 @@ class MainScreen(FullScreen[None]):
 
     def action_scenarios(self) -> None:
         self._submit(SCENARIOS)
-
-
-def _written(rows: Iterable[int]) -> str:
-    """Return the heights of rows as a style sheet writes them."""
-    return " ".join(str(each) if each != REST else "1fr" for each in rows)

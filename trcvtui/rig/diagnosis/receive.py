@@ -57,7 +57,7 @@ def _before(e: Evidence, thing: str) -> str:
         return ""
     ago = f"{age(e.quiet_ns)} ago"
     if e.done_scan is None or not e.done_len or e.facts.drop is not None:
-        return f". The last byte came {ago}"
+        return f". The last {'byte' if thing == 'frame' else thing} came {ago}"
     return f". The last {thing} ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, {ago}"
 
 

@@ -306,9 +306,12 @@ class StatusCard(LineView):
             rows.append(row(*lamps))
         rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
-        causes = ["strong"] * len(told.causes)
-        stands = "warn" if shown.cause.injected else ""
-        rows += self._paragraph("why", [*told.causes, told.why], *causes, stands)
+        is_error = (
+            shown.outputs.error
+        )  # its own cause comes first; else what is proven, then what is waited for
+        reasons = (told.why, *told.causes) if is_error else (*told.causes, told.why)
+        style = "warn" if shown.cause.injected else ""
+        rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
         rows += self._paragraph("do", told.do, "")
         if told.code is not None:  # the last attempt's row says more than "connecting"
             found = self._view_model.project.dialect.row(told.code, shown.block) or found
@@ -357,7 +360,8 @@ class StatusCard(LineView):
         """Return the names of the project: they are never written in another way."""
         project = self._view_model.project
         peers = [peer.name for peer in project.peers]
-        return {*project.links(), *peers, *[each.name for each in (*project.instances, *project.data)]}
+        data = [each.name for each in project.data]
+        return {*project.links(), *peers, *data, *[each.name for each in project.instances]}
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
         glow, now = self._view_model.afterglow.glow, self._view_model.t_ns

@@ -67,10 +67,11 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert "7006 receiving" in newcomer.text
         await newcomer.press("3")
         card = newcomer.read("status")
-        assert "stuck: 20 of 24 bytes are here, the last one came" in card
-        assert "LEN is 0 and DATA (screw) has 24 bytes, Station's only message was 20 bytes" in card
-        assert "4 bytes too large for this sender; 4 bytes still missing" in card
-        assert "program is the last whole member, tool is missing" in card
+        assert "Stuck: 20 of 24 bytes received, the last one" in card
+        assert "LEN is 0 and DATA (screw) has 24 bytes. Station's only message was 20 bytes" in card
+        assert "4 bytes too large for this sender" in card
+        assert "The last whole member is program; tool is missing" in card
+        assert "do · Make both equal: set TRCV_C_1 LEN=20 or a DATA of 20 bytes; then press x" in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"
         assert newcomer.value("tool") == "-"
@@ -82,7 +83,7 @@ async def test_the_second_report_of_a_short_sender_makes_the_values_wander(size:
         await newcomer.press("3", "M")
         card = newcomer.read("status")
         assert "Station's last 2 messages were 20 bytes: LEN or DATA is 4 bytes too large" in card
-        assert "each frame takes 4 bytes of the next message, so the values wander" in card
+        assert "Each frame takes 4 bytes of the next message, so the values wander" in card
 
 
 @BOTH
@@ -91,8 +92,8 @@ async def test_a_swapped_byte_order_is_named_although_every_frame_gets_done(size
         await newcomer.press("3")
         card = newcomer.read("status")
         assert "DONE ◆ 20 B" in card and "ERROR □" in card
-        assert "members look swapped: in big-endian voltage = 230" in card
-        assert "does the sender use the other byte order?" in card
+        assert "why · Members look swapped: voltage = 230" in card
+        assert "do Press V to read DATA with byte_order=big." in card and "stuck" not in card
         await newcomer.press("6")
         assert newcomer.value("serial") == "1781071872"
 
@@ -103,8 +104,8 @@ async def test_a_dropped_en_r_is_named_with_its_scan_and_the_byte_that_frames_be
         await newcomer.press("3")
         card = newcomer.read("status")
         assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
-        assert "this frame begins with byte 10 of Scanner's message" in card
-        assert "the stream is shifted; COM_RST (or CONT 0, then 1) puts it back in step" in card
+        assert "This frame begins with byte 10 of Scanner's message" in card
+        assert "do Press x (COM_RST) to put the stream back in step, or CONT 0, then 1." in card
 
 
 @BOTH
@@ -113,7 +114,7 @@ async def test_the_edge_at_which_en_r_fell_tells_what_it_cost(size: Size) -> Non
         await newcomer.press("4", "down", "down", "3", "M")
         card = newcomer.read("status")
         assert "16#7004" in card and "in scan 672" in card
-        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they are dropped" in card
+        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
         assert "the next frame begins in the middle of a message, with byte 10 of Scanner's message 7" in card
 
 

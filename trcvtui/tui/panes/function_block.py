@@ -166,6 +166,12 @@ def _status_style(instance: InstanceSnapshot | None) -> str:
 SHOWN: Final = 9  # columns of a mark inside the box
 NULL: Final = "0"
 FEEDABLE: Final = ("sim", "serial")
+ROWS, FRAMER_ROWS = 15, 22  # that a block needs with its frame; a block with a framer
+
+
+def rows_needed(project: Project) -> int:
+    """Return the rows that the blocks of a project need, so that each is seen whole."""
+    return FRAMER_ROWS if any(block_row(each.block).marks for each in project.instances) else ROWS
 
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
@@ -485,6 +491,10 @@ class FunctionBlock(LineView):
         instance = self._view_model.instance
         missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
         return f"{instance.block} has no {missing}" if instance is not None else "no instance is here"
+
+    def letter_of(self, name: str) -> str:
+        """Return the letter of an input, "" where it has none."""
+        return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
         """Ask for the command of a pin: a level changes over, an edge is pulsed, a number is typed."""

@@ -254,14 +254,6 @@ class PeerPanel(Vertical):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
-    @property
-    def least_rows(self) -> int:
-        """Return the rows of what stands in it: the others are empty."""
-        listed = [each for each in (self.lines, self.peers, self.talks) if each.display]
-        said = [self._buttons, self._notes] if self._speaks and self._notes.is_mounted else []
-        composed = self.composer.size.height if said else 0
-        return composed + sum(each.size.height for each in listed) + sum(each.row_count() for each in said)
-
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
         name = (

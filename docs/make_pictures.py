@@ -118,13 +118,13 @@ FRAMINGS: Final[Play] = (
 )
 
 FOUND: Final[Play] = (
-    60, Look("A meter reports once a second. TRCV_C is ready and waits.", 2.5),
-    60, Look("A report has come: DONE, 20 bytes, no ERROR.", 2.5),
-    keys("6"), Look("6: the members of DATA. No value is right.", 4),
-    100, Look("The next report: DONE again, and wrong again.", 3),
-    keys("3"), Look("3: why? The meter uses the other byte order.", 6),
-    keys("V", "6"), 2, Look("V: read DATA in that byte order. Every value is right.", 4),
-    100, Look("230.5 V, 12.5 A. Now the meter or the program can be changed.", 5),
+    40, Look("TRCV_C waits for a meter that reports once a second.", 2.5),
+    80, Look("A report has come: DONE, 20 bytes, no ERROR.", 3),
+    keys("6"), Look("Key 6: the members of DATA. No value is right.", 4),
+    100, Look("The next report: DONE again, wrong again.", 3),
+    keys("3"), Look("Key 3: why? The members make sense in the other byte order.", 6),
+    keys("V", "6"), 2, Look("Key V: read DATA in that byte order. Every value is right.", 4),
+    100, Look("The next report: 230.5 V, 12.5 A.", 5),
 )  # fmt: skip
 
 # The pictures of README.md and docs/stories.md.

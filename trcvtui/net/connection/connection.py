@@ -365,7 +365,7 @@ class Connection:
         self.retry_at = now + self._policy.retry_ns
         return failed
 
-    # -- a second client (decision 21) ------------------------------------------------------------
+    # -- a second client ---------------------------------------------------------------------------
 
     def service(self) -> bool:
         """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""

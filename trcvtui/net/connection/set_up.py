@@ -255,7 +255,7 @@ class SetUp:
         return Accepted(handle, self.remote)
 
     def accept(self) -> Accepted | StepFault | None:
-        """Take the next client that may be the partner; others are reset (decision 21)."""
+        """Take the next client that may be the partner; others are reset."""
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client

@@ -24,7 +24,7 @@ RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
 HAS_POLL: Final = hasattr(select, "poll")
 GONE: Final = ERR | HUP | RDHUP
 # An ICMP message raises ERR alone while an attempt to connect goes on: no verdict (3.3).
-# select has no HUP: there ERR is how a refusal shows (section 4, Windows).
+# select has no HUP: there ERR is how a refusal shows.
 VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
 
 
@@ -115,7 +115,7 @@ TCP_KEEPINTVL: Final = getattr(socket, "TCP_KEEPINTVL", None)
 TCP_KEEPCNT: Final = getattr(socket, "TCP_KEEPCNT", None)
 # TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT, and how many milliseconds their unit has.
 USER_TIMEOUT: Final = {"linux": (18, 1), "darwin": (0x80, 1000), "win32": (5, 1000)}.get(sys.platform)
-# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like (section 4).
+# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like.
 REUSE: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 

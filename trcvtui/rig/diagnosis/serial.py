@@ -53,7 +53,7 @@ def port_trouble(e: Evidence) -> str:
     return hint if waits_for_the_port(e) else ": ".join(part for part in (away, hint) if part)
 
 
-# -- what will go wrong with a framing (receivedata.md 3, 5, 6) -------------------------------------------
+# -- what will go wrong with a framing -------------------------------------------------------------------
 
 MS: Final = 1_000_000
 MUCH_NOISE: Final = 16  # bytes thrown away without a single frame

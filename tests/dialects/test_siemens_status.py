@@ -1,4 +1,4 @@
-"""The Siemens STATUS tables against the code lists of siemens.md section 2, and what a block can show."""
+"""The Siemens STATUS tables against the code lists of the STEP 7 help, and what a block can show."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trcvtui.dialects.siemens.status import STATUS
 ROOT = Path(__file__).parents[2]
 
 # fmt: off
-# siemens.md 2.1 to 2.7; what a _C block passes through from TCON, TSEND, TRCV stands after the first break.
+# By the STEP 7 help; what a _C block passes through from TCON, TSEND, TRCV stands after the first break.
 LISTED = {
     "TSEND_C": [
         0x0000, 0x0001, 0x0003, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7005,

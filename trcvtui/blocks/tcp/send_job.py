@@ -77,7 +77,7 @@ class SendJob:
         if ended is not None:
             return ended
         if not self.have:
-            # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
+            # Nothing of this job is on its way, so it can end; later it would cut the stream.
             self._end(done=False, reason="the send buffer is full")
             return self._full()
         return _sending(self.have, self.need)

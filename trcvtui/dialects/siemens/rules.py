@@ -216,20 +216,20 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
             texts_whole=True,
-            datagram_needs_len=True,  # 2.7
+            datagram_needs_len=True,
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         lock_outlives=False,  # no list knows of such a lock
-        one_class=True,  # 2.1, 4.4
+        one_class=True,
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
             pauses_after_idle=True,
-            listens_at_once=True,  # 2.1, 7002: passive, it waits for the partner
+            listens_at_once=True,  # 7002: passive, it waits for the partner
             attempt_limit_ns=int(chosen["attempt_limit"]),
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
@@ -248,20 +248,20 @@ def course(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
     if en_r_falls == "by_cont_mode":
         en_r_falls = "drops until data" if by_manual else "keeps"
     return StatusSequence(
-        job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
+        job_begins=Condition.JOB_BEGINS,
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,
         waiting_req_sends=True,
-        en_r_keeps_job=en_r_falls == "keeps",  # 1.7
+        en_r_keeps_job=en_r_falls == "keeps",
         first_data_keeps_job=en_r_falls == "drops until data",
-        second_lags=bool(chosen["rcv_lag"]),  # 1.8
+        second_lags=bool(chosen["rcv_lag"]),
         reset=(Condition.CLOSING,),
         reset_ends_send=Condition.RESET_IN_JOB,
-        rebuilding=(Condition.CREATING,),  # 1.8, 1.9
-        let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
-        closes_together=True,  # 1.4
-        idle_loss=Condition.FOUND_CLOSED,  # 1.9
+        rebuilding=(Condition.CREATING,),
+        let_go=(Condition.CONNECTED, Condition.LET_GO),
+        closes_together=True,
+        idle_loss=Condition.FOUND_CLOSED,
         job_loss=JOB_LOSS,
-        still_asked=Condition.STILL_ASKED,  # 1.9
+        still_asked=Condition.STILL_ASKED,
         teardown=bool(chosen["teardown_before_error"]),
         silent_connect=bool(chosen["silent_connect"]),
         request_connects=by_manual,
@@ -433,7 +433,7 @@ def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
         newer,
         status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
-        types={"LEN": "UINT", "RCVD_LEN": "UINT"},  # 1.11
+        types={"LEN": "UINT", "RCVD_LEN": "UINT"},
         area=replace(newer.area, adhoc_lens=AD_HOC),
         course=replace(newer.course, reset_closes=True),
     )
@@ -460,7 +460,7 @@ S7_1200_LEGACY: Final = Dialect(
     default_model=S7_1200.default_model,
     layout=S7_1200.layout,
     describes_connects=S7_1200.describes_connects,
-    structures=("TCON_Param",),  # 1.11
+    structures=("TCON_Param",),
     folder="siemens-legacy",
     words=WORDS,
     follows=SEQUENCES,

@@ -23,7 +23,7 @@ HUP: Final = 0x10
 RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
 HAS_POLL: Final = hasattr(select, "poll")
 GONE: Final = ERR | HUP | RDHUP
-# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict (3.3).
+# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict.
 # select has no HUP: there ERR is how a refusal shows.
 VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
 
@@ -192,7 +192,7 @@ CLIENTS_AT: Final = 24
 SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
 # struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer ones have the bytes
-# that were sent again (4.19), and the window that the other end has told (5.4).
+# that were sent again (4.19), and the window that the other end has told.
 LAST_ACK_AT: Final = 56
 ROUND_TRIP_AT: Final = 68  # us, smoothed
 UNSENT_AT: Final = 144

@@ -13,14 +13,54 @@ from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP, UDT
 from trcvtui.udt.literals import format_time
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
-HEAD: Final = """# The keys of a project file
+HEAD: Final = '''# The keys of a project file
 
 A project file is TOML. Each `[[kind]]` is one more entry of its kind; a key that is left out has its default.
 `--set connect.C1.LocalPort=2000` says a key in the place of the file; `add`, `set` and `save project` take
 the same keys. A key with * must be there, where the table may have it.
 
 This page is made from `trcvtui/project/keys.py`.
+
+## An example
+
+```toml
+dialect = "baosky"
+model   = "T4"                     # 32 connections; T3: 8
+
+program = """                      # what the PLC's program does by itself
+wait TRCV_C_1 STATUS=7004
+set TRCV_C_1 EN_R=1
 """
+
+[options]                          # the points that the manual leaves open
+not_connected = "pulse"            # 80A1: pulse, hold, never
+
+[[data]]
+name = "report"
+type = "ARRAY[0..11] OF BYTE"      # or a UDT of yours: [[udt]] with file = "weight.st"
+
+[[connect]]                        # TCP_CONNECTCONFIG
+name = "C1"
+ActiveEstablished = false
+LocalAddress = "127.0.0.1"
+LocalPort = 0                      # passive and 0: a free port, kept until STOP
+
+[[instance]]
+name = "TRCV_C_1"
+block = "TRCV_C"
+connect = "C1"
+data = "report"
+CONT = true                        # inputs by their pin's name
+
+[[peer]]                           # a partner of our own
+name = "Device"
+active = true
+remote = "@C1"                     # whatever C1 listens on
+reconnect = "T#500ms"              # connect again by itself
+every = "T#1s"                     # and say something every second
+says = ["hex 01 00 00 00 00 00 20 40 64 00 00 00"]
+```
+'''
 TAIL: Final = """
 ## `[options]`, `[constants]`
 

@@ -30,7 +30,7 @@ GALLERY: Final = HERE / "gallery"
 PICTURES: Final = HERE / "pictures"
 CONFIGS: Final = Path("configs")
 STORIES: Final = CONFIGS / "stories"
-WIDE, SMALL, PANE, HIGH = (140, 45), (80, 24), (100, 24), (100, 34)
+WIDE, SMALL, PANE, HIGH, FRONT = (140, 45), (80, 24), (100, 24), (100, 34), (100, 30)
 MOST_LOOKS: Final = 2000
 MADE_UP: Final = Path()  # no project: what agents of a plant tell (fleet_plant.py)
 BLANK, CELL = "&#160;", 12.2  # a blank, and the width of a cell
@@ -49,8 +49,16 @@ class Typed(NamedTuple):
     text: str
 
 
+class Look(NamedTuple):
+    """A frame of a moving picture: its title, and for how many seconds it is shown."""
+
+    title: str
+    seconds: float
+
+
 # A text is a bench command; a number lets so many scans pass.
-Play = Sequence[str | int | Keys | Typed]
+Move = str | int | Keys | Typed | Look
+Play = Sequence[Move]
 
 
 class Picture(NamedTuple):
@@ -109,8 +117,19 @@ FRAMINGS: Final[Play] = (
     keys("B"),
 )
 
+FOUND: Final[Play] = (
+    60, Look("A meter reports once a second. TRCV_C is ready and waits.", 2.5),
+    60, Look("A report has come: DONE, 20 bytes, no ERROR.", 2.5),
+    keys("6"), Look("6: the members of DATA. No value is right.", 4),
+    100, Look("The next report: DONE again, and wrong again.", 3),
+    keys("3"), Look("3: why? The meter uses the other byte order.", 6),
+    keys("V", "6"), 2, Look("V: read DATA in that byte order. Every value is right.", 4),
+    100, Look("230.5 V, 12.5 A. Now the meter or the program can be changed.", 5),
+)  # fmt: skip
+
 # The pictures of README.md and docs/stories.md.
 TOLD: Final = (
+    Picture("found", "", (), STORIES / "byte_order_swapped.toml", FOUND, FRONT),
     Picture("checkweigher", "", (), CONFIGS / "checkweigher.toml", CHECKWEIGHER, WIDE),
     Picture("four-bytes-short", "", (), STORIES / "four_bytes_short.toml", (600, keys("6", "v", "3")), WIDE),
     Picture("byte-order-swapped", "", (), STORIES / "byte_order_swapped.toml", (330, keys("3")), WIDE),
@@ -213,20 +232,31 @@ async def draw(picture: Picture) -> str:
 
         pressed = [name for move in picture.play if isinstance(move, Keys) for name in move.names]
         return placed(await draw_fleet(picture.size, pressed))
+    from moving_picture import Frame, moving  # beside this file
+
     project = load_bench(picture.project)
     driver = LocalDriver(fresh_bench(project, "sim"))
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), picture.theme)
     app = BenchApp(driver, project, settings)
+    frames: list[Frame] = []
     async with app.run_test(size=picture.size) as pilot:
         await caught_up(app, pilot)
         for move in picture.play:
-            await do(move, driver, app, pilot)
-        for field in app.screen.query(Input):
-            field.cursor_blink = False
-        await caught_up(app, pilot)
-        svg = placed(app.export_screenshot(title="trcvtui"))
+            if isinstance(move, Look):
+                frames.append(Frame(await seen(app, pilot, move.title), move.seconds))
+            else:
+                await do(move, driver, app, pilot)
+        svg = moving(frames) if frames else await seen(app, pilot)
     driver.close()
     return svg
+
+
+async def seen(app: BenchApp, pilot: Pilot[None], title: str = "trcvtui") -> str:
+    """Return the screen as it is, as SVG."""
+    for field in app.screen.query(Input):
+        field.cursor_blink = False
+    await caught_up(app, pilot)
+    return placed(app.export_screenshot(title=title))
 
 
 def placed(svg: str) -> str:

@@ -38,9 +38,3 @@ def test_every_action_with_its_key_and_every_theme_stands_in_the_page() -> None:
             keys = ", ".join(f"`{key}`" for key in binding.key.split(","))
             assert f"| `{binding.id}` | {keys} |" in PAGE
     assert all(f"`{name}`" in PAGE for name in THEMES)
-
-
-def test_the_readme_stays_short_and_links_the_page() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(readme.splitlines()) <= 240
-    assert "(docs/commands.md)" in readme

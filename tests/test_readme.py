@@ -1,4 +1,4 @@
-"""Every command of an `sh` block in the README, the stories and the page of Siemens works as it stands."""
+"""What the README and the pages say works as it stands: commands, links, projects, examples."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ import pytest
 from trcvtui.cli import main
 
 ROOT = Path(__file__).parents[1]
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-STORIES = (ROOT / "docs" / "stories.md").read_text(encoding="utf-8")
-SIEMENS = (ROOT / "docs" / "siemens.md").read_text(encoding="utf-8")
-TWINCAT = (ROOT / "docs" / "twincat.md").read_text(encoding="utf-8")
+STORIES, SIEMENS = PAGES["stories.md"], PAGES["siemens.md"]
+TESTED = ("blocks.md", "stories.md", "siemens.md", "twincat.md")  # whose `sh` blocks are run
 COMMANDS = [
     line
-    for block in re.findall(r"```sh\n(.*?)```", README + STORIES + SIEMENS + TWINCAT, re.DOTALL)
+    for page in TESTED
+    for block in re.findall(r"```sh\n(.*?)```", PAGES[page], re.DOTALL)
     for line in block.splitlines()
     if line.strip()
 ]
@@ -36,39 +37,42 @@ def test_a_command_of_the_readme_works(command: str) -> None:
     assert done.stdout and not done.stderr
 
 
-def test_every_file_that_the_readme_links_is_there() -> None:
-    links = re.findall(r"\]\(([^)#:]+)\)", README)
-    assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
+def test_the_readme_is_short_and_each_command_that_it_names_exists() -> None:
+    assert len(README.splitlines()) <= 150
+    named = set(re.findall(r"[`|] ?trcvtui ([a-z]+)", README))
+    assert {"run", "watch", "tap", "doctor", "status"} <= named
+    for command in sorted(named):
+        assert main([command, "--help"]) == 0, command
 
 
-@pytest.mark.parametrize("page", ["stories", "gallery", "siemens", "twincat"])
-def test_every_picture_and_page_that_the_docs_link_is_there(page: str) -> None:
-    links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
-    assert links
-    assert [link for link in links if not (ROOT / "docs" / link).exists()] == []
+@pytest.mark.parametrize("page", ["README.md", *(f"docs/{name}" for name in sorted(PAGES))])
+def test_every_picture_and_page_that_a_page_links_is_there(page: str) -> None:
+    path = ROOT / page
+    links = re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8"))
+    assert links or page != "README.md"
+    assert [link for link in links if not (path.parent / link).exists()] == []
 
 
 def test_every_project_that_is_opened_in_the_readme_and_the_stories_opens() -> None:
     from trcvtui.rig.scenario.scenario import load_bench
 
-    projects = re.findall(r"^trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
-    assert len(projects) == 4
+    projects = re.findall(r"trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
+    assert len(projects) == 5
     for project in projects:
         assert load_bench(ROOT / project).instances
 
 
 def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"make (\w+)", README))
+    targets = set(re.findall(r"^make (\w+)", README, re.MULTILINE))
     assert targets
     assert [target for target in targets if not re.search(rf"^{target}\b.*:", makefile, re.MULTILINE)] == []
 
 
-def test_the_project_file_of_the_readme_shows_a_living_bench_when_it_is_pasted(
+def test_the_example_of_a_project_file_shows_a_living_bench_when_it_is_pasted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    (toml,) = re.findall(r"```toml\n(.*?)```", PAGES["project-file.md"], re.DOTALL)
     (tmp_path / "bench.toml").write_text(toml, encoding="utf-8")
     steps = (
         "wait TRCV_C_1 STATUS=7008 within T#5s\\nexpect TRCV_C_1 trace 0001 7001 7002+ 7004+ 7006+ 7008\\n"
@@ -103,7 +107,7 @@ def test_the_stories_of_a_night_and_of_a_capture_hold(
 ) -> None:
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     monkeypatch.chdir(tmp_path)
-    section = README.partition("## Two more: ")[2].partition("## The screen")[0]
+    section = STORIES.partition("## 4. ")[2]
     lines = [
         line
         for block in re.findall(r"```console\n(.*?)```", section, re.DOTALL)

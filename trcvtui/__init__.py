@@ -23,7 +23,7 @@ The folders, bottom to top; each imports only from those below it (docs/architec
 * cli.py      the entry point
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 LANE = "TRCVTUI_LANE"  # of the environment; "slow": the PLC has no fast lanes (plc/fast_lane.py)
 
 

@@ -635,6 +635,12 @@ def _udt_cure(args: SimpleNamespace) -> int:
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
 
 
+def _examples(args: SimpleNamespace) -> int:
+    from trcvtui.paths import example_lines
+
+    return _print("\n".join(example_lines(args.word)))
+
+
 def _with_examples(args: SimpleNamespace) -> SimpleNamespace:
     """Return the arguments with each file that is not there, but came with the program, by its path."""
     args.file = _given(args.file)
@@ -921,6 +927,11 @@ def _add_status(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
+def _add_examples(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_examples)
+    parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
+
+
 def _add_st(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_st)
     parser.add_argument("project", metavar="PROJECT.toml")
@@ -950,6 +961,7 @@ Row = tuple[str, str, Callable[[ArgumentRows], None]]  # what it does; an exampl
 GROUPS: Final[dict[str, dict[str, Row]]] = {
     "Bench: a PLC with its partners, on this machine": {
         "run": ("the screen; makes a new file, too", "new.toml", _add_run),
+        "examples": ("projects and stories to try", "", _add_examples),
         "serve": ("the screen in a browser", "bench.toml --port 8000", _add_serve),
         "scenario": ("a test without a screen", "test.toml --format junit", _add_scenario),
         "race": ("a test through several dialects", "test.toml", _add_race),

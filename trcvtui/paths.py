@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
@@ -48,6 +50,21 @@ def given_path(text: str) -> Path:
         names = " and ".join(str(Path(CONFIGS) / each.relative_to(configs_path())) for each in found)
         raise mistake(text, f"the name of {names}", "one of them")
     return found[0] if found else path
+
+
+def example_lines(word: str | None = None) -> Iterator[str]:
+    """Return each project and story with its first sentence; with a word all that have it, scenarios too."""
+    root = configs_path()
+    shown = ("stories/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
+    for pattern in ("**/*.toml",) if word else shown:
+        for path in sorted(root.glob(pattern)):
+            head = takewhile(lambda line: line.startswith("#"), path.read_text("utf-8").splitlines())
+            sentence = " ".join(line.removeprefix("# ") for line in head).partition(". ")[0].rstrip(".")
+            line = f"{Path(CONFIGS, path.relative_to(root))!s:<49}  {sentence}."
+            if word is None or word.lower() in line.lower():
+                yield line
+    for folder in () if word else sorted((root / "scenarios").iterdir()):
+        yield f"configs/scenarios/{folder.name}/: {len(list(folder.glob('*.toml')))} scenarios"
 
 
 def _exactly(name: str) -> str:

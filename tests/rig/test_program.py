@@ -10,6 +10,7 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands import words
 from trcvtui.rig.scenario.scenario import load_bench
 
 BENCH = '''
@@ -79,3 +80,12 @@ def test_what_is_no_program_s_to_do_is_refused_before_the_first_scan(tmp_path: P
     told = "\n".join(refused.value.lines())
     assert "program: step 2: found 'peer P1 connect', expected set, pulse, write, run or wait" in told, told
     assert "program: step 3" in told
+
+
+def test_a_step_for_an_instance_that_was_deleted_is_passed_over(tmp_path: Path) -> None:
+    on = bench(tmp_path, "set X CONT=1", "run 2", "set X EN_R=1")
+    on.do(words.Delete("X"))
+    for _ in range(5):
+        on.step()
+    notes = [line.event.what for line in on.runtime.ledger if isinstance(line.event, BenchNote)]
+    assert notes == ["deleted"]

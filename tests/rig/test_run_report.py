@@ -115,7 +115,7 @@ def test_an_error_is_told_with_its_scan_its_cause_and_what_to_check() -> None:
     said = plain(told(entries))
     assert "passed, 2 ERRORs at 1 instance" in said
     assert "16#80A6 Frame ended too early (static mode) in scan 8, 0.070 s" in said
-    assert "its messages are 5 bytes, the frame wants 8: 3 bytes short" in said
+    assert "each has 5 bytes, the frame wants 8: 3 bytes short" in said
     assert "8 0.070 16#80A6 short frame ERROR the partner closed (recv gave 0 bytes), 5 of 8 bytes" in said
     assert "job 1, received 5 B, scan 8, 0.070 s connection lost 00000000 01 02 03 04 05" in said
     assert "5 0.040 command peer P1 send hex 01 02 03 04 05" in said
@@ -130,11 +130,11 @@ def test_frames_stand_there_with_their_members_and_those_that_were_dropped() -> 
 
 
 REMARKS = {
-    "byte-order-swapped": "in scan 53, 0.520 s .* members look swapped: in big-endian voltage = 230.5",
+    "byte-order-swapped": "in scan 53, 0.520 s .* members look swapped: voltage = 230.5",
     "en-r-dropped": "in scan 751, 7.500 s .* EN_R fell in scan 672 with 10 of 24 bytes",
     "four-bytes-short": "in scan 3051, 30.500 s .* LEN or DATA is 4 bytes too large for this sender",
-    "packed-sender": "in scan 206, 2.050 s .* in packed Weight has 10 bytes, as what came",
-    "udt-mismatch": "in scan 23, 0.220 s .* in natural8 AxisReport has 24 bytes, as what came",
+    "packed-sender": "in scan 206, 2.050 s .* 10 bytes came, and that is the size of Weight",
+    "udt-mismatch": "in scan 23, 0.220 s .* 24 bytes came, and that is the size of AxisReport",
 }
 
 
@@ -166,7 +166,8 @@ def test_the_card_of_the_screen_is_on_the_page_and_without_payload_no_value_of_i
     _, entries = on_the_screen(path, "\n".join(["hold", "go"] * 15))
     said, without = plain(told(entries)), plain(told(entries, has_payload=False))
     for text in (said, without):
-        assert "DATA can be read so: its members make sense as big-endian (byte_order=big)" in text
+        assert "read DATA with byte_order=big" in text
+    assert "the members make sense as big-endian" in without
     assert "voltage = 230.5" in said and "230.5" not in without
 
 
@@ -178,7 +179,7 @@ def test_the_lines_of_a_screen_and_its_settings_at_the_end_are_told() -> None:
     assert "[[connect]] name = &quot;C9&quot;" in said
     assert "run again from the recording, 10 scans: the same" in said
     at_the_end = said.partition("At the end: 16#7002")[2]
-    assert "waits for any partner since scan 3" in at_the_end, "the bench was looked at after its close"
+    assert "waiting for any partner since scan 3" in at_the_end, "the bench was looked at after its close"
 
 
 def test_of_a_long_run_the_first_and_the_last_are_told_and_how_many_between() -> None:

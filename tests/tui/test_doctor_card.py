@@ -224,8 +224,10 @@ async def test_a_line_at_the_prompt_is_answered_when_it_has_looked() -> None:
         assert "frame-short (90% sure), TRCV_C_1" in newcomer.read("prompt")
 
 
-async def test_the_status_pane_has_the_verdict_first_among_what_to_do_next() -> None:
+async def test_the_status_pane_has_the_verdict_first_and_what_mends_it() -> None:
     async with card(Told(*FOUND)) as (newcomer, _screen):
         await newcomer.press("escape")
         await newcomer.look(1)
-        assert "next · frame-short, 90% sure up to scan 80 (J): LEN 20" in newcomer.read("status")
+        read = newcomer.read("status")
+        assert "Messages are shorter than a job waits for (frame-short, 90% sure up to scan 80)." in read
+        assert "do · LEN 20" in read and "J shows the evidence" in read

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
-from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.paths import demo_path
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
@@ -45,9 +48,9 @@ class Newcomer(Looker):
 
 
 @asynccontextmanager
-async def opened(story: str, size: Size, scans: int) -> AsyncIterator[Newcomer]:
-    """Open a prepared fault, as `trcvtui run --kernel sim` does."""
-    project = load_bench(CONFIGS / "stories" / f"{story}.toml")
+async def opened(story: str | Path, size: Size, scans: int) -> AsyncIterator[Newcomer]:
+    """Open a prepared fault, or a project, as `trcvtui run --kernel sim` does."""
+    project = load_bench(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
     driver = LocalDriver(fresh_bench(project, "sim"))
     app = BenchApp(driver, project)
     async with app.run_test(size=size) as pilot:
@@ -64,10 +67,11 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert "7006 receiving" in newcomer.text
         await newcomer.press("3")
         card = newcomer.read("status")
-        assert "stuck: 20 of 24 bytes are here, the last one came" in card
-        assert "LEN is 0 and DATA (screw) has 24 bytes, Station's only message was 20 bytes" in card
-        assert "4 bytes too large for this sender; 4 bytes still missing" in card
-        assert "program is the last whole member, tool is missing" in card
+        assert "Stuck: 20 of 24 bytes received, the last one" in card
+        assert "LEN is 0 and DATA (screw) has 24 bytes. Station's only message was 20 bytes" in card
+        assert "4 bytes too large for this sender" in card
+        assert "The last whole member is program; tool is missing" in card
+        assert "do · Make both equal: set TRCV_C_1 LEN=20 or a DATA of 20 bytes; then press x" in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"
         assert newcomer.value("tool") == "-"
@@ -79,7 +83,7 @@ async def test_the_second_report_of_a_short_sender_makes_the_values_wander(size:
         await newcomer.press("3", "M")
         card = newcomer.read("status")
         assert "Station's last 2 messages were 20 bytes: LEN or DATA is 4 bytes too large" in card
-        assert "each frame takes 4 bytes of the next message, so the values wander" in card
+        assert "Each frame takes 4 bytes of the next message, so the values wander" in card
 
 
 @BOTH
@@ -88,8 +92,8 @@ async def test_a_swapped_byte_order_is_named_although_every_frame_gets_done(size
         await newcomer.press("3")
         card = newcomer.read("status")
         assert "DONE ◆ 20 B" in card and "ERROR □" in card
-        assert "members look swapped: in big-endian voltage = 230" in card
-        assert "does the sender use the other byte order?" in card
+        assert "why · Members look swapped: voltage = 230" in card
+        assert "do Press V to read DATA with byte_order=big." in card and "stuck" not in card
         await newcomer.press("6")
         assert newcomer.value("serial") == "1781071872"
 
@@ -100,8 +104,8 @@ async def test_a_dropped_en_r_is_named_with_its_scan_and_the_byte_that_frames_be
         await newcomer.press("3")
         card = newcomer.read("status")
         assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
-        assert "this frame begins with byte 10 of Scanner's message" in card
-        assert "the stream is shifted; COM_RST (or CONT 0, then 1) puts it back in step" in card
+        assert "This frame begins with byte 10 of Scanner's message" in card
+        assert "do Press x (COM_RST) to put the stream back in step, or CONT 0, then 1." in card
 
 
 @BOTH
@@ -110,7 +114,7 @@ async def test_the_edge_at_which_en_r_fell_tells_what_it_cost(size: Size) -> Non
         await newcomer.press("4", "down", "down", "3", "M")
         card = newcomer.read("status")
         assert "16#7004" in card and "in scan 672" in card
-        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they are dropped" in card
+        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
         assert "the next frame begins in the middle of a message, with byte 10 of Scanner's message 7" in card
 
 
@@ -125,10 +129,65 @@ async def test_com_rst_by_one_key_cures_the_shift(size: Size) -> None:
         assert newcomer.value("length") == "400.0"
 
 
-@pytest.mark.parametrize("story", sorted(path.stem for path in (CONFIGS / "stories").glob("*.toml")))
-async def test_the_program_of_a_story_comes_to_its_end(story: str) -> None:
-    bench = fresh_bench(load_bench(CONFIGS / "stories" / f"{story}.toml"), "sim")
-    for _ in range(1000):
-        bench.step()
-    assert not any("gave up" in str(line.event) for line in bench.runtime.ledger)
-    bench.close()
+STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*.toml")), demo_path()]
+
+
+@pytest.mark.parametrize("path", STARTS, ids=[path.stem for path in STARTS])
+async def test_a_shipped_project_starts_without_an_error_and_its_program_comes_to_its_end(path: Path) -> None:
+    console = Controller(fresh_bench(load_bench(path), "sim"))
+    for scan in range(1000):
+        console.scan()
+        for peer in console.bench.peers.values() if scan == 50 else ():
+            if peer.decl.active and not peer.is_in("connected"):
+                console.take(scan, f"peer {peer.decl.name} connect")
+    edges = [line.event for line in console.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    assert [edge for edge in edges if edge.outputs.error and not edge.cause.is_expected] == []
+    assert not any("gave up" in str(line.event) for line in console.bench.runtime.ledger)
+    waits = [edge.cause for edge in edges if edge.cause.is_expected]
+    assert not waits or path.stem == "twincat-stream"
+    console.bench.close()
+
+
+@asynccontextmanager
+async def from_nothing(folder: Path, size: Size) -> AsyncIterator[Newcomer]:
+    """Make a bench in an empty folder, as A and enter do, with a CONT that listens."""
+    path = folder / "new.toml"
+    path.write_text('dialect = "baosky"\n')
+    async with opened(path, size, 2) as newcomer:
+        await newcomer.press("A", "enter")
+        await newcomer.look(2)
+        await newcomer.press("t")
+        await newcomer.look(5)
+        yield newcomer
+
+
+@BOTH
+async def test_an_en_r_before_the_first_connection_is_no_error_to_look_after(
+    tmp_path: Path, size: Size
+) -> None:
+    async with from_nothing(tmp_path, size) as newcomer:
+        await newcomer.press("n", "3")
+        await newcomer.look(20)
+        card = newcomer.read("status")
+        assert "note 16#80A1 expected: EN_R was set before the connection; it receives once it is up" in card
+        assert "last error" not in newcomer.text and "ERROR □" in card and "ERROR ◆" not in card
+        assert "E□" in newcomer.pane("instances")
+        newcomer.bench.submit("add peer P1 remote=@C1")
+        newcomer.bench.scan(2)
+        newcomer.bench.submit("peer P1 connect")
+        await newcomer.look(20)
+        assert "16#7006" in newcomer.text and "16#80A1" not in newcomer.read("status")
+
+
+@BOTH
+async def test_an_en_r_after_a_connection_was_lost_is_an_error(tmp_path: Path, size: Size) -> None:
+    async with from_nothing(tmp_path, size) as newcomer:
+        newcomer.bench.submit("add peer P1 remote=@C1")
+        newcomer.bench.scan(2)
+        for line in ("peer P1 connect", "peer P1 rst", "set TRCV_C_1 EN_R=1"):
+            newcomer.bench.submit(line)
+            newcomer.bench.scan(20)
+        await newcomer.look(100)
+        await newcomer.press("3")
+        assert "last error 16#80A1 in scan" in newcomer.read("status")
+        assert "expected" not in newcomer.read("status")

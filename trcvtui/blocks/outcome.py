@@ -78,6 +78,7 @@ class Cause:
     holder: str = ""  # the instance that is in the way
     is_orphan: bool = False  # it was deleted or downloaded
     local: str = ""  # where a partner is waited for
+    is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 
     @property
     def asked(self) -> str:

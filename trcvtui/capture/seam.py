@@ -451,7 +451,6 @@ class SeamPort:
         self._inner = _of_nobody(make, seam.answers)
 
     def open(self) -> Fault | Opening | None:
-        """Open it."""
         return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
 
     def read(self, most: int) -> bytes | Fault:

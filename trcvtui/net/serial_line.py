@@ -77,7 +77,6 @@ class SimSerialPort:
         self._waiting = bytearray()
 
     def open(self) -> None:
-        """Open it."""
         self.is_open = True
 
     def read(self, most: int) -> bytes:

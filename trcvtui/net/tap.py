@@ -165,7 +165,6 @@ class TapOrder(NamedTuple):
 
 
 def order_of(line: bytes) -> TapOrder:
-    """Return the order of a line."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])

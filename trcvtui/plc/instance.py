@@ -78,6 +78,7 @@ class Instance:
         self.jobs_done = self.errors = 0
         self.last_done: tuple[int, int] | None = None
         self.last_error: tuple[int, int] | None = None
+        self.last_is_expected = False  # of this error: its cause
 
     # -- inputs ------------------------------------------------------------------------------------
 
@@ -180,7 +181,9 @@ class Instance:
             self.last_done = (self._env.scan, size or 0)
         if now.error and not (before.done and before.error):  # else it only stays
             self.errors += 1
-            self.last_error = (self._env.scan, now.status)
+            if self.last_error is None or not outcome.cause.is_expected:  # which hides no other
+                self.last_error = (self._env.scan, now.status)
+                self.last_is_expected = outcome.cause.is_expected
         if now.status != before.status:
             self.since_scan = self._env.scan
             return True
@@ -266,6 +269,7 @@ class Instance:
             decl.addr,
             self.framer(),
             decl.on_config,
+            self.last_is_expected,
         )
         if bare != self._bare:
             self._bare = bare

@@ -110,6 +110,7 @@ class InstanceSnapshot:
     addr: str | None = None
     framer: FramerSnapshot | None = None  # of a block that receives from a ComBuffer
     on_config: bool = False  # `connect` names a UDP_CONFIG
+    last_is_expected: bool = False  # of the last error, see Cause
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""
@@ -203,19 +204,15 @@ class Snapshot:
     combuffers: tuple[ComBufferSnapshot, ...] = ()
 
     def instance(self, name: str) -> InstanceSnapshot | None:
-        """Return the instance of that name."""
         return next((i for i in self.instances if i.name == name), None)
 
     def combuffer(self, name: str) -> ComBufferSnapshot | None:
-        """Return the ComBuffer of that name."""
         return next((b for b in self.combuffers if b.name == name), None)
 
     def addr(self, name: str | None) -> AddrSnapshot | None:
-        """Return the ADDR_PARAM of that name."""
         return next((a for a in self.addrs if a.name == name), None)
 
     def connection(self, name: str) -> ConnectionSnapshot | None:
-        """Return the CONNECT of that name."""
         return next((c for c in self.connections if c.name == name), None)
 
 

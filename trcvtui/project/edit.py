@@ -99,7 +99,6 @@ def first_block(project: Project) -> str:
 
 
 def first_name(kind: str, project: Project) -> str:
-    """Return a name that is free."""
     if kind == "certificate":
         return str(max(project.certificates, default=0) + 1)
     start = f"{first_block(project)}_" if kind == "instance" else TABLES[kind].first_name
@@ -164,7 +163,6 @@ def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
 
 
 def entry(kind: str, name: str, project: Project) -> Declaration | None:
-    """Return the entry of a kind that has this name."""
     return next((each for each in entries_of(kind, project) if each.name == name), None)
 
 

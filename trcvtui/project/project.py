@@ -233,7 +233,6 @@ class Edit:
 
     @property
     def name(self) -> str:
-        """Return the name of the entry."""
         decl = self.before or self.after
         return decl.name if decl else ""
 
@@ -288,7 +287,6 @@ class Project:
         )
 
     def instance(self, name: str) -> InstanceDecl | None:
-        """Return the instance of that name."""
         return next((i for i in self.instances if i.name == name), None)
 
     def data_decl(self, name: str) -> DataDecl | None:
@@ -296,7 +294,6 @@ class Project:
         return next((d for d in self.data if d.name == name), None)
 
     def connect(self, name: str) -> ConnectConfig | None:
-        """Return the CONNECT of that name."""
         return next((c for c in self.connects if c.name == name), None)
 
     def identity(self, block: str, connect: str) -> int | None:
@@ -307,11 +304,9 @@ class Project:
         return meaning(config.description).identity
 
     def udp_config(self, name: str) -> UdpConfig | None:
-        """Return the UDP_CONFIG of that name."""
         return next((u for u in self.udp_configs if u.name == name), None)
 
     def combuffer(self, name: str) -> ComBufferDecl | None:
-        """Return the ComBuffer of that name."""
         return next((b for b in self.combuffers if b.name == name), None)
 
     def links(self) -> tuple[str, ...]:
@@ -319,7 +314,6 @@ class Project:
         return tuple([c.name for c in self.connects] + [u.name for u in self.udp_configs])
 
     def peer(self, name: str) -> PeerDecl | None:
-        """Return the peer of that name."""
         return next((p for p in self.peers if p.name == name), None)
 
     def beside(self, peer: str) -> Project:
@@ -336,7 +330,6 @@ class Project:
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 
     def task(self, name: str) -> Task | None:
-        """Return the task of that name."""
         return next((t for t in self.tasks if t.name == name), None)
 
     # -- a running PLC changes its program: another Project, the file stays as it is -------------------
@@ -346,7 +339,6 @@ class Project:
         return replace(self, instances=(*self.instances, decl))
 
     def without_instance(self, name: str) -> Project:
-        """Return the project without an instance."""
         return replace(self, instances=tuple(i for i in self.instances if i.name != name))
 
     def with_data(self, decl: DataDecl) -> Project:

@@ -317,6 +317,11 @@ class BenchApp(TerminalApp):
         self.lab = None
         self.main.show()
 
+    async def action_press_from_afar(self, key: str, missing: str = "") -> None:
+        from trcvtui.tui.palette import press_from_afar  # read when first asked for
+
+        await press_from_afar(self.main, key, missing)
+
     def action_description(self) -> None:
         if self.screen is self.main:
             self.on_description_wanted()

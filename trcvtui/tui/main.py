@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -16,7 +15,7 @@ from textual.widget import Widget
 from trcvtui.errors import UserError, mistake
 from trcvtui.tui import messages
 from trcvtui.tui.messages import PaneActions
-from trcvtui.tui.panes.function_block import FunctionBlock
+from trcvtui.tui.panes.function_block import ROWS, FunctionBlock, rows_needed
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.peer_panel import PeerPanel
 from trcvtui.tui.panes.received import Received
@@ -35,64 +34,51 @@ from trcvtui.tui.widgets.typed_lines import FilterLine
 TABS, PAIR = "-tabs", "-pair"
 LEAST_BELOW: Final = 32  # rows below the list of instances
 LEAST_WIDTH, LEAST_HEIGHT, TINY, ROOMY, TALL = 128, 38, 16, 43, 54
-BROAD, HIGH = 180, 56  # from here on history and timing both stand
-STRIP_WIDTH, STRIP_HEIGHT = 140, 39  # so wide, so high without the instances: timing is a strip of its own
-PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on STATUS stands beside Block, and above Peer
+BROAD, HIGH = 180, 56  # from here on timing stands beside STATUS; has a row of its own
+BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
+PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
 MOST_INSTANCES: Final = 10  # rows of the list, its frame included
-FRAME: Final = 2  # rows of a border
-LEAST_TIMING, LEAST_HISTORY, LEAST_BYTES = 5, 4, 5
+TIMING, LEAST_HISTORY, MOST_HISTORY, LEAST_BYTES = 8, 6, 12, 5
+OTHER_LINES: Final = 3  # header, prompt, keys
 REST: Final = 0  # the row that takes what is left: bytes and members
 
 
-def sizes(width: int, height: int, instances: int) -> dict[str, bool]:
-    """Return the class names and whether each holds."""
+def sizes(width: int, height: int, instances: int, block: int = ROWS) -> dict[str, bool]:
+    """Return the class names and whether each holds; `block` is the height that pane 2 needs."""
     below = height - min(MOST_INSTANCES, instances + 2)
     tabs = width < LEAST_WIDTH or height < LEAST_HEIGHT or below < LEAST_BELOW
+    high = height >= HIGH and below >= HIGH_BELOW + block - ROWS
+    both = not tabs and below >= BOTH_BELOW + block - ROWS and (width >= BOTH_WIDTH or high)
     return {
         TABS: tabs,
         PAIR: tabs and width >= PAIR_WIDTH and height >= PAIR_HEIGHT,
         "-tiny": height < TINY,
         "-roomy": height >= ROOMY,
         "-tall": height >= TALL,
-        "-high": height >= HIGH,
-        "-broad": width >= BROAD,
-        "-strip": STRIP_WIDTH <= width < BROAD and height < HIGH and below >= STRIP_HEIGHT,
+        "-both": both,
+        "-broad": both and width >= BROAD,
+        "-high": both and width < BROAD and high,
     }
 
 
-def grid_rows(holds: Mapping[str, bool], timing: bool) -> tuple[int, ...]:
-    """Return the heights of the rows of panes: STATUS, what is past in one row or two, bytes, the peer.
+def grid_rows(holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS) -> tuple[int, ...]:
+    """Return the heights of the rows of panes in `height` rows: nothing that the panes say changes them.
 
-    `holds` are the classes of a size, `timing` whether timing stands where one place is for it and history.
+    `holds` are the classes of a size, `timing` whether timing was looked at after history.
     """
-    tall, peer = holds["-tall"], 11 if holds["-tall"] else 10 if holds["-roomy"] else 8
+    tall, peer = holds["-tall"], 10 if holds["-tall"] else 9 if holds["-roomy"] else 8
+    if not holds["-both"]:
+        status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
+        return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
+    high = TIMING if holds["-high"] else 0
+    half = (height - block - high - peer - 3) // 2  # three rows more for the bytes below it
+    history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
-        return (13, 12, REST, peer) if tall else (8, 8, REST, peer)
-    if holds["-high"]:
-        return 9, 12, 7, REST, 10
-    if holds["-strip"] and timing:
-        return (9, 10, 5, REST, peer) if tall else (6, 9, 5, REST, 10)
-    if holds["-strip"]:
-        return (9, 7, 8, REST, peer) if tall else (8, 6, 6, REST, 10)
-    return (11, 12, REST, peer) if tall else (8, 10 if timing else 7, REST, peer)
-
-
-def grown(rows: tuple[int, ...], height: int, status: int, peer: int) -> tuple[int, ...]:
-    """Return the rows with one of `status` for STATUS, as far as the others can spare it.
-
-    First goes what the peer leaves empty below its `peer` rows, then what is past, then the bytes.
-    """
-    fitted = list(rows)
-    rest = rows.index(REST)
-    fitted[rest] = height - sum(rows)
-    past = range(rest - 1, 0, -1)
-    least = {-1: peer, rest: LEAST_BYTES, **{n: LEAST_TIMING if n == 1 else LEAST_HISTORY for n in past}}
-    for place in (-1, *past, rest):
-        given = max(0, min(status - fitted[0], fitted[place] - least[place]))
-        fitted[place] -= given
-        fitted[0] += given
-    fitted[rest] = REST
-    return tuple(fitted)
+        return block, history, REST, peer
+    if high:
+        return block, high, history, REST, peer
+    beside = 9 if timing else 5
+    return block - beside, beside, history, REST, peer
 
 
 if TYPE_CHECKING:
@@ -138,8 +124,7 @@ if TYPE_CHECKING:
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
 SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
 PAST: Final = {4, 8}  # history and timing
-CALM_PICTURES: Final = 60  # three seconds: a STATUS that comes and goes moves no pane to and fro
-BESIDE: Final = {2, 3}  # Block and STATUS stand side by side
+PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
@@ -177,7 +162,6 @@ class MainScreen(FullScreen[None]):
         self._owed: Timer | None = None  # what came below a dialog will be shown
         self._submit = submit
         self._pane = 3
-        self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
         actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.instances = InstanceList(view_model, self.follow_selected)
@@ -186,7 +170,7 @@ class MainScreen(FullScreen[None]):
         )
         self.tabs = TabLine()
         self.block = FunctionBlock(view_model, actions)
-        self.status = StatusCard(view_model)
+        self.status = StatusCard(view_model, letter_of=self.block.letter_of)
         self.timing = Timing(view_model, actions)
         self.history = StatusHistory(view_model, actions)
         self.received = Received(view_model)
@@ -194,14 +178,14 @@ class MainScreen(FullScreen[None]):
         self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")
         self._rows = ""  # as the style sheet writes them
-        self._peer_rows: int | None = None
         self._sizes: dict[str, bool] = {}
+        self._block_rows, self._pane_rows = ROWS, 0
         self._instances = 0  # of the project, when the panes were arranged
         self.prompt = Prompt(view_model, self.peer.lines.heard(submit), self._only_looks)
 
     def compose(self) -> Iterator[Widget]:
         self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
-        self._grid.styles.grid_rows = self._rows = _written(grid_rows(self._sizes, timing=False))
+        self._grid.styles.grid_rows = self._rows = self._wanted_rows()
         yield self.header
         yield self.instances
         yield self.tabs
@@ -241,39 +225,13 @@ class MainScreen(FullScreen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         self._fit(*event.size)
         self._arrange()
-        self.call_after_refresh(self._give_rows)
 
     def _fit(self, width: int, height: int) -> None:
         self._instances = len(self._view_model.project.instances)
-        self._sizes = sizes(width, height, self._instances)
-        self._status_rows.clear()
+        self._block_rows = rows_needed(self._view_model.project)
+        self._pane_rows = height - min(MOST_INSTANCES, self._instances + 2) - OTHER_LINES
+        self._sizes = sizes(width, height, self._instances, self._block_rows)
         self.update_classes(self._sizes)
-
-    def _give_rows(self) -> None:
-        """Give STATUS the rows that it needs for its advice, from panes that leave some empty."""
-        if self.status.line_width > 0:
-            self._status_rows.append(self.status.least_rows + FRAME)
-        panes, peer = self._grid, self.peer.least_rows + FRAME
-        if self.has_class(TABS) or self.has_class(ZOOM):
-            above = self.status.display and self.peer.display
-            self._give_peer(min(peer, panes.size.height - FRAME - 1) if above else None)
-            return
-        self._give_peer(None)
-        rows = grid_rows(self._sizes, self._past == 8)
-        rows = (
-            grown(rows, panes.size.height, max(self._status_rows, default=0), peer)
-            if panes.size.height
-            else rows
-        )
-        wanted = _written(rows)
-        if wanted != self._rows:
-            self._rows = wanted
-            panes.styles.grid_rows = wanted
-
-    def _give_peer(self, rows: int | None) -> None:
-        if rows != self._peer_rows:  # setting None lays the screen out even where it was None
-            self._peer_rows = rows
-            self.peer.styles.height = rows
 
     # -- what comes in ------------------------------------------------------------------------------
 
@@ -288,7 +246,6 @@ class MainScreen(FullScreen[None]):
         self.received.show()
         self.peer.show()
         self.prompt.answered(self._view_model.answers)
-        self._give_rows()
         self._show_keys()
 
     def show_soon(self) -> None:
@@ -349,7 +306,6 @@ class MainScreen(FullScreen[None]):
     def follow_selected(self) -> None:
         self.history.forget()
         self.timing.forget()
-        self._status_rows.clear()
         self.status.point_at(None)
         self._link(range(0), range(0))
         self.table.cursor, self.table.of_job = None, False
@@ -451,22 +407,24 @@ class MainScreen(FullScreen[None]):
     def _arrange(self) -> None:
         """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
-        both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
-        away = set() if both else PAST - {self._past}
+        away = set() if self.has_class("-both") else PAST - {self._past}
         seen = self._in_tabs() if alone else self._panes().keys() - away
-        self.set_class(self._past == 8, "-timing")
-        self.set_class(seen == BESIDE, "-beside")
+        self.set_class(seen in PAIRS, "-beside")
         for digit, pane in self._panes().items():
             pane.display = digit in seen
-        self.tabs.mark(self._pane)
-        if self.status.is_mounted:
-            self._give_rows()
+        self.tabs.mark(self._pane, *seen)
+        if (rows := self._wanted_rows()) != self._rows:
+            self._grid.styles.grid_rows = self._rows = rows
+
+    def _wanted_rows(self) -> str:
+        rows = grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows)
+        return " ".join("1fr" if each == REST else str(each) for each in rows)
 
     def _in_tabs(self) -> set[int]:
-        """Return what stands where not all panes do: one, and STATUS with Block and Peer in a pair."""
+        """Return what stands where not all panes do: one pane, or a pair; with Peer stands STATUS."""
         if self.has_class(ZOOM) or not self.has_class(PAIR):
             return {self._pane}
-        return BESIDE if self._pane in BESIDE else {3, 7} if self._pane == 7 else {self._pane}
+        return next((pair for pair in (*PAIRS, {3, 7}) if self._pane in pair), {self._pane})
 
     def action_zoom(self) -> None:
         """Give the pane the whole screen, or take it back; the list of instances where it is a long one."""
@@ -475,8 +433,15 @@ class MainScreen(FullScreen[None]):
         self.toggle_class(zoomed)
         self._arrange()
 
-    def action_pin(self, letter: str) -> None:
-        self.block.press(letter)
+    async def action_pin(self, letter: str) -> None:
+        if missing := self.block.press(letter):
+            await self.run_action(f"app.press_from_afar({letter!r}, {missing!r})")
+
+    async def on_key(self, event: events.Key) -> None:
+        """Take a key that neither the pane with the focus nor the screen knows."""
+        if event.is_printable:
+            event.stop()  # above, it would act again on what has the focus then
+            await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
         """Decode the running job's bytes instead of DATA, or DATA again."""
@@ -659,8 +624,3 @@ class MainScreen(FullScreen[None]):
 
     def action_scenarios(self) -> None:
         self._submit(SCENARIOS)
-
-
-def _written(rows: Iterable[int]) -> str:
-    """Return the heights of rows as a style sheet writes them."""
-    return " ".join(str(each) if each != REST else "1fr" for each in rows)

@@ -23,6 +23,7 @@ from trcvtui.tui.main import RACE, MainScreen
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.help import PIN_LETTERS
 
 PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
@@ -98,6 +99,23 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     done = act(*parameters)
     if isawaitable(done):
         await done
+
+
+async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
+    """Do what a key means in the only pane that has it; else say what is missing, and which panes have it."""
+    found = [each for each in pane_keys(main) if each.binding.key == key and each.action != "write"]
+    is_pin = key in PIN_LETTERS.values()
+    if len(found) == 1 and not is_pin and (found[0].digit != 7 or main.peer.takes_from_afar(key)):
+        # A button acts where it is; what is seen in its pane alone is done there.
+        main.peer.action_button(key) if found[0].action == "button" else await _press(main, found[0])
+        return
+    digits = [str(digit) for digit in sorted({each.digit for each in found})]
+    if digits:
+        pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"
+        way = f"{found[0].key} is a key of {pane}: press {' or '.join(digits)}, then {found[0].key}"
+        missing = f"{missing}; {way}" if missing and is_pin else way
+    if missing:
+        main.prompt.complain(missing)
 
 
 class PaletteReach(NamedTuple):

@@ -18,12 +18,16 @@ MODES: Final = (HEX, TEXT, UDT)
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """One button: letter, label and bench command for a peer; with `edit` the user completes it."""
+    """One button: letter, label and bench command for a peer; with `edit` the user completes it.
+
+    What `harms` is pressed in its own pane only.
+    """
 
     letter: str
     label: Callable[[PeerSnapshot], str]
     line: Callable[[PeerSnapshot], str]
     edit: bool = False
+    harms: bool = False
 
 
 def _always(text: str) -> Callable[[PeerSnapshot], str]:
@@ -42,9 +46,9 @@ BUTTONS: Final = (
         lambda peer: "Connect" if peer.active else "Listen",
         lambda peer: f"peer {peer.name} {'connect' if peer.active else 'listen'}",
     ),
-    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close")),
-    Button("r", _always("RST"), _says("rst")),
-    Button("h", _always("Half-close"), _says("shutdown")),
+    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close"), harms=True),
+    Button("r", _always("RST"), _says("rst"), harms=True),
+    Button("h", _always("Half-close"), _says("shutdown"), harms=True),
     Button(
         "z",
         lambda peer: "Resume" if peer.stalled else "Stall",
@@ -56,11 +60,12 @@ SILENCE: Final = Button(
     "l",
     lambda peer: "Wire up" if peer.silent else "Silence",
     lambda peer: f"link {peer.link} {'up' if peer.silent else 'down'}",
+    harms=True,
 )
 EVERY_SPLIT, FORM = "e", "o"
 TRY: Final = Button(EVERY_SPLIT, _always("Every split"), _says("try-splits"))
 REPLY: Final = Button("a", _always("Reply …"), _says("reply on contains hex 05 send hex 06"), edit=True)
-NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"))
+NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"), harms=True)
 CHECK: Final = Button("b", _always("Check …"), _says("check on size=64 every=T#100ms"), edit=True)
 NO_CHECK: Final = Button("b", _always("Check off"), _says("check off"))
 FAULT: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)

@@ -31,8 +31,8 @@ def content(layout: Layout, order: str, number: int, speed: float) -> bytes:
 def test_swapped_members_are_named_with_both_values(telegram: Layout) -> None:
     suspicion = byte_order_suspicion(telegram, content(telegram, ">", 41, 1234.5))
     assert str(suspicion) == (
-        "members look swapped: in big-endian speed = 1234.5 and id = 41, read here in little-endian "
-        "7.40218e-39 and 687865856 (and 1 more): does the sender use the other byte order?"
+        "members look swapped: speed = 1234.5 and id = 41 in big-endian, but 7.40218e-39 and 687865856 "
+        "in little-endian, as DATA is read now (and 1 more member)"
     )
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
 import pytest
 
-from tests.tui.fakes import picture
-from tests.tui.looking import BOTH, SMALL, WIDE, looking
+from tests.tui.fakes import peers, picture
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from trcvtui.records import replace
 
 
 @BOTH
@@ -32,6 +36,56 @@ async def test_one_key_presses_a_button(size: tuple[int, int], key: str, line: s
     async with looking(size) as looker:
         await looker.press("7", key)
         assert looker.lines == [line]
+
+
+@asynccontextmanager
+async def with_one_peer(size: tuple[int, int]) -> AsyncIterator[Looker]:
+    async with looking(size, replace(picture(), peers=peers()[:1])) as looker:
+        project = looker.app.view_model.project
+        looker.app.view_model.project = replace(project, peers=project.peers[:1])
+        yield looker
+
+
+@BOTH
+@pytest.mark.parametrize("focus", ["1", "3", "5", "8"])
+@pytest.mark.parametrize(("key", "line"), [("c", "peer P1 connect"), ("z", "peer P1 stall")])
+async def test_a_key_of_the_only_peer_works_from_each_pane(
+    size: tuple[int, int], focus: str, key: str, line: str
+) -> None:
+    async with with_one_peer(size) as looker:
+        await looker.press(focus)
+        before = looker.app.focused
+        await looker.press(key)
+        assert looker.lines == [line] and looker.app.focused is before
+
+
+@pytest.mark.parametrize("key", "frhd")
+async def test_a_key_that_harms_is_named_and_not_pressed_from_another_pane(key: str) -> None:
+    async with with_one_peer(SMALL) as looker:
+        await looker.press("3", key)
+        assert looker.lines == []
+        assert "7" in looker.line(f"{key} is a key of pane")
+
+
+@BOTH
+async def test_a_key_that_several_peers_or_panes_have_is_named(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        for key, way in (
+            ("c", "c is a key of pane 7: press 7, then c"),
+            ("r", "TRCV_C has no REQ; r is a key of pane 7: press 7, then r"),
+            ("u", "u is a key of panes 5 and 7: press 5 or 7, then u"),
+        ):
+            await looker.press("1", key)
+            assert f"✗ {way}" in looker.text and looker.lines == []
+
+
+@BOTH
+async def test_a_key_of_one_pane_that_only_shows_opens_it_and_acts_once(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("1", "H")
+        assert looker.app.focused is looker.app.main.received.stream
+        await looker.press("1", "colon", "H")
+        assert looker.app.main.prompt.is_open and "H" in looker.line(" : ")
 
 
 @BOTH

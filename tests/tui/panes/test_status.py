@@ -55,15 +55,15 @@ async def test_a_click_selects_an_instance() -> None:
 async def test_why_is_told_with_the_actual_numbers(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("3")
-        assert "17 of 24 bytes are here, the last one came 1.1 s ago" in looker.line("why")
-        assert "next" in looker.text
+        assert "17 of 24 bytes received, the last one 1.1 s ago" in looker.line("why")
+        assert "check" in looker.text
 
 
 @BOTH
 async def test_an_active_connect_tells_its_attempts(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("1", "j", "3")
-        why = "waits for 10.0.0.7:2001; 7 attempts so far, the next in 0.4 s"
+        why = "Waiting for 10.0.0.7:2001; 7 attempts so far, the next in 0.4 s"
         assert why in looker.words("status")
 
 
@@ -78,7 +78,7 @@ async def test_an_injected_error_is_called_injected(size: tuple[int, int]) -> No
     event = edge(0x8083, Condition.BIND_FAILED, error=True, cause=cause)
     async with looking(size, picture(wrong, connecting(), lines=written((910, event)))) as looker:
         await looker.press("3")
-        assert "injected fault: bind gave EADDRINUSE" in looker.line("why")
+        assert "Injected fault: bind gave EADDRINUSE" in looker.line("why")
         assert "ERROR" in looker.line("16#8083", "status"), "the word stands beside the colour"
         await looker.press("4")
         assert "injected" in looker.line("910", "history")
@@ -173,7 +173,7 @@ async def test_a_chosen_edge_is_explained_and_escape_returns_to_now(size: tuple[
         await looker.press("4", "down", "down", "down", "down")
         await looker.press("3")
         assert "scan 640, in the past" in looker.text
-        assert "injected fault: buffer gave ENOBUFS" in looker.line("why")
+        assert "Injected fault: buffer gave ENOBUFS" in looker.line("why")
         await looker.press("4", "escape", "3")
         assert "in the past" not in looker.text
 

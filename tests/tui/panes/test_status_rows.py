@@ -1,68 +1,78 @@
-"""STATUS is seen at every size, and its advice is never cut: panes that leave rows empty give them."""
+"""The places of the panes: what stands beside what, which tabs are marked, heights that nothing moves."""
 
 from __future__ import annotations
 
 import pytest
 
-from tests.tui.looking import SMALL, WIDE, follow, looking
+from tests.tui.looking import SMALL, WIDE, Looker, follow, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.tui.main import REST, grown
+from trcvtui.tui.main import LEAST_HEIGHT, LEAST_WIDTH, REST, TABS, grid_rows, sizes
+from trcvtui.tui.panes.function_block import FRAMER_ROWS, ROWS
 
 PAIRED = pytest.mark.parametrize("size", [(100, 30), (120, 36), (127, 60)], ids=str)
-ROOMY = [(100, 30), (128, 38), WIDE, (180, 45), (200, 60)]
-
+ROOMY = pytest.mark.parametrize("size", [(100, 30), (128, 38), WIDE, (180, 45), (200, 55)], ids=str)
+PANES = ("block", "status", "history", "timing", "received", "udt", "peer")
+OF_BYTES = 5  # rows of the bytes, their frame included: less shows nothing
 MOST_FRAMES = 50
 
 
+def heights(looker: Looker) -> dict[str, int]:
+    return {id: looker.app.main.query_one(f"#{id}").outer_size.height for id in PANES}
+
+
+def marked(looker: Looker) -> list[str]:
+    """Return the digits of the tabs that are marked."""
+    parts = looker.app.main.tabs.line().parts
+    return [text.strip() for text, style in parts if style == "key cursor strong"]
+
+
 @PAIRED
-async def test_status_stands_beside_block_from_100x30_on(size: tuple[int, int]) -> None:
+async def test_block_and_status_or_bytes_and_members_stand_side_by_side(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
-        for pane in ("2", "3"):
+        for pane, pair, titles in (
+            ("2", ["2", "3"], ("2 TRCV_C_1", "3 STATUS")),
+            ("6", ["5", "6"], ("5 Received ·", "6 Telegram")),
+            ("3", ["2", "3"], ("2 TRCV_C_1", "3 STATUS")),
+            ("5", ["5", "6"], ("5 Received ·", "6 Telegram")),
+        ):
             await looker.press(pane)
-            both = looker.line("3 STATUS ─" if pane == "2" else "3 STATUS ━")
-            assert "2 TRCV_C_1" in both, "side by side, whichever has the focus"
-            assert "next" in looker.pane("status") and "RCVD_LEN" in looker.pane("block")
+            assert titles[1] in looker.line(titles[0]), "whichever has the focus"
+            assert marked(looker) == pair
+        await looker.press("8")
+        assert marked(looker) == ["8"]
+        await looker.press("5", "M")
+        assert not looker.app.main.table.display, "a zoomed pane has the screen for itself"
 
 
 @PAIRED
-async def test_status_gets_the_rows_that_the_peer_leaves_empty(size: tuple[int, int]) -> None:
+async def test_the_peer_stands_below_status_and_is_whole(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("7")
         for _ in range(MOST_FRAMES):  # the peer's fields come when the first frame stands
             if "no reply rules" in looker.pane("peer"):
                 break
             await follow(looker.app, looker.pilot)
-        assert "next" in looker.pane("status")
-        assert "no reply rules" in looker.pane("peer"), "and the peer keeps all of its own"
-        await looker.press("5")
-        assert not looker.app.main.status.display, "bytes want the whole place"
+        assert "no reply rules" in looker.pane("peer")
+        assert "why" in looker.pane("status") and marked(looker) == ["3", "7"]
 
 
-async def test_status_is_the_first_tab_and_the_open_one_at_80x24() -> None:
+async def test_tabs_stand_in_the_order_of_their_digits_and_status_is_open_first() -> None:
     async with looking(SMALL) as looker:
-        assert looker.line("2 Block").split()[:4] == ["3", "STATUS", "2", "Block"]
-        assert "next" in looker.pane("status")
+        tabs = [word for word in looker.line("2 Block").split() if word.isdigit()]
+        assert (tabs, marked(looker)) == (["2", "3", "4", "5", "6", "7", "8"], ["3"])
         await looker.press("2")
         assert "RCVD_LEN" in looker.pane("block") and not looker.app.main.status.display
 
 
-async def test_a_zoomed_pane_has_the_screen_for_itself() -> None:
-    async with looking((100, 30)) as looker:
-        await looker.press("3", "M")
-        assert "RCVD_LEN" not in looker.text
-        await looker.press("M")
-        assert "RCVD_LEN" in looker.text
-
-
-@pytest.mark.parametrize("size", ROOMY, ids=str)
-async def test_the_advice_of_a_long_story_is_whole(size: tuple[int, int]) -> None:
+@ROOMY
+async def test_long_advice_moves_no_pane_and_all_of_it_can_be_read(size: tuple[int, int]) -> None:
     async with on_a_bench(size) as looker:
-        await fail_four_times(looker)
         await looker.press("down", "3")
-        card = looker.app.main.status
-        advice = "look at LocalAddress"
-        assert advice in looker.words("status"), looker.text
-        assert card.least_rows <= card.size.height, looker.text
+        short, before = heights(looker), len(looker.app.main.status._rows)
+        await fail_four_times(looker)
+        assert (heights(looker), len(looker.app.main.status._rows) > before) == (short, True)
+        await looker.press("M")
+        assert "Look at LocalAddress" in looker.words("status"), looker.text
 
 
 async def fail_four_times(looker: BenchLooker) -> None:
@@ -75,24 +85,47 @@ async def fail_four_times(looker: BenchLooker) -> None:
     await looker.pictures()
 
 
-async def test_rows_come_back_when_status_has_needed_less_for_three_seconds() -> None:
-    async with on_a_bench(WIDE) as looker:
-        await looker.press("down", "3")
-        before = looker.app.main.status.size.height
+@pytest.mark.parametrize("size", [WIDE, (200, 55)], ids=str)
+async def test_block_has_no_empty_rows_and_why_in_history_has_the_whole_width(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        main = looker.app.main
+        assert main.block.size.height - main.block.row_count() in (0, 1)
+        assert main.history.outer_size.width == size[0]
+        assert "…" not in looker.pane("history")
+
+
+@pytest.mark.parametrize("block", [ROWS, FRAMER_ROWS])
+@pytest.mark.parametrize("timing", [False, True])
+def test_bytes_keep_their_rows_at_every_size(block: int, timing: bool) -> None:
+    for width in (LEAST_WIDTH, 140, 180):
+        for height, instances in ((h, n) for h in range(LEAST_HEIGHT, 80) for n in (1, 3, 20)):
+            holds = sizes(width, height, instances, block)
+            panes = height - min(10, instances + 2) - 3
+            rows = grid_rows(holds, panes, timing, block)
+            left = panes - sum(rows)
+            assert holds[TABS] or (left >= OF_BYTES and rows.count(REST) == 1), (width, height, instances)
+
+
+@pytest.mark.parametrize(
+    ("label", "is_there"),
+    [("why", True), ("do", True), ("check", True), ("usually means", True), ("next", False), ("else", False)],
+)
+async def test_the_card_has_four_labels(label: str, is_there: bool) -> None:
+    async with on_a_bench((140, 60)) as looker:
+        await looker.press("down")
         await fail_four_times(looker)
-        most = looker.app.main.status.size.height
-        assert most > before
-        looker.bench.do("fault clear", "set TRCV_C_2 CONT=0")
-        looker.bench.scan(9)
+        await looker.press("3", "M")
+        labels = [text.strip() for each in looker.app.main.status._rows for text, style in each.parts[:1]
+                  if style == "label"]  # fmt: skip
+        assert (label in labels) is is_there
+
+
+async def test_keys_and_commands_to_do_have_the_accent_colour() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await looker.press("down")
+        await fail_four_times(looker)
+        looker.bench.do("fault bind EADDRINUSE on C2 times=1")
+        looker.bench.scan(110)
         await looker.pictures()
-        assert looker.app.main.status.size.height == most, "nothing jumps"
-        await looker.pictures(70)
-        assert looker.app.main.status.size.height == before
-
-
-def test_the_peer_gives_first_then_the_past_then_the_bytes() -> None:
-    assert grown((6, 9, 5, REST, 10), 36, status=7, peer=9) == (7, 9, 5, REST, 9)
-    assert grown((6, 9, 5, REST, 10), 36, status=8, peer=9) == (8, 9, 4, REST, 9)
-    assert grown((6, 9, 5, REST, 10), 36, status=13, peer=9) == (13, 5, 4, REST, 9)
-    assert grown((6, 9, 5, REST, 10), 36, status=5, peer=9) == (6, 9, 5, REST, 10), "none is taken"
-    assert sum(grown((6, 9, 5, REST, 10), 36, status=99, peer=9)) == 36 - 5, "five are left for bytes"
+        parts = [part for each in looker.app.main.status._rows for part in each.parts]
+        assert ("fault clear", "key ") in parts and not any("`" in text for text, _ in parts)

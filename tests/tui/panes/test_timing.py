@@ -243,13 +243,13 @@ async def test_a_view_that_stands_is_not_moved_by_what_comes_in_and_f_follows_ag
         assert look.row("DONE")[:50] != before and "follows" in look.text
 
 
-async def test_c_draws_the_other_instances_of_this_connect_below() -> None:
+async def test_o_draws_the_other_instances_of_this_connect_below() -> None:
     async with analysing(SMALL) as look:
         await look.press("M")
         assert "TSEND_C_1" not in look.text
-        await look.press("c")
+        await look.press("o")
         await follow(look.app, look.pilot)
-        await look.press("c", "c")
+        await look.press("o", "o")
         await look.say("set TSEND_C_1 CONT=1", 3)
         await look.press(*["down"] * 30)
         assert "TSEND_C_1" in look.text and look.row("REQ").endswith("▁")

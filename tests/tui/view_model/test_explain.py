@@ -79,9 +79,9 @@ async def test_a_sender_4_bytes_short_is_named(size: tuple[int, int]) -> None:
     async with at_the_desk(size, *UP, "peer P1 send random 20 seed=1", "run 300") as desk:
         await desk.press("3", "M")
         card = desk.words("status").replace("│ │ ", "")
-        assert "stuck: 20 of 24 bytes are here, the last one came 2.9 s ago" in card
-        assert "LEN is 0 and DATA (rx) has 24 bytes, P1's only message was 20" in card
-        assert "4 bytes too large for this sender; 4 bytes" in card
+        assert "Stuck: 20 of 24 bytes received, the last one 2.9 s ago" in card
+        assert "LEN is 0 and DATA (rx) has 24 bytes. P1's only message was 20" in card
+        assert "4 bytes too large for this sender" in card
 
 
 @SIZES
@@ -90,7 +90,7 @@ async def test_swapped_members_are_named(size: tuple[int, int]) -> None:
     async with at_the_desk(size, *UP, send, "run 5") as desk:
         await desk.press("3", "M")
         card = desk.words("status")
-        assert "members look swapped: in big-endian speed = 1234.5 and id = 41" in card
+        assert "Members look swapped: speed = 1234.5 and id = 41 in big-endian" in card
 
 
 @SIZES
@@ -99,8 +99,9 @@ async def test_an_en_r_that_fell_in_mid_frame_is_named(size: tuple[int, int]) ->
     async with at_the_desk(size, *UP, *cut, "set TRCV_C_1 EN_R=1", "run 200") as desk:
         await desk.press("3", "M")
         card = desk.words("status")
-        assert "EN_R fell in scan 12 with 4 of 24 bytes collected; they were dropped, and this frame" in card
-        assert "begins with byte 4 of P1's message 1: the stream is shifted; COM_RST" in card
+        assert "EN_R fell in scan 12 with 4 of 24 bytes collected; they were dropped. This frame" in card
+        assert "begins with byte 4 of P1's message 1: the stream is shifted" in card
+        assert "Press x (COM_RST) to put the stream back in step" in card
 
 
 async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
@@ -110,15 +111,15 @@ async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
         card = desk.words("status")
         assert "in the past" in card
         assert "closed (FIN) with 20 of 24 bytes of the job done" in card
-        assert "its messages are 20 bytes, the frame wants 24: 4 bytes" in card
+        assert "each has 20 bytes, the frame wants 24: 4 bytes" in card
 
 
 async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:
     async with at_the_desk(WIDE, *UP) as desk:
         await desk.press("4", "M", "down", "3")
-        assert "none is here yet" in desk.words("status")
+        assert "none received yet" in desk.words("status")
         await desk.do("peer P1 send random 20 seed=1", "run 300")
-        assert "stuck: 20 of 24 bytes are here" in desk.words("status")
+        assert "Stuck: 20 of 24 bytes received" in desk.words("status")
         await desk.do("peer P1 send random 4 seed=1", "run 9")
         assert "20 of 24 bytes were here" in desk.words("status"), "up to the last scan in which it showed"
 
@@ -152,12 +153,12 @@ async def test_f_freezes_the_view_while_the_plc_runs_on(size: tuple[int, int]) -
         await desk.do("peer P1 send random 24 seed=1", "run 100")
         assert "FROZEN at scan 8" in desk.header
         assert desk.scan == 108, "the PLC has run on"
-        assert "none is here yet" in desk.words("status")
-        assert "none is here yet; the last byte" not in desk.words("status")
+        assert "none received yet" in desk.words("status")
+        assert "none received yet. The last" not in desk.words("status")
         await desk.press("F")
         await desk.see()
         assert "FROZEN" not in desk.header
-        assert "the last byte before them came 0.9 s ago" in desk.words("status")
+        assert "was delivered in scan 9, 0.9 s ago" in desk.words("status")
 
 
 @BOTH

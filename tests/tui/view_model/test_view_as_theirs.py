@@ -25,11 +25,11 @@ async def test_swapped_values_are_read_as_theirs_by_a_key_and_as_ours_again(size
     async with at_the_desk(size, *UP, f"peer P1 send hex {SWAPPED.hex(' ')}", "run 5") as desk:
         await desk.press("3", "M")
         card = desk.words("status")
-        assert "V reads DATA so: its members make sense as big-endian (byte_order=big)" in card
+        assert "do Press V to read DATA with byte_order=big." in card
         await desk.press("V")
         await desk.do("run 3")
         assert rx(desk).layout.rules.byte_order == "big"
-        assert "V reads DATA so" not in desk.words("status")
+        assert "Press V" not in desk.words("status")
         await desk.press("6")
         assert "1234.5" in desk.text and "big-endian" in desk.text
         await desk.press("V")
@@ -43,10 +43,9 @@ async def test_a_packed_sender_is_offered_by_the_size_of_what_came(size: tuple[i
     send = f"peer P1 send hex {PACKED.hex(' ')}"
     async with at_the_desk(size, *UP, send, "run 300") as desk:
         await desk.press("3", "M")
-        offered = (
-            "V reads DATA so: in packed Telegram has 21 bytes, as what came (layout=packed byte_order=big)"
-        )
-        assert offered in desk.words("status").replace("│ │ ", "")
+        card = desk.words("status").replace("│ │ ", "")
+        assert "21 bytes came, and that is the size of Telegram in the layout packed" in card
+        assert "Press V to read DATA with layout=packed byte_order=big." in card
         await desk.press("V")
         await desk.do("run 3", "set TRCV_C_1 EN_R=0", "run 3", "set TRCV_C_1 EN_R=1", "run 3", send, "run 3")
         assert (rx(desk).size, rx(desk).layout.rules.name) == (21, "packed")

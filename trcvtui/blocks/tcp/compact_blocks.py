@@ -85,7 +85,8 @@ class TrcvC:
         if outcome.condition is Condition.CONNECTED:
             self._request.answered()
         elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
-            return not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
+            told = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
+            return replace(told, cause=replace(told.cause, is_expected=not self._connection.incarnation))
         return outcome
 
     # -- connected ------------------------------------------------------------------------------------

@@ -50,7 +50,6 @@ class Structure(NamedTuple):
     spare: int = 0
 
     def field(self, name: str) -> DescriptionField | None:
-        """Return the field of that name."""
         return next((field for field in self.fields if field.name == name), None)
 
 

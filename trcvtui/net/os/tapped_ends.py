@@ -47,18 +47,15 @@ class TcpTalk:
             self._end_attempt(error)
 
     def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        """Tell an event of it."""
         self.loop.tell(kind, way, self.route.place, self.number, at, data)
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:
-        """Return what sends to an end."""
         send: Callable[[Any], int] = end.port.send
         return send
 
     @staticmethod
     def receiver(end: TapEnd) -> Callable[[Any], int]:
-        """Return what reads from an end."""
         receive: Callable[[Any], int] = end.port.recv_into
         return receive
 
@@ -298,12 +295,10 @@ class UdpTalk(_NoConnection):
         self.tell(TapEventKind.OPEN, TO, self.said)
 
     def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        """Tell an event of it."""
         self.loop.tell(kind, way, self.route.place, self.number, at, data)
 
     @staticmethod
     def sender(end: Any) -> Callable[[Any], int]:
-        """Return what sends to an end."""
         send: Callable[[Any], int] = end.sends
         return send
 
@@ -349,17 +344,14 @@ class SerialTalk(_NoConnection):
         self._pass_lines()
 
     def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        """Tell an event of it."""
         self.loop.tell(kind, way, self.place, self.number, at, data)
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:
-        """Return what sends to an end."""
         return lambda data: os.write(end.fd, data)
 
     @staticmethod
     def receiver(end: TapEnd) -> Callable[[Any], int]:
-        """Return what reads from an end."""
         return lambda view: os.readv(end.fd, [view])
 
     def _pass_lines(self) -> None:

@@ -73,7 +73,9 @@ class Program:
             case words.RunFor(ns) | words.Wait(_, ns):
                 most = ns // self._bench.runtime.interval_ns
             case command:
-                self._bench.do(command)
+                name = getattr(command, "instance", "")
+                if not name or self._bench.project.instance(name) is not None:  # it may have been deleted
+                    self._bench.do(command)
                 return False
         awaited = step.command.condition if isinstance(step.command, words.Wait) else None
         if awaited is not None and holds(self._bench, awaited):

@@ -1,4 +1,4 @@
-"""Evidence to sentences: why a block shows what it shows, and what to check next with the actual numbers.
+"""Evidence to sentences: why a block shows what it shows, what proves it, and what to do about it.
 
 Rule 1: which rules are asked goes by the condition, never by a STATUS number; each answers a sentence or "".
 Rule 2: a rule is one row of RULES: conditions, what moves, function. Rows for what moves replace the general
@@ -18,7 +18,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.diagnosis import job, link, receive, serial
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.diagnosis.job import Tell, says
+from trcvtui.rig.diagnosis.job import DO, Tell, says
 from trcvtui.rig.history.records import NOT_BUILT
 from trcvtui.rig.wording import count
 
@@ -67,45 +67,45 @@ def rows(
 REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(
         Condition.INTERNAL_FAULT,
-        says("the error is of this program, not of the line: please send the report"),
-        says("`download {instance}`, or `plc stop` and `plc run`: {instance} begins anew"),
+        says("the error is in this program, not on the line\nplease send the report"),
+        says("start {instance} anew: `download {instance}`, or `plc stop` and `plc run`"),
     ),
     *rows(
         Condition.FOUND_CLOSED,
         link.injected,
         link.ended_by_partner,
         link.closed_after_its_message,
-        says("no job ran, nothing of one is lost; with CONT at 1 {connect} is built again"),
+        says("no job ran, so no bytes are lost; with CONT at 1 {connect} is built again\n"),
     ),
     *rows(
         Condition.STILL_ASKED,
-        says("EN_R is 1 while there is no connection: `set {instance} EN_R=0` until it stands"),
+        says("EN_R is 1 while there is no connection\n`set {instance} EN_R=0`, and 1 when it is up"),
         link.lost_before,
     ),
     *rows(
         Condition.ENDPOINT_THERE,
-        says("{connect} stands already: TDISCON closes it, then TCON may build it"),
+        says("{connect} is built already\nclose it with TDISCON before TCON builds it"),
     ),
     *rows(
         Condition.ID_BUILDING,
-        says("two CONNECTs of one ID are one connection: one block builds it, or {connect} gets another ID"),
+        says("two CONNECTs of one ID are one connection\nbuild it once, or give {connect} another ID"),
     ),
     *rows(
         Condition.ID_OTHER,
-        says("each connection has an ID of its own: give {connect} one that is free"),
+        says("each connection has an ID of its own\ngive {connect} one that is free"),
     ),
     *rows(
         Condition.ENDPOINT_GONE,
-        says("nobody has built {connect}, or it was closed: TCON first"),
+        says("{connect} was never built, or it was closed\ncall TCON first"),
         link.lost_before,
     ),
     *rows(
         Condition.LET_GO,
-        says("another block on {connect} closed or reset it: look at CONT, COM_RST, TDISCON, T_RESET there"),
+        says("another block on {connect} closed or reset it\nlook at its CONT, COM_RST, TDISCON, T_RESET"),
     ),
     *rows(
         Condition.RESET_IN_JOB,
-        says("the job that ran is lost, and bytes on the way with it: start it again"),
+        says("the running job is lost, and bytes on their way with it\nstart the job again"),
     ),
     *rows(Condition.PORT_IN_USE, link.injected, link.what_failed, job.another_port),
     *rows(Condition.PORT_RESERVED, job.where_the_flaw_is, job.another_port),
@@ -128,7 +128,7 @@ REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(
         Condition.REMOTE_WRONG,
         job.where_the_flaw_is,
-        says("it has to be one partner: no group, no broadcast, not this PLC"),
+        says("name one partner: no group, no broadcast, not this PLC"),
     ),
     *rows(Condition.LEN_OVER_DATA, job.wrong_length),
     *rows(Condition.AREA_CHANGED, job.must_stay),
@@ -172,7 +172,7 @@ REFUSALS: Final[tuple[Rule, ...]] = (
     *rows((Condition.TYPE_WRONG, Condition.PARAMETER_WRONG), job.where_the_flaw_is),
     *rows(
         Condition.NEEDS_ADDR,
-        says("datagrams are sent by TUSEND and taken by TURCV, with an address in ADDR"),
+        says("use TUSEND and TURCV for datagrams, with an address in ADDR"),
     ),
     *rows(
         Condition.OTHER_TRANSPORT,
@@ -181,7 +181,7 @@ REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(
         Condition.UDP_ACTIVE,
         job.where_the_flaw_is,
-        says("ActiveEstablished is FALSE on both ends of UDP: nobody calls"),
+        says("set ActiveEstablished to FALSE on both ends: over UDP no end calls"),
     ),
     *rows(
         Condition.TSAP_WRONG,
@@ -205,67 +205,67 @@ REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(Condition.NAME_UNKNOWN, job.ask_for_the_name),
     *rows(
         Condition.TLS_MESSAGE,
-        says("{peer} spoke no TLS: is ActivateSecureConn TRUE there, too, and is this the right port?"),
+        says("{peer} did not answer in TLS\ncheck there: is ActivateSecureConn TRUE, and is this the port?"),
         job.look_at_the_certificate,
     ),
     *rows(
         Condition.TLS_HANDSHAKE,
-        says("no version or cipher in common, or {peer} refused our certificate: its log says which"),
+        says("no version or cipher in common, or {peer} refused our certificate\nread its log"),
         job.look_at_the_certificate,
     ),
     *rows(Condition.TLS_UNSUPPORTED, job.showed_no_certificate, job.look_at_the_certificate),
     *rows(
         Condition.TLS_DISCARDED,
-        says("not valid yet, revoked, or not to be read: look at its dates"),
+        says("the certificate is not valid yet, revoked, or unreadable\nlook at its dates"),
         job.look_at_the_certificate,
     ),
     *rows(
         Condition.TLS_NO_CA,
-        says("who signed the certificate of {peer} is not trusted: [[certificate]] has to name it"),
+        says("the signer of {peer}'s certificate is not trusted\nname the signer in [[certificate]]"),
         job.look_at_the_certificate,
     ),
     *rows(
         Condition.TLS_EXPIRED,
-        says("the certificate of {peer} is over, or the clock here is wrong: `date`"),
+        says("the certificate of {peer} has expired, or the clock here is wrong\ncheck the clock: `date`"),
         job.look_at_the_certificate,
     ),
     *rows(
         Condition.TLS_INTEGRITY,
         link.injected,
-        says("a record from {peer} was changed on its way: a proxy, or a fault of the line"),
+        says("a record from {peer} was changed on its way: by a proxy, or by a fault of the line\n"),
     ),
     *rows(
         Condition.TLS_EXTENSION,
         says(
             "the certificate of {peer} bears another name than the one that was asked for, or an extension "
-            "that is not known: look at its subjectAlternateName"
+            "that is not known\nlook at its subjectAlternateName"
         ),
         job.look_at_the_certificate,
     ),
     *rows(
         Condition.TLS_SERVER_BARE,
         job.where_the_flaw_is,
-        says("the passive end shows a certificate: its number belongs there"),
+        says("enter the number of the certificate that the passive end shows"),
     ),
     *rows(
         Condition.TLS_DATAGRAMS,
         job.where_the_flaw_is,
-        says("ActivateSecureConn FALSE, or ConnectionType 16#0B for TCP"),
+        says("set ActivateSecureConn to FALSE, or ConnectionType to 16#0B for TCP"),
     ),
     *rows(
         Condition.TLS_CLIENT_ASKS,
         job.where_the_flaw_is,
-        says("only the passive end asks for a client's certificate"),
+        says("only the passive end asks for a client's certificate\n"),
     ),
     *rows(
         Condition.TLS_SERVER_CHECKS,
         job.where_the_flaw_is,
-        says("only the active end checks a name"),
+        says("only the active end checks a name\n"),
     ),
     *rows(
         Condition.TLS_REFERENCE,
         job.where_the_flaw_is,
-        says("[[certificate]] with that number is missing, or has no key"),
+        says("[[certificate]] with that number is missing, or has no key\n"),
     ),
 )
 RULES: Final[tuple[Rule, ...]] = (
@@ -291,20 +291,18 @@ RULES: Final[tuple[Rule, ...]] = (
     *rows(tuple({condition for rule in REFUSALS for condition in rule.conditions}), job.press_c),
     *rows(
         Condition.PARAMETER_CHANGED,
-        says("prefix, suffix, size and data have to stay while a frame is half here; Reset before a change"),
+        says("prefix, suffix, size and data changed in mid frame\nraise Reset before you change them"),
     ),
     *rows(Condition.SEND_OVERRUN, says("send less at a time, or give the ComBuffer a larger `size`")),
     *rows(Condition.STRING_OVERRUN, serial.string_too_long),
     *rows(
-        Condition.ZERO_CHARACTER, says("a byte 00 is no character: bytes of any value are for ReceiveData")
+        Condition.ZERO_CHARACTER, says("a byte 00 is no character\nuse ReceiveData for bytes of any value")
     ),
     *rows(
         Condition.NULL_POINTER,
-        says("the length is larger than the variable that the pointer names, or there is none"),
+        says("the length is larger than the variable that the pointer names, or there is none\n"),
     ),
-    *rows(
-        Condition.NULL_RECEIVE_POINTER, says("`data` has to name the variable that takes what is received")
-    ),
+    *rows(Condition.NULL_RECEIVE_POINTER, says("name in data the variable that takes what is received")),
     *rows(Condition.RECEIVE_LENGTH_WRONG, serial.size_does_not_fit),
     *rows(Condition.DATA_OVERRUN, serial.frame_too_long),
     *rows(
@@ -319,7 +317,6 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.bursts_do_not_fill,
         receive.ad_hoc_hint,
         receive.nothing_sent,
-        receive.at_rest,
         link.second_client,
     ),
     *rows(
@@ -384,7 +381,6 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.too_long_messages,
         receive.nothing_sent,
         receive.short_messages,
-        receive.at_rest,
         link.second_client,
         of=Moves.MESSAGES,
     ),
@@ -396,7 +392,6 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.nobody_sends,
         receive.too_long_datagrams,
         receive.short_datagrams,
-        receive.rest_between_datagrams,
         of=Moves.DATAGRAMS,
     ),
     *rows(Condition.RECEIVED, receive.too_long_datagrams, receive.short_datagrams, of=Moves.DATAGRAMS),
@@ -413,7 +408,6 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.nobody_sends,
         receive.too_long_datagrams,
         receive.short_datagrams,
-        receive.rest_between_datagrams,
         of=Moves.DATAGRAMS_OF_A_CONNECT,
     ),
     *rows(
@@ -446,7 +440,6 @@ RULES: Final[tuple[Rule, ...]] = (
         receive.wrong_port,
         receive.nobody_sends,
         receive.short_datagrams,
-        receive.rest_between_datagrams,
         receive.nobody_is_told,
         of=Moves.DATAGRAM_JOBS,
     ),
@@ -467,14 +460,20 @@ JOB: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """`why` in one sentence; `checks` are what to look at next, the most telling first.
+    """`why` is how things stand, `causes` what is proven, the most telling first; `do` is what to do.
 
     `code`: that whose row of the table says more than the row of the code that is shown.
     """
 
     why: str
-    checks: tuple[str, ...]
+    causes: tuple[str, ...] = ()
+    do: tuple[str, ...] = ()
     code: int | None = None
+
+    @property
+    def checks(self) -> tuple[str, ...]:
+        """Return all that is more than `why`."""
+        return (*self.causes, *self.do)
 
 
 def advice_on(e: Evidence) -> Advice:
@@ -483,8 +482,11 @@ def advice_on(e: Evidence) -> Advice:
     first = _attempt_told(e, words)
     rules = () if first and _stops_it(e) else _asked(e)
     told = [sentence for tell in (serial.port_trouble, *rules) if (sentence := tell(e))]
-    more = [sentence for sentence in told if not _is_repeated(sentence, first)]
-    return Advice(why(e), tuple(dict.fromkeys((*first, *more))), _attempt_code(e))
+    parts = [sentence.partition(DO) for sentence in (*first, *told)]
+    causes, do = (tuple(dict.fromkeys(part[n] for part in parts if part[n])) for n in (0, 2))
+    if first:  # which may say a cause already, after its own words
+        causes = (causes[0], *(cause for cause in causes[1:] if cause not in causes[0]))
+    return Advice(why(e), causes, do, _attempt_code(e))
 
 
 def _asked(e: Evidence) -> tuple[Tell, ...]:
@@ -599,12 +601,8 @@ def _attempt_told(e: Evidence, words: str) -> tuple[str, ...]:
     first, *rest = [sentence for sentence in asked if sentence] or [words]
     said = f" ({attempt.said})" if attempt.said and attempt.said not in first else ""
     head = f"the last attempt ended in {attempt.status:04X} in scan {attempt.at.scan}"
-    return (f"{head}: {first}{said}", *rest)
-
-
-def _is_repeated(sentence: str, told: tuple[str, ...]) -> bool:
-    """Return whether what was told of the attempt says this, too."""
-    return any(sentence in one for one in told)
+    cause, then_do = first.partition(DO)[::2]
+    return (": ".join(filter(None, (head, cause))) + f"{said}{DO}{then_do}", *rest)
 
 
 def _stops_it(e: Evidence) -> bool:

@@ -44,19 +44,20 @@ class Card:
         reads: str,
         has_values: bool = True,
     ) -> Advice:
-        """Return what is known after the last scan; `reads`: how a sentence on another layout begins.
+        """Return what is known after the last scan; `reads`: how to read DATA in another layout.
 
         Without `has_values` no value of DATA is told.
         """
         told = advice_on(e)
-        checks = told.checks or tuple(notes_of(instance, index))
+        causes = told.causes if told.checks else tuple(notes_of(instance, index))
         swapped = self._swapped(e, data) if has_values else ""
-        offer = self.offer(e, data)
-        shown = (swapped, *checks) if swapped else checks
+        offer, do = self.offer(e, data), told.do
         if offer is not None:
-            how = f"{reads}: {one_line(offer.why)} ({offer.choice})"
-            shown = (shown[0], how, *shown[1:]) if swapped else (how, *shown)
-        return Advice(told.why + _missing(e, data.decl), shown, told.code)
+            do = (f"{reads} {offer.choice}", *do)
+            swapped = swapped or one_line(offer.why)
+        return Advice(
+            told.why + _missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
+        )
 
     def offer(self, e: Evidence, data: DataBytes) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
@@ -114,7 +115,7 @@ def _missing(e: Evidence, decl: DataDecl | None) -> str:
         missing += f" and {one_line(decl.layout.leaf(number + 1).path)}"
     elif after:
         missing += f" and the {after} members after it"
-    return f"; {one_line(last.path)} is the last whole member, {missing} {'are' if after else 'is'} missing"
+    return f". The last whole member is {one_line(last.path)}; {missing} {'are' if after else 'is'} missing"
 
 
 def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:

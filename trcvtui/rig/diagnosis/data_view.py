@@ -77,10 +77,10 @@ class Suspicion:
         swapped = " and ".join(f"{s.path} = {_short(s.swapped)}" for s in named)
         as_read = " and ".join(_short(s.as_read) for s in named)
         more = len(self.suspects) - len(named)
-        others = f" (and {more} more)" if more else ""
+        others = f" (and {count(more, 'more member')})" if more else ""
         return (
-            f"members look swapped: in {self.other}-endian {swapped}, read here in {self.order}-endian "
-            f"{as_read}{others}: does the sender use the other byte order?"
+            f"members look swapped: {swapped} in {self.other}-endian, but {as_read} in {self.order}-endian, "
+            f"as DATA is read now{others}"
         )
 
 
@@ -139,13 +139,13 @@ def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
             return None
         order = _order(found, content)
         name = found.rules.name
-        why = f"in {name} {decl.type_name} has {count(size, 'byte')}, as what came"
+        why = f"{count(size, 'byte')} came, and that is the size of {decl.type_name} in the layout {name}"
         return Offer(_choice(name, order), why)
     suspicion = byte_order_suspicion(decl.layout, content)
     if suspicion is None:
         return None
     choice = decl.choice._replace(byte_order=suspicion.other)
-    return Offer(choice, f"its members make sense as {suspicion.other}-endian")
+    return Offer(choice, f"the members make sense as {suspicion.other}-endian")
 
 
 def _of_size(decl: DataDecl, size: int) -> Layout | None:

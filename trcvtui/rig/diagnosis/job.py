@@ -1,6 +1,7 @@
 """What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply. After DO comes what
+to do about it; a rule that proves nothing by itself answers that alone.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
 Tell = Callable[[Evidence], str]
+DO: Final = "\n"
 
 GONE: Final = " (gone)"
 
@@ -27,11 +29,11 @@ GONE: Final = " (gone)"
 
 def how_far(e: Evidence) -> str:
     """Return how much of a send job the local stack has taken, and what is on the way."""
-    text = f"the local stack has {e.have} of {count(e.need, 'byte')}"
+    text = f"the local stack has taken {e.have} of {count(e.need, 'byte')}"
     if e.is_past:
         return text
     if e.have < e.need and e.quiet_ns is not None:
-        text += f", it took none for {age(e.quiet_ns)}"
+        text += f", none in the last {age(e.quiet_ns)}"
     return text + _on_the_way(e)
 
 
@@ -58,7 +60,7 @@ def stalled_peer(e: Evidence) -> str:
     peer = partner(e)
     if peer is None or not peer.stalled:
         return ""
-    return f"{peer.name} was told to stop reading: `peer {peer.name} resume`"
+    return f"{peer.name} was told to stop reading{DO}`peer {peer.name} resume`"
 
 
 def partner(e: Evidence) -> PeerSnapshot | None:
@@ -85,10 +87,10 @@ def who_holds(e: Evidence) -> str:
     if holder.endswith(GONE) or e.cause.is_orphan:
         return (
             f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
-            f"side of {connect}: CONT 0 then 1, or COM_RST, frees it"
+            f"side of {connect}{DO}free it: CONT 0 then 1, or COM_RST"
         )
-    cure = "it lets go with its DONE or ERROR" if sends else f"`set {holder} EN_R=0` frees it"
-    return f"{holder} holds the {side} side of {connect}: {cure}; better give each a CONNECT of its own"
+    cure = "wait for its DONE or ERROR" if sends else f"`set {holder} EN_R=0` frees it"
+    return f"{holder} holds the {side} side of {connect}{DO}{cure}; better give each a CONNECT of its own"
 
 
 # -- pins and parameters ----------------------------------------------------------------------------------
@@ -101,14 +103,14 @@ def wrong_length(e: Evidence) -> str:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
     if e.cause.value:
-        way = "LEN=0 takes all of DATA" if e.data_size <= most else f"at most LEN={most}"
-        return f"LEN is {e.cause.value}, {data}: {have - most} too many; {way}, or enlarge DATA"
-    return f"LEN is 0 and {data}, {have - most} more than one job can have: set LEN to at most {most}"
+        way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
+        return f"LEN is {e.cause.value}, {data}: {have - most} too many{DO}{way}, or enlarge DATA"
+    return f"LEN is 0 and {data}, {have - most} more than one job can have{DO}set LEN to at most {most}"
 
 
 def no_data(e: Evidence) -> str:
     """DATA is open or empty."""
-    return "the DATA pin is open: give the instance a variable" if not e.data else f"{e.data} has no byte"
+    return f"the DATA pin is open{DO}give the instance a variable" if not e.data else f"{e.data} has no byte"
 
 
 def nobody_reads_here(e: Evidence) -> str:
@@ -120,48 +122,46 @@ def nobody_reads_here(e: Evidence) -> str:
     if drop is None:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
-    return f"{text}; they are dropped, and the next frame {_begins(e.facts, drop)}"
+    return f"{text}; they were dropped, and the next frame {_begins(e.facts, drop)}"
 
 
 def _begins(facts: Facts, drop: Drop) -> str:
     """Return with what the frame after a drop begins."""
     if facts.drop_cuts is False:
         return "begins with a message"
-    cure = "COM_RST before EN_R=1"
+    cure = f"{DO}pulse COM_RST before EN_R=1"
     if facts.drop_cuts is None or facts.after_drop is None:
-        return f"may begin in the middle of a message: {cure}"
+        return f"may begin in the middle of a message{cure}"
     byte, message = drop.end - facts.after_drop.offset, facts.after_drop.number
-    return (
-        f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}: {cure}"
-    )
+    return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}{cure}"
 
 
 def no_edge(e: Evidence) -> str:
     """Connected, and REQ stays 1: that is no edge."""
     if e.pin("REQ") != 1 or e.condition != "connected":
         return ""
-    return "REQ stays 1: a job starts with a rising edge only, set it to 0 first"
+    return f"REQ stays 1: a job starts with a rising edge only{DO}set REQ to 0 first"
 
 
 def cont_is_missing(e: Evidence) -> str:
     """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
-    keeps = f"`set {e.instance} CONT=1` connects, too, and stays"
+    keeps = f"`set {e.instance} CONT=1` to stay connected"
     if e.cause.pin == "REQ":
-        first = "REQ stays 1: set it to 0 first; an edge" if e.pin("REQ") else f"`pulse {e.instance} REQ`"
-        return f"{first} connects, sends and disconnects; {keeps}"
+        first = f"REQ stays 1{DO}set it to 0 first, then " if e.pin("REQ") else DO
+        return f"{first}`pulse {e.instance} REQ` to connect, send and disconnect, or {keeps}"
     if e.cause.pin == "EN_R":
-        return f"`set {e.instance} EN_R=1` connects, receives and disconnects; {keeps}"
+        return f"{DO}`set {e.instance} EN_R=1` to connect, receive and disconnect, or {keeps}"
     asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
-    return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}: `set {e.instance} CONT=1`"
+    return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}{DO}`set {e.instance} CONT=1`"
 
 
 def not_called(e: Evidence) -> str:
     """Nothing is called in STOP."""
     if e.is_stopped:
-        return "the PLC is in STOP, no block is called: `plc run`"
-    return "" if e.is_past else f"no scan has called {e.instance} yet: is its task running?"
+        return f"the PLC is in STOP, no block is called{DO}`plc run`"
+    return "" if e.is_past else f"no scan has called {e.instance} yet{DO}check whether its task runs"
 
 
 def limit(e: Evidence) -> str:
@@ -177,10 +177,14 @@ MOST_BYTES: Final = 8
 
 
 def says(sentence: str) -> Tell:
-    """Return the rule that always answers this; {connect}, {peer} and {instance} are filled in."""
+    """Return the rule that always answers this; {connect}, {peer} and {instance} are filled in.
+
+    Without a line break all of it is to be done; one that ends with a line break leaves nothing to do.
+    """
+    answer = sentence if DO in sentence else DO + sentence
 
     def rule(e: Evidence) -> str:
-        return sentence.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
+        return answer.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
 
     return rule
 
@@ -215,7 +219,7 @@ def press_c(e: Evidence) -> str:
     """The screen shows the description byte for byte."""
     if e.cause.call != "description" or e.config is None or e.config.description is None:
         return ""
-    return f"press C: the description of {e.config.name} byte for byte, what is wrong with it first"
+    return f"{DO}press `C`: the description of {e.config.name} byte for byte, what is wrong with it first"
 
 
 def another_port(e: Evidence) -> str:
@@ -226,10 +230,10 @@ def another_port(e: Evidence) -> str:
     says_iso = config.description is not None and meaning(config.description).protocol is Protocol.ISO
     if config.local.port == ISO_PORT or says_iso:
         return (
-            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks; where it is taken, or not "
-            f"for every user, `IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too"
+            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks{DO}where it is taken, or not "
+            f"for every user: `IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too"
         )
-    return f"LocalPort of {config.name} is {config.local.port}: free ones are 2000 to 5000"
+    return f"LocalPort of {config.name} is {config.local.port}{DO}take a free one, 2000 to 5000"
 
 
 def ask_for_the_name(e: Evidence) -> str:
@@ -238,7 +242,7 @@ def ask_for_the_name(e: Evidence) -> str:
     if not name and e.config is not None and e.config.description is not None:
         name = meaning(e.config.description).remote_name
     return (
-        f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
+        f"{DO}`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
         if name
         else ""
     )
@@ -257,8 +261,8 @@ def no_such_selector(e: Evidence) -> str:
     ours = selector_text(says_what.local_tsap) or "none"
     theirs = selector_text(says_what.remote_tsap) or "any"
     return (
-        f"{_peer(e)} took the call and refused it: crosswise, its remote selector has to be {ours} (our "
-        f"local one) and its local selector {theirs} (our remote one)"
+        f"{_peer(e)} took the call and refused it{DO}make the selectors fit crosswise: its remote one has to "
+        f"be {ours} (our local one) and its local one {theirs} (our remote one)"
     )
 
 
@@ -266,13 +270,13 @@ def look_at_the_certificate(e: Evidence) -> str:
     """Return how to look at what the partner shows."""
     if e.config is None or not e.config.active or not e.cause.peer:
         return ""
-    return f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
+    return f"{DO}`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
 
 
 def showed_no_certificate(e: Evidence) -> str:
     """The partner showed no certificate, or one that will not do."""
     if e.cause.error == TlsError.NO_CERTIFICATE:
-        return f"{_peer(e)} showed no certificate, and is asked for one: its own has to be set there"
+        return f"{_peer(e)} showed no certificate, and is asked for one{DO}set its own certificate there"
     return f"{_peer(e)} showed a certificate for another use, or with too short a key"
 
 
@@ -286,7 +290,7 @@ def message_too_long(e: Evidence) -> str:
         return ""
     return (
         f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many, and it "
-        f"is lost; DATA and LEN of at least {have} take it"
+        f"is lost{DO}give DATA and LEN at least {have}"
     )
 
 
@@ -295,8 +299,8 @@ def must_stay(e: Evidence) -> str:
     pin = e.cause.pin or "DATA"
     held = "until DONE or ERROR: change it while BUSY is 0"
     if pin == "DATA":
-        return f"DATA has to stay {held}, or fill a second variable and copy it before the edge"
-    return f"{pin} has to stay {held}"
+        return f"{DO}keep DATA as it is {held}, or fill a second variable and copy it before the edge"
+    return f"{DO}keep {pin} as it is {held}"
 
 
 def result_too_small(e: Evidence) -> str:

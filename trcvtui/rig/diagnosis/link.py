@@ -1,6 +1,6 @@
 """What the set-up of a connection proves: who is waited for, since when, what answered, who was turned away.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.rig.diagnosis.evidence import Evidence
+from trcvtui.rig.diagnosis.job import DO
 from trcvtui.rig.history.records import NOT_BUILT, Failures
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import SECOND, age, count, duration, times
@@ -18,19 +19,19 @@ from trcvtui.rig.wording import SECOND, age, count, duration, times
 ANY: Final = "0.0.0.0"
 MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
 
-# How an attempt failed -> what that proves, and what to look at.
+# How an attempt failed -> what that proves, and after a line break what to do.
 FAILED: Final = {
-    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nobody listens on that port",
+    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nothing listens on that port",
     "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
-    "connect EHOSTUNREACH": "{peer}: nobody answers ARP, or a router says no: wrong address, or it is off",
-    "connect ENETUNREACH": "no route leads to {peer}: look at LocalAddress, the mask and the gateway",
+    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router says no: wrong address, or it is off",
+    "connect ENETUNREACH": "no route leads to {peer}\nlook at LocalAddress, the mask and the gateway",
     "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
-    "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}: LocalPort 0 takes a free one",
-    "bind EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
-    "listen EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
-    "bind EACCES": "{local}: ports below 1024 are not for every user, take a larger LocalPort or IsoPort",
-    "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine: `ip -br address`",
+    "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}\nLocalPort 0 takes a free one",
+    "bind EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
+    "listen EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
+    "bind EACCES": "{local}: ports below 1024 are not for every user\ntake a larger LocalPort or IsoPort",
+    "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine\n`ip -br address` lists them",
     "socket EMFILE": "the process has no descriptor left",
 }
 
@@ -63,7 +64,7 @@ def _caller(e: Evidence) -> str:
     assert e.config is not None
     anyone = e.config.remote_address == ANY
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
-        return "the UDP port is being set up: no partner is waited for"
+        return "the UDP port is being set up; no partner is needed for that"
     who = "any partner" if anyone else f"a call from {e.config.remote_address}"
     named = remote_tsap(e.config)
     if named:
@@ -72,7 +73,7 @@ def _caller(e: Evidence) -> str:
     if e.link is not None and e.link.retry_in_ns is not None:
         return f"cannot listen{_since(e)}{_again(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
-    return f"waits for {who}{_since(e)}{where}"
+    return f"waiting for {who}{_since(e)}{where}"
 
 
 def _again(e: Evidence) -> str:
@@ -103,7 +104,7 @@ def _called(e: Evidence) -> str:
     end = (
         (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
     )
-    text = f"waits for {end}{_since(e)}"
+    text = f"waiting for {end}{_since(e)}"
     newest = sorted(e.facts.failures, key=lambda failed: failed.last.scan)[-MOST_FAILURES:]
     for failed in newest:
         text += f"; {_times_failed(failed)}"
@@ -133,7 +134,7 @@ def _times_failed(failed: Failures) -> str:
 def injected(e: Evidence) -> str:
     """The failure is one that was asked for."""
     asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
-    return "a fault that was injected here did that, not the network: `fault clear`" if asked else ""
+    return f"a fault that was injected here did that, not the network{DO}`fault clear`" if asked else ""
 
 
 def what_failed(e: Evidence) -> str:
@@ -146,7 +147,8 @@ def what_failed(e: Evidence) -> str:
     told = FAILED.get(" ".join(error), "").format(peer=peer, local=local)
     if failed is None or newest != error or failed.count < 2 or not told:
         return told
-    return f"{told} ({times(failed.count)}, last in scan {failed.last.scan})"
+    cause, mark, remedy = told.partition(DO)
+    return f"{cause} ({times(failed.count)}, last in scan {failed.last.scan}){mark}{remedy}"
 
 
 def unanswered(e: Evidence) -> str:
@@ -155,7 +157,8 @@ def unanswered(e: Evidence) -> str:
         return ""
     if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
         return ""
-    return f"no answer from {e.link.remote} yet: `nc -vz {e.link.remote.replace(':', ' ')}` from this machine"
+    try_it = f"`nc -vz {e.link.remote.replace(':', ' ')}`"
+    return f"no answer from {e.link.remote} yet{DO}try {try_it} from this machine"
 
 
 def wrong_partner(e: Evidence) -> str:
@@ -202,14 +205,14 @@ def peer_that_could_call(e: Evidence) -> str:
     callers = [peer for peer in e.peers if peer.name in e.callers]
     if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
-        return f"{e.config.name} and {names} are all passive: exactly one of two ends has to be active"
+        return f"{e.config.name} and {names} are all passive{DO}make exactly one of two ends active"
     busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
     waiting = [peer for peer in callers if peer.state not in busy]
     return _call(waiting[0]) if waiting else ""
 
 
 def _call(peer: PeerSnapshot) -> str:
-    return f"{peer.name} is active and {peer.state}: `peer {peer.name} connect` lets it call"
+    return f"{peer.name} is active and {peer.state}{DO}`peer {peer.name} connect` lets it call"
 
 
 def _peer_to_call(e: Evidence) -> str:
@@ -217,7 +220,7 @@ def _peer_to_call(e: Evidence) -> str:
     peer = next((p for p in e.peers if port == f"@{p.name}"), None)
     if peer is None or peer.state in ("listening", "connected"):
         return ""
-    return f"{peer.name} is {peer.state} and does not listen: `peer {peer.name} listen`"
+    return f"{peer.name} is {peer.state} and does not listen{DO}`peer {peer.name} listen`"
 
 
 def lost_before(e: Evidence) -> str:
@@ -240,7 +243,7 @@ def asked_too_early(e: Evidence) -> str:
     wait = f" since scan {since.scan} ({age(e.age_of(since))})" if since is not None else ""
     text = f"{pin} came while the connection was still being built{wait}"
     advice = "set it" if pin == "EN_R" else "repeat the edge"
-    return f"{text}: {advice} when STATUS says connected"
+    return f"{text}{DO}{advice} when STATUS says connected"
 
 
 def no_connection_left(e: Evidence) -> str:
@@ -248,7 +251,7 @@ def no_connection_left(e: Evidence) -> str:
     used, most = e.budget
     if e.cause.call != "budget":
         return ""
-    return f"{used} of {count(most, 'connection')} are in use: close one, or take a larger model"
+    return f"{used} of {count(most, 'connection')} are in use{DO}close one, or take a larger model"
 
 
 def dead_link(e: Evidence) -> str:
@@ -260,7 +263,7 @@ def dead_link(e: Evidence) -> str:
     stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
     return (
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
-        f"{e.config.keep_alive_s} s): cable, switch or its power, not its program{stood}"
+        f"{e.config.keep_alive_s} s){stood}{DO}look at cable, switch and its power, not at its program"
     )
 
 
@@ -283,6 +286,6 @@ def closed_after_its_message(e: Evidence) -> str:
     if not size or not have or not need or have % size or size >= need:
         return ""
     return (
-        f"it had sent all it had: its messages are {count(size, 'byte')}, the frame wants {need}: "
+        f"it had sent whole messages: each has {count(size, 'byte')}, the frame wants {need}: "
         f"{count(need - have, 'byte')} short"
     )

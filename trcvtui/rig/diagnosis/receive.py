@@ -1,6 +1,6 @@
-"""What received bytes, messages and datagrams prove: armed, filling or stuck; wrong sizes, ports, streams.
+"""What received bytes, messages and datagrams prove: whether a job waits or is stuck; wrong sizes, ports.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.diagnosis.job import how_far, limit
+from trcvtui.rig.diagnosis.job import DO, how_far, limit
 from trcvtui.rig.history.records import PAUSE_SCANS, Drop
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import SECOND, age, count, rate, times
@@ -18,15 +18,14 @@ from trcvtui.rig.wording import SECOND, age, count, rate, times
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
 SLOW: Final = 2  # so many of a sender's longest pauses are waited for
 RUNS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
-ARMED, FILLING, STUCK = "armed", "filling", "stuck"
-CURE: Final = "COM_RST (or CONT 0, then 1) puts it back in step"
+ARMED, FILLING, STUCK = "waiting", "receiving", "stuck"
 
 
 # -- how a job stands -----------------------------------------------------------------------------------
 
 
 def state(e: Evidence) -> str:
-    """Return armed (nothing came yet), filling (bytes arrive) or stuck (some are here, and no more come)."""
+    """Return waiting (nothing came yet), receiving (bytes arrive) or stuck (some are here, no more come)."""
     if not e.have:
         return ARMED
     patience = max(QUIET_NS, SLOW * e.facts.longest_gap_ns)
@@ -44,14 +43,22 @@ def how_it_stands(e: Evidence) -> str:
     wanted = f"up to {count(e.need, 'byte')} ({_pin(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} were here"
-    since = "" if e.quiet_ns is None else f"{age(e.quiet_ns)} ago"
     if not e.have:
-        before = f"; the last byte before them came {since}" if since else ""
-        return f"{ARMED} for {wanted}: none is here yet{before}{_since_up(e)}"
+        return f"{ARMED} for {wanted}; none received yet{_before(e, 'frame')}{_since_up(e)}"
     if e.have >= e.need and not e.adhoc:
-        return f"complete: all {wanted} are here, DONE comes with the next scan"
-    came = f", the last one came {since}" if since else ""
-    return f"{state(e)}: {e.have} of {wanted} are here{came}{_rate(e)}"
+        return f"complete: all {wanted} received, DONE comes with the next scan"
+    came = "" if e.quiet_ns is None else f", the last one {age(e.quiet_ns)} ago"
+    return f"{state(e)}: {e.have} of {wanted} received{came}{_rate(e)}"
+
+
+def _before(e: Evidence, thing: str) -> str:
+    """Return what came well before the job that waits now, and when."""
+    if e.quiet_ns is None:
+        return ""
+    ago = f"{age(e.quiet_ns)} ago"
+    if e.done_scan is None or not e.done_len or e.facts.drop is not None:
+        return f". The last {'byte' if thing == 'frame' else thing} came {ago}"
+    return f". The last {thing} ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, {ago}"
 
 
 def _pin(e: Evidence) -> str:
@@ -74,7 +81,7 @@ def _since_up(e: Evidence) -> str:
     up = e.facts.up_since
     if e.quiet_ns is not None or up is None:
         return ""
-    return f"; the link is up since scan {up.scan}, {age(e.age_of(up))}"
+    return f". The link is up since scan {up.scan}, {age(e.age_of(up))}"
 
 
 def _rate(e: Evidence) -> str:
@@ -113,12 +120,20 @@ def shifted_by_a_drop(e: Evidence) -> str:
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
     if not facts.messages.count:
-        return f"{_drop(drop)}: unless the sender had ended a message there, the stream is shifted; {CURE}"
+        doubt = "unless the sender had ended a message there, the stream is shifted"
+        return f"{_drop(drop)}; {doubt}{DO}{_in_step(e)}"
     message, cut = facts.begins_in, _cut_at(e)
     if message is None or not cut:
         return ""
-    begins = f"this frame begins with byte {cut} of {facts.sender}'s message {message.number}"
-    return f"{_drop(drop)}, and {begins}: the stream is shifted; {CURE}"
+    begins = f"This frame begins with byte {cut} of {facts.sender}'s message {message.number}"
+    return f"{_drop(drop)}. {begins}: the stream is shifted{DO}{_in_step(e)}"
+
+
+def _in_step(e: Evidence) -> str:
+    """Return what makes frames begin with messages again; without COM_RST a new connection does."""
+    if e.pin("COM_RST") is None:
+        return "disconnect and connect again: the next frame begins with a message"
+    return f"`pulse {e.instance} COM_RST` to put the stream back in step, or CONT 0, then 1"
 
 
 def _drop(drop: Drop) -> str:
@@ -149,18 +164,17 @@ def too_short_a_sender(e: Evidence) -> str:
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
         return ""
     missing = e.need - size
-    numbers = (
-        f"{limit(e)}, {_were(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
-    )
-    return numbers + _held_back(e, size, missing)
-
-
-def _held_back(e: Evidence, size: int, missing: int) -> str:
+    text = f"{limit(e)}. {_were(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
-        return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
-    whole = e.have and e.have % size == 0
-    waits = f"; {count(e.need - e.have, 'byte')} still missing"
-    return waits if whole and not e.is_past else ""
+        text += f". Each frame takes {count(missing, 'byte')} of the next message, so the values wander"
+    return text + _fit(e, size)
+
+
+def _fit(e: Evidence, size: int) -> str:
+    """Return how a frame gets the size of a message."""
+    length = f"`set {e.instance} LEN={size}` or " if e.pin("LEN") is not None else ""
+    reset = f"; then `pulse {e.instance} COM_RST`" if e.pin("COM_RST") is not None else ""
+    return f"{DO}make both equal: {length}a DATA of {count(size, 'byte')}{reset}"
 
 
 def several_messages_a_frame(e: Evidence) -> str:
@@ -168,7 +182,7 @@ def several_messages_a_frame(e: Evidence) -> str:
     size = e.facts.messages.only
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
-    frame = f"{limit(e)}, {_were(e, size)}: one frame takes {e.need // size} of them"
+    frame = f"{limit(e)}. {_were(e, size)}: one frame takes {e.need // size} of them"
     return f"{frame}, {e.have // size} are here" if e.have else frame
 
 
@@ -179,15 +193,15 @@ def too_long_a_sender(e: Evidence) -> str:
         return ""
     if e.adhoc:
         return (
-            f"{_were(e, size)}, {_name(e)} takes at most {e.need} at once: "
+            f"{_were(e, size)}. {_name(e)} takes at most {e.need} at once: "
             f"one message comes as {-(-size // e.need)} frames"
         )
     rest = size % e.need
     if not rest:
-        return f"{_were(e, size)}, {limit(e)}: one message comes as {size // e.need} frames"
+        return f"{_were(e, size)}. {limit(e)}: one message comes as {size // e.need} frames"
     return (
-        f"{_were(e, size)}, {limit(e)}: {count(rest, 'byte')} of each message begin a next frame, "
-        "so the values wander; LEN or DATA is too small for this sender"
+        f"{_were(e, size)}. {limit(e)}, which is too small for this sender: {count(rest, 'byte')} of each "
+        f"message begin a next frame, so the values wander{DO}give DATA and LEN {count(size, 'byte')}"
     )
 
 
@@ -209,8 +223,8 @@ def messages_of_many_sizes(e: Evidence) -> str:
     if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need or one_odd_message(e):
         return ""
     return (
-        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}: "
-        f"{_switch(e)} takes what is there, or one job reads the header and one the rest"
+        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}"
+        f"{DO}{_switch(e)} takes what is there, or one job reads the header and one the rest"
     )
 
 
@@ -246,8 +260,8 @@ def ad_hoc_hint(e: Evidence) -> str:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
-        return f"ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} the {here} at once"
-    return f"{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)"
+        return f"{DO}ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} the {here} at once"
+    return f"{DO}{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)"
 
 
 def parts_of_a_message(e: Evidence) -> str:
@@ -268,18 +282,8 @@ def nothing_sent(e: Evidence) -> str:
         return ""
     for peer in e.peers:
         if peer.state == "connected" and (peer.local, peer.remote) == (e.link.remote, e.link.local):
-            return f"{peer.name} has sent nothing on this connection: `peer {peer.name} send hex 01`"
-    return "the partner has sent nothing since the link is up: is its send call enabled?"
-
-
-def at_rest(e: Evidence) -> str:
-    """Between two frames that came well, armed is the normal state."""
-    if e.have or e.done_scan is None or not e.done_len or e.is_past or e.facts.drop is not None:
-        return ""
-    return (
-        f"not stuck: the last frame ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, "
-        "the next one has not begun"
-    )
+            return f"{peer.name} has sent nothing on this connection{DO}`peer {peer.name} send hex 01`"
+    return f"the partner has sent nothing since the link is up{DO}check there: is its send call enabled?"
 
 
 # -- messages (ISO-on-TCP): a shorter one ends the job, a longer one is lost ------------------------------
@@ -287,14 +291,8 @@ def at_rest(e: Evidence) -> str:
 
 def message_stands(e: Evidence) -> str:
     """Return what a job waits for: a message is here whole, or not at all."""
-    armed = f"armed for one message of at most {count(e.need, 'byte')}"
-    if e.is_past:
-        return f"{armed}: none was here yet"
-    if e.quiet_ns is not None:
-        return f"{armed}: none is here yet; the one before came {age(e.quiet_ns)} ago"
-    up = e.facts.up_since
-    since = f"; the link is up since scan {up.scan}, {age(e.age_of(up))}" if up is not None else ""
-    return f"{armed}: none is here yet{since}"
+    armed = f"{ARMED} for one message of at most {count(e.need, 'byte')}; none received yet"
+    return armed if e.is_past else armed + _before(e, "message") + _since_up(e)
 
 
 def short_messages(e: Evidence) -> str:
@@ -304,8 +302,8 @@ def short_messages(e: Evidence) -> str:
     if not size or not e.need or size >= e.need:
         return ""
     return (
-        f"{limit(e)}, the last message had {count(size, 'byte')}: a message is a whole job whatever its "
-        f"size, RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
+        f"{limit(e)}, the last message had {count(size, 'byte')}. A message is a whole job whatever its "
+        f"size: RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
     )
 
 
@@ -316,7 +314,7 @@ def too_long_messages(e: Evidence) -> str:
         return ""
     return (
         f"{e.facts.sender}'s messages have {count(size, 'byte')}, {limit(e)}: each is {size - e.need} too "
-        f"long, and lost; DATA and LEN of at least {size} take it"
+        f"long, and lost{DO}give DATA and LEN at least {size}"
     )
 
 
@@ -331,15 +329,15 @@ ANY_ADDRESS: Final = "0.0.0.0"
 def datagram_stands(e: Evidence) -> str:
     """Return what a job waits for: a datagram is here whole, or not at all."""
     if e.have:
-        return f"a datagram of {count(e.have, 'byte')} is here and shows in the next scan"
-    armed = f"armed for one datagram of at most {count(e.need, 'byte')}"
+        return f"a datagram of {count(e.have, 'byte')} is received and shows in the next scan"
+    armed = f"{ARMED} for one datagram of at most {count(e.need, 'byte')}; none received yet"
     if e.is_past:
-        return f"{armed}: none was here yet"
+        return armed
     if e.quiet_ns is not None:
-        return f"{armed}: none is here yet; the one before came {age(e.quiet_ns)} ago"
+        return armed + _before(e, "datagram")
     since = e.facts.open_since
-    opened = f"; the socket is open since scan {since.scan}, {age(e.age_of(since))}" if since else ""
-    return f"{armed}: none is here yet{opened}"
+    opened = f". The socket is open since scan {since.scan}, {age(e.age_of(since))}" if since else ""
+    return armed + opened
 
 
 def wrong_port(e: Evidence) -> str:
@@ -360,10 +358,10 @@ def nobody_sends(e: Evidence) -> str:
         return ""
     for peer in _udp_peers(e):
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
-            return f"{peer.name} has sent nothing: `peer {peer.name} send hex 01`"
+            return f"{peer.name} has sent nothing{DO}`peer {peer.name} send hex 01`"
     return (
-        f"no datagram has come to {_local(e)}: does the partner send to this address and port? UDP tells "
-        "the sender nothing, and a firewall drops without a word"
+        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, and a firewall drops "
+        f"without a word{DO}check whether the partner sends to this address and port"
     )
 
 
@@ -402,7 +400,7 @@ def short_datagrams(e: Evidence) -> str:
     if not size or not e.need or size >= e.need or too_long_datagrams(e):
         return ""
     return (
-        f"{limit(e)}, {_datagrams_were(e)}: a datagram is a whole job whatever its size, "
+        f"{limit(e)}, {_datagrams_were(e)}. A datagram is a whole job whatever its size: "
         f"RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
     )
 
@@ -420,16 +418,6 @@ def _datagrams_were(e: Evidence) -> str:
         return f"the last {len(sizes.last)} datagrams had {count(sizes.only, 'byte')}"
     span = f"{min(sizes.last)} to {count(max(sizes.last), 'byte')}"
     return f"the last {len(sizes.last)} datagrams had {span}, the newest {sizes.last[-1]}"
-
-
-def rest_between_datagrams(e: Evidence) -> str:
-    """Between two datagrams that came well, armed is the normal state."""
-    if e.have or e.done_scan is None or e.is_past:
-        return ""
-    return (
-        f"not stuck: the last datagram ({count(e.done_len or 0, 'byte')}) was delivered "
-        f"in scan {e.done_scan}, the next one has not come"
-    )
 
 
 def datagrams_wait(e: Evidence) -> str:
@@ -453,7 +441,7 @@ def nobody_is_told(e: Evidence) -> str:
     if near is None:
         return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
     if near.state == "closed":
-        return f"it went to {target}, and {near.name} is closed: `peer {near.name} listen`"
+        return f"it went to {target}, and {near.name} is closed{DO}`peer {near.name} listen`"
     return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
 
 
@@ -466,12 +454,13 @@ def took_it(e: Evidence) -> str:
 
 def no_edge_for_a_datagram(e: Evidence) -> str:
     """The socket is open and REQ stays 1: that is no edge."""
-    return "REQ stays 1: a job starts with a rising edge only, set it to 0 first" if e.pin("REQ") == 1 else ""
+    text = f"REQ stays 1: a job starts with a rising edge only{DO}set REQ to 0 first"
+    return text if e.pin("REQ") == 1 else ""
 
 
 def addr_is_empty(e: Evidence) -> str:
     """The receiver of a datagram stands in ADDR."""
-    return "ADDR is the receiver: write both address and port into it before the edge of REQ"
+    return f"ADDR names the receiver{DO}write both address and port into it before the edge of REQ"
 
 
 def datagram_too_long(e: Evidence) -> str:
@@ -479,7 +468,7 @@ def datagram_too_long(e: Evidence) -> str:
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
-    return f"the datagram had {count(have, 'byte')}, {have - need} too many; DATA of at least {have} takes it"
+    return f"the datagram had {count(have, 'byte')}, {have - need} too many{DO}give DATA at least {have}"
 
 
 # The same of blocks whose CONNECT says UDP: to these the socket is their connection.
@@ -494,8 +483,8 @@ def socket_is_closed(e: Evidence) -> str:
     """Without its socket no datagram moves."""
     at = e.link.name if e.link is not None else "UDP_CONFIG"
     return (
-        f"the socket of {at} is not open: is LocalAddress one of this machine, and LocalPort free "
-        "(`ss -ulnp`)? The next call tries again"
+        f"the socket of {at} is not open; the next call tries again{DO}check whether LocalAddress is one "
+        "of this machine, and LocalPort free (`ss -ulnp`)"
     )
 
 

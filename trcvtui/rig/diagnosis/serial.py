@@ -15,26 +15,26 @@ from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnap
 from trcvtui.project.project import ComBufferDecl, Project
 from trcvtui.records import dataclass
 from trcvtui.rig.diagnosis.evidence import Evidence
+from trcvtui.rig.diagnosis.job import DO
 from trcvtui.rig.wording import count, port_away, port_hint
 
 
 def frame_too_long(e: Evidence) -> str:
     size = e.pin("SizeReceiveData")
     frame = f"{count(size, 'byte')} came" if size else "the size was reached"
-    return (
-        f"{frame} without the suffix: the suffix differs, or frames are longer; `framing {e.instance}` tells"
-    )
+    cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
+    return f"{cause}{DO}`framing {e.instance}` tells which"
 
 
 def size_does_not_fit(e: Evidence) -> str:
     found = e.pin("SizeReceiveData")
     room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "what the variable holds"
     is_found = f"SizeReceiveData is {found}: it" if found is not None else "SizeReceiveData"
-    return f"{is_found} has to be {room}"
+    return f"{DO}{is_found} has to be {room}"
 
 
 def string_too_long(e: Evidence) -> str:
-    return f"the text is longer than the string, or its suffix differs: `framing {e.instance}` tells"
+    return f"the text is longer than the string, or its suffix differs{DO}`framing {e.instance}` tells"
 
 
 # Where nothing is wrong with the block itself, it waits for the line.

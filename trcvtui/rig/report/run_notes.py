@@ -323,7 +323,7 @@ class RunNotes:
         decl = project.data_decl(instance.data) if instance.data is not None else None
         content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
         data = DataBytes(decl, content, runtime.partial(name))
-        reads = "DATA can be read so"
+        reads = "read DATA with"
         return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
 
     def _picture(self, *names: str) -> BenchUpdate:

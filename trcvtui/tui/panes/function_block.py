@@ -166,6 +166,12 @@ def _status_style(instance: InstanceSnapshot | None) -> str:
 SHOWN: Final = 9  # columns of a mark inside the box
 NULL: Final = "0"
 FEEDABLE: Final = ("sim", "serial")
+ROWS, FRAMER_ROWS = 15, 22  # that a block needs with its frame; a block with a framer
+
+
+def rows_needed(project: Project) -> int:
+    """Return the rows that the blocks of a project need, so that each is seen whole."""
+    return FRAMER_ROWS if any(block_row(each.block).marks for each in project.instances) else ROWS
 
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
@@ -411,7 +417,7 @@ class FunctionBlock(LineView):
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
         if y == 2:
-            errors = f"  {count(instance.errors, 'error')}"
+            errors = f"  {count(instance.errors, 'error')}" + ", expected" * instance.last_is_expected
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
         if y == 3:
             return row((" last    ", "dim"), (_last(instance), "dim"))
@@ -476,15 +482,19 @@ class FunctionBlock(LineView):
         waiting = self._pending.get((instance.name, pin.name))
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
-    def press(self, letter: str) -> bool:
-        """Toggle the pin of this letter; return whether there is one."""
+    def press(self, letter: str) -> str:
+        """Toggle the pin of this letter; return what is missing, "" where there is one."""
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
-        elif self._view_model.instance is not None:
-            missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
-            self._actions.complain(f"{self._view_model.instance.block} has no {missing}")
-        return pin is not None
+            return ""
+        instance = self._view_model.instance
+        missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
+        return f"{instance.block} has no {missing}" if instance is not None else "no instance is here"
+
+    def letter_of(self, name: str) -> str:
+        """Return the letter of an input, "" where it has none."""
+        return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
         """Ask for the command of a pin: a level changes over, an edge is pulsed, a number is typed."""

@@ -267,7 +267,7 @@ class InstanceList(LineView):
 
 
 def _has_had_an_error(instance: InstanceSnapshot) -> bool:
-    return instance.last_error_scan is not None
+    return instance.last_error_scan is not None and not instance.last_is_expected
 
 
 def _numbers(instance: InstanceSnapshot) -> str:

@@ -254,14 +254,6 @@ class PeerPanel(Vertical):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
-    @property
-    def least_rows(self) -> int:
-        """Return the rows of what stands in it: the others are empty."""
-        listed = [each for each in (self.lines, self.peers, self.talks) if each.display]
-        said = [self._buttons, self._notes] if self._speaks and self._notes.is_mounted else []
-        composed = self.composer.size.height if said else 0
-        return composed + sum(each.size.height for each in listed) + sum(each.row_count() for each in said)
-
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
         name = (
@@ -401,6 +393,11 @@ class PeerPanel(Vertical):
         if not self._view_model.peer:
             self._actions.complain("no peer in this project; A adds one")
         return not self._view_model.peer
+
+    def takes_from_afar(self, letter: str) -> bool:
+        """Return whether a key of this pane means one thing from everywhere, and no harm."""
+        harms = any(b.letter == letter and b.harms for b in self._buttons_now())
+        return len(self._view_model.project.peers) == 1 and not harms
 
     def action_button(self, letter: str) -> None:
         """Press the button of this letter."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import takewhile
+import re
+from collections.abc import Callable, Sequence
+from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -115,7 +116,7 @@ class StatusHistory(LineView):
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
-        style = edge.outputs.lit
+        style = "dim" if edge.cause.is_expected else edge.outputs.lit
         room = self._room()
         reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
@@ -203,7 +204,10 @@ if TYPE_CHECKING:
     from trcvtui.rig.diagnosis.advice import Advice
     from trcvtui.rig.diagnosis.data_view import Offer
 
-LABEL: Final = 6
+LABEL: Final = 7
+MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
+PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=[01])?`")
+A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 
 class StatusCard(LineView):
@@ -213,23 +217,21 @@ class StatusCard(LineView):
         """Return the way back to now, while an edge of the past is explained."""
         return (("esc", "now"),) if self._past is not None else ()
 
-    def __init__(self, view_model: ViewModel, digit: int = 3) -> None:
+    def __init__(
+        self, view_model: ViewModel, digit: int = 3, letter_of: Callable[[str], str] = lambda pin: ""
+    ) -> None:
+        """`letter_of` a pin of the selected instance is the key that changes it, "": none."""
         super().__init__(id="status")
+        self._letter_of = letter_of
         self._digit = digit
         self._view_model = view_model
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
         self._rows: list[Row] = []
-        self._whole = 0
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
         return self._explainer.offer()
-
-    @property
-    def least_rows(self) -> int:
-        """Return the lines from the STATUS word to the last `next`: less would cut the advice."""
-        return self._whole
 
     def point_at(self, line: Line | None) -> None:
         """Explain this edge of the past; None: the present."""
@@ -239,9 +241,7 @@ class StatusCard(LineView):
     def show(self) -> None:
         """Repaint what changed."""
         self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
-        self._whole = 0
         self._rows = self._card()
-        self._whole = self._whole or len(self._rows)
         super().show()
 
     def row_count(self) -> int:
@@ -275,12 +275,10 @@ class StatusCard(LineView):
         if self._view_model.project.instances or self._view_model.picture is None:
             return [row(("waiting for the first scan", "dim"))]
         texts = (
-            "no instance is on this bench",
-            "next  press A, then enter: TRCV_C_1 with a CONNECT at 127.0.0.1 and its DATA",
-            "then  t raises CONT: it listens. n raises EN_R: it receives. Who then sends makes a DONE",
+            "press `A`, then `enter`: you get TRCV_C_1 with a CONNECT at 127.0.0.1 and its DATA",
+            "`t` raises CONT: it listens. `n` raises EN_R: it receives. A whole DATA makes a DONE",
         )
-        width = max(20, self.line_width)
-        return [row((line, "dim")) for text in texts for line in wrapped(text, width)]
+        return [row(("no instance is on this bench", "strong")), *self._paragraph("do", texts, "")]
 
     def _rows_for(
         self,
@@ -308,17 +306,27 @@ class StatusCard(LineView):
             rows.append(row(*lamps))
         rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
-        rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
-        rows += self._paragraph("next", told.checks, "strong")
-        self._whole = len(rows)
-        label = "else" if told.checks else "next"
+        is_error = shown.outputs.error
+        # The cause of an ERROR comes first; else what is proven, then what is waited for.
+        reasons = (told.why, *told.causes) if is_error else (*told.causes, told.why)
+        style = "warn" if shown.cause.injected else ""
+        rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
+        rows += self._paragraph("note", self._expected(shown), "dim")
+        rows += self._paragraph("do", told.do, "")
         if told.code is not None:  # the last attempt's row says more than "connecting"
             found = self._view_model.project.dialect.row(told.code, shown.block) or found
-            label = f"{told.code:04X}"
         if found is not None:
-            rows += self._paragraph(label, found.checks_of(shown.block), "dim")
-            rows += self._paragraph("means", found.causes_of(shown.block), "dim")
+            rows += self._paragraph("check", found.checks_of(shown.block), "dim")
+            rows += self._paragraph("usually means", found.causes_of(shown.block), "dim")
         return rows
+
+    def _expected(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+        """Return, until the first connection is up, that an EN_R before it does no harm."""
+        link = self._view_model.connection
+        if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
+            return []
+        code = status_word(shown.last_error_status or 0)
+        return [f"{code} expected: EN_R was set before the connection; it receives once it is up"]
 
     def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         project = self._view_model.project
@@ -327,15 +335,41 @@ class StatusCard(LineView):
         found = security_of(project.connect(decl.connect)) if decl is not None else None
         return [WARNING] if found is not None and found.is_unsafe else []
 
-    def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
+    def _paragraph(self, label: str, texts: Sequence[str], *styles: str) -> list[Row]:
+        """Return the rows of some sentences, a style for each; the last style is that of the rest."""
         rows: list[Row] = []
-        for text in texts:
-            mark = "· " if len(texts) > 1 else ""
-            for number, line in enumerate(wrapped(text, self.line_width - LABEL - len(mark))):
-                shown = label if not rows else ""
-                lead = mark if number == 0 else " " * len(mark)
-                rows.append(row((shown.ljust(LABEL), "label"), (lead + line, style)))
+        if len(label) >= LABEL and texts:
+            rows, label = [row((label, "label"))], ""
+        bullet = "· " if len(texts) > 1 else ""
+        for text, style in zip_longest(texts, styles[: len(texts)], fillvalue=styles[-1]):
+            lead, is_key = label.ljust(LABEL) + bullet, False
+            for line in wrapped(self._sentence(text), self.line_width - len(lead)):
+                pieces = [(piece, f"key {style}" if (n % 2 == 1) != is_key else style)
+                          for n, piece in enumerate(line.split(MARK))]  # fmt: skip
+                is_key ^= len(pieces) % 2 == 0  # a command may go on in the next line
+                rows.append(row((lead[:LABEL], "label"), (lead[LABEL:], style), *pieces))
+                lead, label = " " * len(lead), ""
         return rows
+
+    def _sentence(self, text: str) -> str:
+        """Return a sentence that begins large and ends with a full stop; a pin of now is named by its key."""
+        text = PIN_COMMAND.sub(self._key_of, text)
+        first = A_WORD.match(text)
+        if first is not None and first.group() not in self._names():
+            text = text[:1].upper() + text[1:]
+        return text if text.endswith((".", "?", "!", MARK)) else f"{text}."
+
+    def _key_of(self, command: re.Match[str]) -> str:
+        instance, pin, value = command.groups()
+        letter = self._letter_of(pin) if instance == self._view_model.selected and self._past is None else ""
+        return f"press `{letter}` ({pin}{value or ''})" if letter else command.group()
+
+    def _names(self) -> set[str]:
+        """Return the names of the project: they are never written in another way."""
+        project = self._view_model.project
+        peers = [peer.name for peer in project.peers]
+        data = [each.name for each in project.data]
+        return {*project.links(), *peers, *data, *[each.name for each in project.instances]}
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
         glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
@@ -351,6 +385,7 @@ class StatusCard(LineView):
             parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
         if (
             instance.last_error_status is not None
+            and not instance.last_is_expected
             and not instance.outputs.error
             and not glow(instance.name, ERROR, now)
         ):

@@ -197,7 +197,7 @@ ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
 
 
 class Timing(LineView):
-    """The selected instance, and with `c` every other one of its CONNECT below it."""
+    """The selected instance, and with `o` every other one of its CONNECT below it."""
 
     KEYS: ClassVar = (
         ("←→", "scan"), ("n N", "edge"), ("!", "ERROR"), ("+-", "zoom"), ("m", "marker"), ("e", "export"),
@@ -215,7 +215,7 @@ class Timing(LineView):
         ("minus", "zoom_in(-1)", "zoom out, more scans a column"),
         ("f,F", "follow", "follow the newest scan, or stand"),
         ("m", "mark", "marker here: first, second"),
-        ("c", "neighbours", "the other instances of this CONNECT, too"),
+        ("o", "neighbours", "the other instances of this CONNECT, too"),
         ("e", "ask_format", "export, asks for the format"),
         ("v", "write('vcd')", "VCD"),
         ("s", "write('svg')", "SVG"),

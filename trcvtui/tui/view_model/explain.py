@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
-    return because(shown.cause, shown.block)
+    return "expected: " * shown.cause.is_expected + because(shown.cause, shown.block)
 
 
 class Explainer:
@@ -35,21 +35,23 @@ class Explainer:
         if evidence is None:
             return Advice(why(instance), ())
         index = self._view_model.stream_index
-        told = self._card.on(evidence, instance, index, self._bytes, "V reads DATA so")
-        verdict = self._verdict(instance.name)
-        return replace(told, checks=(verdict, *told.checks)) if verdict else told
+        told = self._card.on(evidence, instance, index, self._bytes, "press `V` to read DATA with")
+        verdict, remedy = self._verdict(instance.name)
+        return replace(told, causes=(verdict, *told.causes), do=(remedy, *told.do)) if verdict else told
 
-    def _verdict(self, name: str) -> str:
-        """Return the doctor's first finding and its remedy, "" where he has not looked or found nothing."""
+    def _verdict(self, name: str) -> tuple[str, str]:
+        """Return the doctor's first finding and its remedy, "" where it has not looked or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
-            return ""
-        from trcvtui.rig.bench.asked_doctor import findings_of  # read when he has looked
+            return "", ""
+        from trcvtui.rig.bench.asked_doctor import findings_of  # read when the doctor has looked
+        from trcvtui.rig.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
-            remedy = one.mends[0][0] if one.mends else ""
-            return f"{one.cause}, {one.confidence:.0%} sure up to scan {picture.doctor.scan} (J): {remedy}"
-        return ""
+            remedy = f"{one.mends[0][0]}. " if one.mends else ""
+            sure = f"{one.confidence:.0%} sure up to scan {picture.doctor.scan}"
+            return f"{CAUSES[one.cause].title} ({one.cause}, {sure})", f"{remedy}`J` shows the evidence"
+        return "", ""
 
     def offer(self) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""

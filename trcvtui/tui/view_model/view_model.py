@@ -47,7 +47,7 @@ class Afterglow:
         pulse = PinPulse(scan, t_ns, edge.outputs.status, edge.outputs.rcvd_len)
         if edge.outputs.done:
             self._pulses[edge.instance, DONE] = pulse
-        if edge.outputs.error:
+        if edge.outputs.error and not edge.cause.is_expected:
             self._pulses[edge.instance, ERROR] = pulse
 
     def forget(self, instance: str) -> None:
@@ -58,7 +58,9 @@ class Afterglow:
     def catch_up(self, instance: InstanceSnapshot, t_ns: int) -> None:
         """Take pulses whose ledger lines were skipped; their time is then that of the picture."""
         self._catch_up(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
-        self._catch_up(instance.name, ERROR, instance.last_error_scan, t_ns, instance.last_error_status, None)
+        if not instance.last_is_expected:
+            scan, status = instance.last_error_scan, instance.last_error_status
+            self._catch_up(instance.name, ERROR, scan, t_ns, status, None)
 
     def _catch_up(
         self, name: str, lamp: str, scan: int | None, t_ns: int, status: int | None, length: int | None

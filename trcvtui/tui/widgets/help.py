@@ -41,6 +41,7 @@ EVERYWHERE: Final = (
     ("P", "a picture of the screen as SVG, its path is told"),
     ("U", "leave the mouse to the terminal for its own selection, and take it back"),
     ("? or F1", "this help"),
+    ("other keys", "a key that one pane alone has works from everywhere; else the last line names the way"),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),
     ("q or ctrl+q", "quit"),
@@ -82,7 +83,7 @@ TIMING: Final = (
     ("+ -, wheel", "fewer or more scans a column; a pulse stays visible"),
     ("m", "first and second marker: the distance in scans and ms stands in the title"),
     ("f, esc", "follow or stand; back to now"),
-    ("c", "the other instances of this CONNECT, too"),
+    ("o", "the other instances of this CONNECT, too"),
     ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
 )
 PEER: Final = (

@@ -240,7 +240,7 @@ class KeyLine(OneLine):
 
 
 TABS = (
-    (3, "STATUS"), (2, "Block"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
+    (2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
 )  # fmt: skip
 
 
@@ -252,31 +252,32 @@ class TabLine(OneLine):
     def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
         super().__init__(id="tabs")
         self._tabs = tabs
-        self._open = opened
+        self._open = {opened}
 
     def take(self, tabs: tuple[tuple[int, str], ...]) -> None:
         self._tabs = tabs
 
-    def mark(self, digit: int) -> None:
-        self._open = digit
+    def mark(self, *digits: int) -> None:
+        """Mark the tabs of all panes that are shown."""
+        self._open = {*digits}
         self.show()
 
     def line(self) -> Row:
         parts: list[Part] = []
         for digit, name in self._shown():
-            style = "cursor strong" if digit == self._open else "dim"
+            style = "cursor strong" if digit in self._open else "dim"
             parts += [
-                (f" {digit} ", f"key {style}" if digit == self._open else "key"),
+                (f" {digit} ", f"key {style}" if digit in self._open else "key"),
                 (f"{name} " if name else "", style),
                 (" ", ""),
             ]
         return row(*parts)
 
     def _shown(self) -> list[tuple[int, str]]:
-        """Return the tabs with their names; where these do not fit, the open one alone has its name."""
+        """Return the tabs with their names; where these do not fit, the open ones alone have them."""
         whole = sum(len(name) + 5 for _, name in self._tabs) - 1
         fits = whole <= self.line_width or not self.line_width
-        return [(digit, name if fits or digit == self._open else "") for digit, name in self._tabs]
+        return [(digit, name if fits or digit in self._open else "") for digit, name in self._tabs]
 
     def on_click(self, event: events.Click) -> None:
         place, left = self.place_of(event), 0

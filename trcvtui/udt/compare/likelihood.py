@@ -113,7 +113,6 @@ def bits_evidence(used: int, raw: bytes) -> LeafEvidence:
 
 
 def gap_points(raw: bytes) -> float:
-    """Return the points of a gap."""
     first, more, rubbish = GAP
     return rubbish if any(raw) else first * min(len(raw), 4) + more * max(len(raw) - 4, 0)
 

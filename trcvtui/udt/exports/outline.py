@@ -28,7 +28,6 @@ class ExportField(NamedTuple):
 
     @property
     def is_bit(self) -> bool:
-        """Return whether the member is one bit."""
         return isinstance(self.node, PlacedLeaf) and self.node.is_bit
 
 

@@ -94,7 +94,6 @@ class Layout:
         return kinds(self.root)
 
     def leaf(self, number: int) -> Leaf:
-        """Return one leaf by its number."""
         for leaf in self.leaves(number, number + 1):
             return leaf
         raise IndexError(number)

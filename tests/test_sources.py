@@ -21,7 +21,8 @@ PRIVATE = re.compile(
 FILES = (
     *(ROOT / "trcvtui").rglob("*.py"),
     *(ROOT / "configs").rglob("*.toml"),
-    *(page for page in (ROOT / "docs").glob("*.md") if page.name != "decisions.md"),
+    *(ROOT / "docs").glob("*.md"),
+    *ROOT.glob("*.md"),
 )
 
 

@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 COMPARED := $(VENV)/.compared
 
-.PHONY: run test quick lint types contracts collected unit stress soak oracle bench scenarios pictures atlas tables doctor-corpus clean
+.PHONY: run test quick lint types contracts collected unit stress soak oracle bench scenarios pictures atlas doctor-corpus clean
 
 # Compiled tests are kept: each of the processes that run them would compile them again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -103,10 +103,6 @@ pictures: $(READY)
 atlas: $(READY)
 	$(BIN)/python docs/make_status.py
 	$(BIN)/python docs/make_keys.py
-
-# What `trcvtui status CODE` answers from.
-tables: $(READY)
-	$(BIN)/python docs/make_tables.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

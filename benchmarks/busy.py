@@ -1,6 +1,6 @@
 """M2: the paced engine at T#10ms with 256 x 64 KiB, each connection fed as fast as its block takes it.
 
-A scan of 7006 stands before each DONE (design 6, row 5): the ceiling is one DONE in two scans per instance.
+A scan of 7006 stands before each DONE: the ceiling is one DONE in two scans per instance.
 Blocks whose EN_R rises in one scan stay in step: every other scan receives all frames at once. In turn, half
 of them in this scan and half in the next, is how partners that come at any time spread.
 """
@@ -63,7 +63,7 @@ def _many(effort: Effort, how: str, phases: int, bare_ms: float) -> Iterator[Fig
     speed = spread([1000 * _done(a, b) * MESSAGE / (b.t_ns - a.t_ns) for a, b in windows])
     note = (
         f"bare recv_into calls alone {bare_share:.0%} of the interval; ceiling: one DONE in "
-        f"{SCANS_PER_DONE} scans (row 5), of all that were due: what an overrun skipped is missed; of those "
+        f"{SCANS_PER_DONE} scans, of all that were due: what an overrun skipped is missed; of those "
         f"that passed {passed.text(3)}; {speed.median:.0f} MB/s, sender in {language}"
     )
     at_limit = bare_share > LIMIT

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import trcvtui
-from trcvtui.cli import main
+from trcvtui.cli import COMMANDS, _arguments, main
 
 TELEGRAM = "TYPE Telegram : STRUCT id : DINT; speed : REAL; flag : BOOL; END_STRUCT END_TYPE\n"
 TWO_TYPES = TELEGRAM + "TYPE Other : STRUCT a : INT; END_STRUCT END_TYPE\n"
@@ -68,6 +69,10 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
         ("status 1234", "CODE: found 16#1234, expected a code in the table"),
         ("status 80G5", "CODE: found '80G5', expected a STATUS word"),
         ("status 80C5 --dialect siemnes", "--dialect: found 'siemnes', expected one of baosky"),
+        (
+            "status 8085 --dialect baosky",
+            "CODE: found 16#8085, expected a code of baosky; it is one of s7-1500, s7",
+        ),
         ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of ClearComBuffer"),
         ("status 7006 --block TSEND_C", "CODE: found 16#7006, expected a code in the table of TSEND_C"),
         # the UDT file
@@ -153,16 +158,47 @@ def test_status_of_a_code_is_json_with_the_keys_of_the_contract(
     assert (one["code"], one["dialect"], one["error"]) == ("16#80C5", "baosky", True)
 
 
-def test_status_of_a_code_is_a_card_for_people(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = run(capsys, "status", "7006")
+@pytest.mark.parametrize("spelling", ["80C5", "80c5", "16#80C5", "W#16#80C5", "word#16#80c5", "0x80C5"])
+def test_status_of_a_code_is_a_card_of_the_default_dialect_and_names_the_others(
+    spelling: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = run(capsys, "status", spelling)
     assert (code, err) == (0, "")
-    assert out.startswith("16#7006  Receiving")
+    assert out.startswith("16#80C5  The partner closed")
     assert "look at" in out
+    assert out.count("16#80C5") == 1
+    *_, last = out.splitlines()
+    assert last == "also in: s7-1500, s7-1200, s7-1200-legacy, twincat (--dialect NAME, or --all)"
+    assert run(capsys, "status", spelling, "--dialect", "Baosky") == (0, out, "")
+    _, everywhere, _ = run(capsys, "status", spelling, "--all")
+    assert everywhere.startswith(out.removesuffix(f"{last}\n")) and "also in" not in everywhere
+    assert [line for line in everywhere.splitlines() if line.endswith((" · twincat", " · s7-1500"))]
 
 
-def test_status_alone_is_the_whole_table(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text, _ = run(capsys, "status")
+def test_a_code_that_the_default_dialect_lacks_is_explained_by_one_that_has_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, out, err = run(capsys, "status", "80C9")
+    assert (code, err) == (0, "")
+    first, _, card, *_, last = out.splitlines()
+    assert first.startswith("baosky has no such code") and "s7-1500" in first
+    assert card.startswith("16#80C9")
+    assert last.startswith("also in: s7-1200, ")
+    _, named, _ = run(capsys, "status", "80C9", "--dialect", "s7-1500")
+    assert out.endswith(named), "without the first line where the dialect was named"
+    assert run(capsys, "status", "23")[1].splitlines()[2].startswith("16#0017  23 COMERROR")
+
+
+def test_status_alone_is_the_table_of_the_default_dialect_and_with_all_the_whole_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    _, own, _ = run(capsys, "status")
+    assert {line.split()[0] for line in own.splitlines()} == {"baosky"}
+    code, text, _ = run(capsys, "status", "--all")
     assert code == 0
+    assert [line.split()[:2] for line in text.splitlines() if line.startswith("baosky")] == [
+        line.split()[:2] for line in own.splitlines()
+    ]
     _, as_json, _ = run(capsys, "status", "--format", "json")
     codes = [one["code"] for one in json.loads(as_json)]
     assert [line.split()[1] for line in text.splitlines()] == codes
@@ -180,6 +216,20 @@ def test_the_codes_of_an_inner_block_are_known_by_its_name(capsys: pytest.Captur
     assert [line.split()[1] for line in out.splitlines()] == [
         *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
     ]
+
+
+def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_read(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, out, err = run(capsys, "--help")
+    assert (code, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 80
+    shown = [line.split("  ")[1] for line in out.partition("options:")[0].splitlines() if line[:2] == "  "]
+    assert [line.split()[0] for line in shown] == list(COMMANDS)
+    _, _, refused = run(capsys, "frob")
+    assert re.findall("'([a-z]+)'", refused)[1:] == list(COMMANDS)
+    for line in shown:
+        assert _arguments(line.split()).command is not None
 
 
 def test_the_help_of_status_names_the_dialects(capsys: pytest.CaptureFixture[str]) -> None:
@@ -318,7 +368,7 @@ def test_a_full_disk_after_stdout_is_one_line() -> None:
 
 IMPORTED = """
 import sys
-from trcvtui.cli import main
+from trcvtui.cli import COMMANDS, _arguments, main
 main(sys.argv[1:])
 print(*(name for name in ("textual", "rich", "asyncio", "multiprocessing", "socket") if name in sys.modules))
 """
@@ -349,7 +399,7 @@ def test_the_demo_needs_a_terminal(capfd: pytest.CaptureFixture[str]) -> None:
 STARTED = """
 import os, sys
 import trcvtui.rig.engine.driver as driver
-from trcvtui.cli import main
+from trcvtui.cli import COMMANDS, _arguments, main
 os.isatty = lambda number: True
 def started(path, kernel, netns=False, read_only=False, record=None):
     print(path.name, kernel, "textual" in sys.modules)

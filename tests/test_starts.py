@@ -13,7 +13,7 @@ from tests.test_cli import ENVIRONMENT
 ROOT = Path(__file__).parents[1]
 SCREEN = "textual rich asyncio"
 LIBRARY = "argparse dataclasses inspect ssl multiprocessing subprocess paho prometheus_client sqlite3"
-RUN = "import sys; from trcvtui.__main__ import main; main(); "
+RUN = "import sys; from trcvtui.cli import main; main(); "
 SCENARIO = "configs/scenarios/baosky/0000-not-called.toml"
 TYPES = "udt show trcvtui/rig/telegram.st --type Telegram"
 LOAD = "import sys; from trcvtui.rig.scenario.scenario import load_bench; from pathlib import Path; "
@@ -21,12 +21,7 @@ STARTS = {
     "status 7006": (
         RUN,
         "status 7006",
-        f"{SCREEN} {LIBRARY} enum re typing json trcvtui.cli trcvtui.dialects",
-    ),
-    "status 7006 --dialect baosky": (
-        RUN,
-        "status 7006 --dialect baosky",
-        f"{SCREEN} {LIBRARY} enum re typing",
+        f"{SCREEN} {LIBRARY} json socket trcvtui.net.os trcvtui.net.sim trcvtui.plc trcvtui.rig.bench",
     ),
     "udt show": (
         RUN,

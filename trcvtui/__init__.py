@@ -20,7 +20,7 @@ The folders, bottom to top; each imports only from those below it (docs/architec
     commands/ peers/ bench/ history/ diagnosis/ framing_advice/ scenario/ engine/
 * tui/        what is shown (the only folder that knows Textual)
     view_model/ panes/ forms/ widgets/ lab/ race/ scenarios/
-* cli.py      the entry point; __main__.py before it answers `status` without it
+* cli.py      the entry point
 """
 
 __version__ = "0.2.0"
@@ -29,6 +29,6 @@ LANE = "TRCVTUI_LANE"  # of the environment; "slow": the PLC has no fast lanes (
 
 def lane_note() -> str:
     """Return ", slow lane" where the environment asks for it, else ""."""
-    import os  # not at the head: `trcvtui status` needs nothing of it
+    import os
 
     return ", slow lane" if os.environ.get(LANE) == "slow" else ""

@@ -27,7 +27,7 @@ class ArgumentRows(Protocol):
         """Set what the answer has beside the arguments."""
         ...
 
-    def add_subparsers(self, *, metavar: str, required: bool = ...) -> Any:
+    def add_subparsers(self, *, metavar: str, required: bool = ..., help: str | None = ...) -> Any:
         """Let the first word be a command; what is returned takes them."""
         ...
 
@@ -74,7 +74,7 @@ class PlainParser:
         """Set what the answer has beside the arguments."""
         self._defaults |= values
 
-    def add_subparsers(self, *, metavar: str, required: bool = False) -> PlainParser:
+    def add_subparsers(self, *, metavar: str, required: bool = False, help: str | None = None) -> PlainParser:
         """Let the first word be a command."""
         self._is_command_required = required
         return self

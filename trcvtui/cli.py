@@ -48,10 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except OSError as failed:
-        return output_failed(failed)
+        return _output_failed(failed)
 
 
-def output_failed(failed: OSError) -> int:
+def _output_failed(failed: OSError) -> int:
     """Return the exit code of an output that nobody reads or that has no room; raise what is neither."""
     if isinstance(failed, BrokenPipeError):
         _forget_stdout()
@@ -543,21 +543,27 @@ def _status(args: SimpleNamespace) -> int:
     from trcvtui.dialects import DIALECTS
     from trcvtui.dialects import status_report as report
 
+    dialects = tuple(DIALECTS.values())
+    chosen = report.chosen_dialects(dialects, args.dialect)
     code = None if args.code is None else report.parse_code(args.code)
-    dialects = report.chosen_dialects(tuple(DIALECTS.values()), args.dialect)
-    found = report.explain(dialects, code, args.block, report.parse_number(args.code or ""))
-    if code is None and args.format == "text":
+    is_json = args.format == "json"
+    wanted = code, args.block, report.parse_number(args.code or "")
+    found, others = report.explain(chosen if is_json else dialects, *wanted), list[str]()
+    if not is_json and not args.all:
+        found, others = report.of_one_dialect(found, args.dialect)
+    if code is None and not is_json:
         return _print(report.as_table(found))
     from trcvtui.rig.scenario.scenario_index import scenarios_of
 
-    folder_of = {dialect.name: dialect.scenario_folder for dialect in dialects}
-    if args.format == "text":
-        told = {one.row.code for one in found}  # one, or two: `10` may be a WORD, or a number
-        telling = report.with_telling(found, lambda name, wanted: scenarios_of(folder_of[name], told, wanted))
-        return _print(report.as_text(telling))
-    codes = None if code is None else {one.row.code for one in found}
-    by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in dialects}
-    return _print(report.as_json(report.with_scenarios(found, by_dialect)))
+    codes = None if code is None else {one.row.code for one in found}  # two: `10` may be a WORD, or a number
+    if is_json:
+        by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in chosen}
+        return _print(report.as_json(report.with_scenarios(found, by_dialect)))
+    telling = report.with_telling(
+        found, lambda name, may_tell: scenarios_of(DIALECTS[name].scenario_folder, codes, may_tell)
+    )
+    asked = None if args.all or args.dialect is not None else dialects[0].name
+    return _print(report.as_text(telling, others, asked))
 
 
 def _dialect_names() -> str:
@@ -674,11 +680,11 @@ def _arguments(given: Sequence[str]) -> SimpleNamespace:
 
     full = FullParser(
         prog="trcvtui",
-        description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
-        "Without a command: the built-in demo.",
+        description=_overview(),
     )
     full.add_argument("--version", action="version", version=f"trcvtui {__version__}{lane_note()}")
     _fill(full, given)
+    full.usage = "trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]"
     return full.parse_args(given, SimpleNamespace())
 
 
@@ -686,12 +692,11 @@ def _fill(parser: ArgumentRows, given: Sequence[str]) -> None:
     """Add the commands; where the first word is one, that one alone: each takes argparse a millisecond."""
     parser.set_defaults(command=_demo)
     _add_theme(parser, None)
-    commands = parser.add_subparsers(metavar="COMMAND")
+    commands = parser.add_subparsers(metavar="COMMAND", help=SUPPRESS)
     for name in [word for word in given[:1] if word in COMMANDS] or COMMANDS:
-        about, add = COMMANDS[name]
-        made = commands.add_parser(name, help=about)
+        made = commands.add_parser(name)
         made.given = given[1:]
-        add(made)
+        COMMANDS[name][-1](made)
 
 
 def _add_run(parser: ArgumentRows) -> None:
@@ -916,7 +921,8 @@ def _add_status(parser: ArgumentRows) -> None:
     parser.add_argument(
         "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
     )
-    parser.add_argument("--dialect", metavar="NAME", help="default: all")
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first below; json: all")
+    parser.add_argument("--all", action="store_true", help="of all dialects")
     parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
@@ -950,23 +956,46 @@ def _add_udt(parser: ArgumentRows) -> None:
         made.last_words = last_words
 
 
-COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
-    "run": ("open the screen on a project", _add_run),
-    "serve": ("the screen in a browser on this machine", _add_serve),
-    "scenario": ("run without a screen", _add_scenario),
-    "record": ("keep what a bench does, without a screen", _add_record_command),
-    "agent": ("a bench as a service: MQTT, Prometheus", _add_agent),
-    "fleet": ("the lines of all agents on one screen", _add_fleet),
-    "replay": ("a recording run again", _add_replay),
-    "recording": ("strip a recording, or show its journal in Wireshark", _add_recording),
-    "report": ("a recording or a capture as one HTML page", _add_report),
-    "race": ("a scenario through several dialects, scan by scan", _add_race),
-    "conversations": ("what two ends said to each other in a capture", _add_conversations),
-    "doctor": ("name what is wrong with a line or a project", _add_doctor),
-    "watch": ("put a capture through shadow instances", _add_watch),
-    "tap": ("stand between two ends, look on, intervene", _add_tap),
-    "status": ("explain a STATUS code", _add_status),
-    "examples": ("list the projects and stories that come along", _add_examples),
-    "st": ("print instances as their calls in Structured Text", _add_st),
-    "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),
+Row = tuple[str, str, Callable[[ArgumentRows], None]]  # what it does; an example; its arguments
+
+GROUPS: Final[dict[str, dict[str, Row]]] = {
+    "Bench: a PLC with its partners, on this machine": {
+        "run": ("the screen; makes a new file, too", "new.toml", _add_run),
+        "examples": ("projects and stories to try", "", _add_examples),
+        "serve": ("the screen in a browser", "bench.toml --port 8000", _add_serve),
+        "scenario": ("a test without a screen", "test.toml --format junit", _add_scenario),
+        "race": ("a test through several dialects", "test.toml", _add_race),
+        "record": ("keep what a bench does", "bench.toml --out runs", _add_record_command),
+        "replay": ("a recording again, step by step", "run.pcapng", _add_replay),
+        "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", _add_recording),
+    },
+    "Line: the traffic of real devices": {
+        "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", _add_watch),
+        "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", _add_tap),
+        "conversations": ("who talked to whom, and when", "line.pcapng", _add_conversations),
+        "doctor": ("name what is wrong", "line.pcapng", _add_doctor),
+        "report": ("one page to send on", "line.pcapng --out line.html", _add_report),
+    },
+    "Look up": {
+        "status": ("explain a STATUS code", "80C5", _add_status),
+        "st": ("instances as calls in Structured Text", "bench.toml", _add_st),
+        "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", _add_udt),
+    },
+    "Many lines": {
+        "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", _add_agent),
+        "fleet": ("all agents on one screen", "mqtts://HOST", _add_fleet),
+    },
 }
+COMMANDS: Final = {name: row for group in GROUPS.values() for name, row in group.items()}
+
+
+def _overview() -> str:
+    """Return the commands of `trcvtui --help`, in groups, each as a line to copy."""
+    lines = ["A soft PLC on a test bench: TRCV_C on real sockets, scan by scan."]
+    lines += ["Without a command: the built-in demo."]
+    for title, group in GROUPS.items():
+        lines += ["", title]
+        lines += [f"  {f'{name} {example}':38}  {about}" for name, (about, example, _) in group.items()]
+    lines += ["", "Each line is an example: type `trcvtui` before it."]
+    lines += ["`trcvtui COMMAND --help` tells the rest."]
+    return "\n".join(lines)

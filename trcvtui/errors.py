@@ -39,7 +39,7 @@ class UserError(Exception):
         return UserError, (self.problems,)
 
     def lines(self) -> list[str]:
-        """Return one line a problem, ten at most (contract 4.4), and how many more there are."""
+        """Return one line a problem, ten at most, and how many more there are."""
         lines = [str(problem) for problem in self.problems[:MOST_SHOWN]]
         more = len(self.problems) - MOST_SHOWN
         return [*lines, f"and {more} more"] if more > 0 else lines

@@ -35,6 +35,12 @@ class FullParser(argparse.ArgumentParser):
             settings["default"] = argparse.SUPPRESS
         return super().add_argument(*names, **settings)
 
+    def add_subparsers(self, **settings: Any) -> Any:
+        """Let the first word be a command; SUPPRESS as help leaves the list of commands out."""
+        if settings.get("help") == SUPPRESS:
+            settings["help"] = argparse.SUPPRESS
+        return super().add_subparsers(**settings)
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and leave with 2."""
         self.exit(2, one_line(f"{self.prog}: {message}") + "\n")

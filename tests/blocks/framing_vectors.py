@@ -1,4 +1,4 @@
-"""The vectors V01 to V40 of receivedata.md 7, read from the table as it stands there."""
+"""The vectors V01 to V40 of ReceiveData, read from their table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The framer against the table of receivedata.md 7, and what must hold for any stream, cut anywhere."""
+"""The framer against the vectors V01 to V40, and what must hold for any stream, cut anywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""T_DIAG: what stands in RESULT, field by field (siemens.md 2.6)."""
+"""T_DIAG: what stands in RESULT, field by field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each vector of receivedata.md 7 as a scenario file: the same lines that a person would write."""
+"""Each vector V01 to V40 as a scenario file: the same lines that a person would write."""
 
 from __future__ import annotations
 

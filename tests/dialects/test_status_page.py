@@ -28,7 +28,7 @@ def test_a_card_tells_everything_of_its_row() -> None:
         *one.row.checks,
         "can be brought about by real traffic, also on this machine alone (real)",
         "[80c5-partner](../configs/80c5-partner.toml)",
-        f"manual {one.row.manual}",
+        f"source: {one.row.manual}",
     ]
 
 

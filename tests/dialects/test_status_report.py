@@ -55,7 +55,11 @@ def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -
     [one] = json.loads(as_json(shown))
     assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
     assert list(one)[7:] == ["manual", "reach", "scenarios"]
-    assert (one["manual"], one["reach"], one["scenarios"]) == ("7.15.1, 7.15.2", "real", ["a.toml"])
+    assert (one["manual"], one["reach"], one["scenarios"]) == (
+        "Baosky library manual 7.15.1, 7.15.2",
+        "real",
+        ["a.toml"],
+    )
     assert one["code"] == "16#80C5"
     assert one["dialect"] == "baosky"
     assert one["blocks"] == ["TRCV_C", "TSEND_C", "TSEND", "TRCV"]
@@ -68,15 +72,18 @@ def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
     assert row is not None
     card = as_text(explain([TCP], 0x7006, None)).splitlines()
     assert card[0] == "16#7006  Receiving, or ready and waiting"
-    assert card[1] == "  no error · TRCV_C, TRCV · baosky, manual 7.15.1, 7.15.9"
+    assert card[1] == "  no error · TRCV_C, TRCV · baosky"
     assert [line[6:] for line in card if line.startswith("    - ")] == [*row.causes, *row.checks]
-    assert card[-1] == "  can be brought about by real traffic, also on this machine alone"
+    assert card[-2:] == [
+        "  can be brought about by real traffic, also on this machine alone",
+        "  source: Baosky library manual 7.15.1, 7.15.9",
+    ]
 
 
 def test_the_card_names_the_scenarios_that_show_the_code() -> None:
     shelf = {(0x7006, "TRCV_C"): ["s/7006-static.toml", "s/other.toml"]}
     card = as_text(with_scenarios(explain([TCP], 0x7006, None), {"baosky": shelf}))
-    assert card.splitlines()[-1] == "  to see it: trcvtui scenario s/7006-static.toml"
+    assert card.splitlines()[-2] == "  to see it: trcvtui scenario s/7006-static.toml"
 
 
 def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
@@ -105,12 +112,14 @@ def test_all_dialects_are_asked_unless_one_is_named() -> None:
         (
             0x1234,
             None,
-            "CODE: found 16#1234, expected a code in the table of baosky, see `trcvtui status`",
+            "CODE: found 16#1234, expected a code in the table of baosky, "
+            "see `trcvtui status --dialect baosky`",
         ),
         (
             0x7006,
             "TSEND_C",
-            "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky), see `trcvtui status`",
+            "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky), "
+            "see `trcvtui status --dialect baosky`",
         ),
         (None, "TRVC_C", "--block: found 'TRVC_C', expected one of " + BLOCKS),
     ],
@@ -150,7 +159,8 @@ def test_a_number_that_no_block_shows_is_named_in_both_readings() -> None:
     with pytest.raises(UserError) as raised:
         explain([TWINCAT], parse_code("16"), None, parse_number("16"))
     assert raised.value.lines() == [
-        "CODE: found 16#0016, or the number 16, expected a code in the table of twincat, see `trcvtui status`"
+        "CODE: found 16#0016, or the number 16, expected a code in the table of twincat, "
+        "see `trcvtui status --dialect twincat`"
     ]
 
 

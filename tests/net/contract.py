@@ -1,4 +1,4 @@
-"""The contract of the seam: the facts that every kernel shares (status-reproduction 5.4), in one list."""
+"""The contract of the seam: the facts that every kernel shares, in one list."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of connect, listen and accept (status-reproduction 2.3, 3.3, 3.5)."""
+"""Facts of connect, listen and accept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of bytes, FIN and RST, and of a partner who does not read (status-reproduction 2.3, 3.4, 5.4)."""
+"""Facts of bytes, FIN and RST, and of a partner who does not read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of a wire that is cut and mended, and of what the stack knows of a path (status-reproduction 3.2)."""
+"""Facts of a wire that is cut and mended, and of what the stack knows of a path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts of local ends: who may bind and listen where (status-reproduction 3.1)."""
+"""Facts of local ends: who may bind and listen where."""
 
 from __future__ import annotations
 

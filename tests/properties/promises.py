@@ -90,7 +90,7 @@ class FramesKept:
     """No whole frame is dropped with a lost connection while a reader stands; nobody resets a successor.
 
     A reader stands as long as its pins ask, its job could start, no fault is planned, and no owner of its
-    level (a priority) keeps it out who can start none himself (decision 461).
+    level (a priority) keeps it out who can start none himself.
     """
 
     def __init__(self) -> None:

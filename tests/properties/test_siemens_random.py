@@ -33,7 +33,7 @@ def a_line(draw: random.Random, bench: Bench) -> str:
     decl = draw.choice(bench.project.instances)
     pins = [pin for pin in bench.project.pins(decl.block) if pin.name in bench.runtime.inputs(decl.name)]
     pin = draw.choice(pins)
-    largest = 65535 if pin.iec_type == "UINT" else 70000  # UINT: older instructions (siemens.md 1.11)
+    largest = 65535 if pin.iec_type == "UINT" else 70000  # UINT: older instructions
     value = str(draw.randint(0, 1)) if pin.is_bool else str(draw.choice((0, 0, 4, 8, 9, 65535, largest)))
     data = draw.choice(bench.project.data).name
     size = draw.randint(1, 9)

@@ -122,7 +122,7 @@ def test_empty_frames_of_iso_on_tcp_are_none_and_the_next_message_is_received(
     for _ in range(ROUNDS):
         desk.say(f"peer RAW0 send hex {EMPTY_DT * 20 + EIGHT}")
         desk.until_done("R")
-        assert desk.bench.runtime.outputs("R").rcvd_len == 8  # siemens.md 5.2: an empty message is none
+        assert desk.bench.runtime.outputs("R").rcvd_len == 8  # an empty message is none
     desk.close()
 
 

@@ -1,4 +1,4 @@
-"""The bench commands of contract 4.3: what each line means."""
+"""The bench commands: what each line means."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was answered on a connection is over: no 80A1 and no lock comes of it later (design 6, rows 3, 15)."""
+"""What was answered on a connection is over: no 80A1 and no lock comes of it later."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TSEND_C and the inner blocks, scan by scan, where one scenario file could not say it: rows of design 6."""
+"""TSEND_C and the inner blocks, scan by scan, where one scenario file could not say it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sender(steps: str, *overrides: str, project: str = "sender") -> str:
     return traces(project, steps, *overrides)["TSEND_C_1"]
 
 
-# -- row 4: an edge of REQ without a connection ----------------------------------------------------------
+# -- an edge of REQ without a connection ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_row_4_an_80a0_wins_its_scan_and_80a1_takes_the_next_7002() -> None:
     assert sender(steps) == "0001 7001 7002 80A0! 80A1! 7002{2}"
 
 
-# -- row 6: one job ------------------------------------------------------------------------------------------
+# -- one job -------------------------------------------------------------------------------------------------
 
 
 def test_row_6_never_two_of_busy_done_and_error_and_each_pulse_lasts_one_scan() -> None:
@@ -88,7 +88,7 @@ def test_row_6_never_two_of_busy_done_and_error_and_each_pulse_lasts_one_scan() 
         seen.append((f"{out.status:04X}", out.busy, out.done, out.error, out.rcvd_len))
 
     steps = UP + "pulse TSEND_C_1 REQ\nrun 3\nset TSEND_C_1 LEN=9\npulse TSEND_C_1 REQ\nrun 2"
-    Runner(bench, "row 6", VirtualPace(), note).play(parse_script(steps, bench.project, "steps"))
+    Runner(bench, "one job", VirtualPace(), note).play(parse_script(steps, bench.project, "steps"))
     bench.close()
     assert seen[3:] == [
         ("7004", False, False, False, None),
@@ -116,7 +116,7 @@ def test_row_6_an_error_of_the_first_send_replaces_the_7005() -> None:
     assert sender(steps) == "0001 7001 7002 7004 80A9! 7002 7004"
 
 
-# -- rows 9, 18 ----------------------------------------------------------------------------------------------
+# -- the loss before a job, a full buffer --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("end", "shown"), [("close", "80C5!"), ("rst", "80A9!")])
@@ -139,7 +139,7 @@ def test_row_18_a_stack_that_takes_nothing_is_80a8_at_the_edge_and_7005_after_th
     assert sender(UP + part, small) == "0001 7001 7002 7004 7005{40}"
 
 
-# -- rows 22, 23 ---------------------------------------------------------------------------------------------
+# -- two blocks on one CONNECT -------------------------------------------------------------------------------
 
 BOTH = """
 set TRCV_C_1 CONT=1 EN_R=1

@@ -52,7 +52,7 @@ def test_the_same_scenario_gives_the_same_bytes_twice() -> None:
         assert play(path, "sim").text == play(path, "sim").text, path.name
 
 
-# What no ordinary socket does (status-reproduction, section 1), and 8086 (it would take the process's last
+# What no ordinary socket does, and 8086 (it would take the process's last
 # descriptor): everything else that a _C block shows is brought about by its own condition.
 ONLY_INJECTED = ["16#8082", "16#8084", "16#8086", "16#8087"]
 

@@ -1,4 +1,4 @@
-"""Every scenario of configs/scenarios/twincat holds: the rows, decisions and streams of receivedata.md."""
+"""Every scenario of configs/scenarios/twincat holds: frames, decisions and streams."""
 
 from __future__ import annotations
 

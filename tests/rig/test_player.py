@@ -200,7 +200,7 @@ def test_a_scenario_has_a_bench_and_a_project_of_its_own(driver: LocalDriver, tm
     driver.scan(20)
     home = picture_of(driver)
     assert home.project is None, "the screen has read it itself"
-    driver.submit(f"scenario load {CONFIGS / 'scenarios' / 'baosky' / 'row-23-shared-close.toml'} sim")
+    driver.submit(f"scenario load {CONFIGS / 'scenarios' / 'baosky' / 'shared-close.toml'} sim")
     away = picture_of(driver, UpdateRequest(since_seq=10_000, bench=home.bench, project=home.project_number))
     assert away.bench != home.bench
     assert away.project is not None

@@ -1,4 +1,4 @@
-"""The switches of the Siemens dialects (siemens.md section 7): what each changes, scan by scan, simulated."""
+"""The switches of the Siemens dialects: what each changes, scan by scan, simulated."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ FAULTS = [
         "baosky/80ab-tsend-link-down-sending.toml",
         "baosky/inner-trcv-losses.toml",
         "baosky/udp-80aa-receive-fails.toml",
-        "sim/row-02-attempt-limit.toml",
+        "sim/attempt-limit.toml",
         "twincat/6-t09-no-suffix-0017.toml",
     )
 ]

@@ -1,4 +1,4 @@
-"""Where members lie: the vectors of udt.md 3.3 and baosky.md section 9, and what holds for every layout."""
+"""Where members lie: vectors, and what holds for every layout."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ VECTORS: list[tuple[tuple[str, ...], list[Vector]]] = [
     (("BOOL", "INT", "LREAL"), [(12, [0, 2, 4]), (16, [0, 4, 8]), (12, [0, 2, 4]), (16, [0, 2, 8])]),
     (("DINT", "DINT", "CHAR"), [(12, [0, 4, 8])] * 4),
 ]
-# baosky.md section 9: cap4, slot4, natural8.
+# cap4, slot4, natural8.
 BAOSKY_VECTORS: list[tuple[tuple[str, ...], list[Vector]]] = [
     (("BOOL", "DINT"), [(8, [0, 4]), (8, [0, 4]), (8, [0, 4])]),
     (("BOOL", "BOOL", "INT"), [(4, [0, 1, 2]), (12, [0, 4, 8]), (4, [0, 1, 2])]),

@@ -1,4 +1,4 @@
-"""Where members lie at CODESYS and S7: every vector of udt.md 3.4, and the example of siemens.md 6.2."""
+"""Where members lie at CODESYS and S7: vectors of each, and a worked example."""
 
 from __future__ import annotations
 

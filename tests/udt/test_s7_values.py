@@ -24,7 +24,7 @@ def shown(layout: Layout, raw: bytes) -> str:
     return value_text(layout.leaf(0), value, raw)
 
 
-# The DT is the example of udt.md 2.2; the others follow the tables of siemens.md 6.1.
+# As python-snap7 reads and writes them.
 VECTORS = [
     ("DT", "99 12 13 07 06 05 88 82", "DT#1999-12-13-07:06:05.888"),
     ("DT", "89 12 31 23 59 59 99 97", "DT#2089-12-31-23:59:59.999"),

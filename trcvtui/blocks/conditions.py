@@ -137,5 +137,5 @@ DONE: Final = frozenset(
         Condition.RECEIVED,
     }
 )
-# RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
+# RESETTING stands above the manual's "exception" heading: it is no error.
 ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

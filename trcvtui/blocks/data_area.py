@@ -17,7 +17,7 @@ class Elements(Enum):
 
 
 class TextLens(NamedTuple):
-    """The smallest LEN but 0 of a variable that is one STRING or WSTRING, by direction (siemens.md 4.1)."""
+    """The smallest LEN but 0 of a variable that is one STRING or WSTRING, by direction."""
 
     sent: int = 0
     received: int = 0

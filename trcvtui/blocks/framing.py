@@ -1,4 +1,4 @@
-"""Frames out of a stream of bytes: prefix, suffix, size, gap, and what ended each (receivedata.md)."""
+"""Frames out of a stream of bytes: prefix, suffix, size, gap, and what ended each."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Framer:
 
     @property
     def busy(self) -> bool:
-        """Return whether a frame has begun; noise begins none (row 5)."""
+        """Return whether a frame has begun; noise begins none."""
         return bool(self._part)
 
     @property
@@ -88,7 +88,7 @@ class Framer:
         return len(self._part)
 
     def differs(self, framing: Framing) -> bool:
-        """Return whether the part began under another framing; the timeout may change (row 12)."""
+        """Return whether the part began under another framing; the timeout may change."""
         return self._framing is not None and bool(self._part) and not self._framing.cuts_like(framing)
 
     def drop(self) -> bytes:
@@ -99,7 +99,7 @@ class Framer:
         return part
 
     def take(self, received: bytes, framing: Framing, now: int) -> FramerStep:
-        """Take bytes until none is left or a frame is complete; without any, look at the gap (row 6)."""
+        """Take bytes until none is left or a frame is complete; without any, look at the gap."""
         self.had_false_start = False
         if not received:
             return FramerStep(0, self._gap(framing, now))
@@ -119,13 +119,13 @@ class Framer:
         return FramerStep(used, Frame(self.drop(), ending))
 
     def _gap(self, framing: Framing, now: int) -> Frame | None:
-        """Return what has come so far when nothing follows it for the timeout or longer (row 7)."""
+        """Return what has come so far when nothing follows it for the timeout or longer."""
         if not self._part or not framing.timeout_ns or self.last_byte is None:
             return None
         return Frame(self.drop(), Ending.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix and return how many bytes that used up; its longest start is kept (row 3)."""
+        """Look for the prefix and return how many bytes that used up; its longest start is kept."""
         head = framing.prefix[: framing.size]  # a frame has no room for more of it
         before = len(self._part)
         joined = bytes(self._part) + received

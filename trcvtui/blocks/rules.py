@@ -93,7 +93,7 @@ class StatusSequence:
 
 
 class NotConnected(Enum):
-    """How long "asked for data, not connected" shows (design 6, row 3)."""
+    """How long "asked for data, not connected" shows."""
 
     PULSE = "pulse"
     HOLD = "hold"

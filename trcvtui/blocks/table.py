@@ -122,7 +122,7 @@ class BlockRow:
         return dict(zip(self.pointers, MARKS, strict=False))
 
 
-# CONNECT and DATA are InOut too; they are named by the project file. Sections: baosky.md 2, 3, 5, 6.
+# CONNECT and DATA are InOut too; they are named by the project file.
 _EN_R: Final = Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job")
 _REQ: Final = Pin("REQ", Direction.IN, "BOOL", "rising edge sends DATA once", edge=True)
 _CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it")
@@ -149,7 +149,7 @@ _LAMPS: Final = (
     _out("ERROR", "BOOL", "error", "something failed; STATUS says what"),
     _out("STATUS", "WORD", "status", "what the block is doing"),
 )
-# ReceiveData and what belongs to it (receivedata.md 2). EN is that of the box in FBD and LD: it is called.
+# ReceiveData and what belongs to it (TwinCAT TF6340 help). EN is that of the box in FBD and LD: it is called.
 _EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
 _TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
 _RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")

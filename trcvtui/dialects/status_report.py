@@ -107,8 +107,22 @@ def explain(
         shown = f"16#{code:04X}" + (f", or the number {number}" if number and reads_decimals else "")
         if f"{code:04X}" in INTERNAL_FAULT.values:
             shown += f", {INTERNAL_FAULT.text}"
-        raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status`")
+        option = f"--dialect {names}" if len(dialects) == 1 else "--all"
+        raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status {option}`")
     return found
+
+
+def of_one_dialect(found: Sequence[Explained], name: str | None) -> tuple[list[Explained], list[str]]:
+    """Return the rows of a dialect, and which others have some too; None: the first that has any.
+
+    Raise UserError where the named one has none.
+    """
+    names = list(dict.fromkeys(one.dialect for one in found))
+    chosen = names[0] if name is None else name.casefold()
+    others = [each for each in names if each != chosen]
+    if chosen not in names:
+        raise mistake("CODE", found[0].row.word, f"a code of {chosen}; it is one of {', '.join(others)}")
+    return [one for one in found if one.dialect == chosen], others
 
 
 def is_number(row: StatusRow) -> bool:
@@ -153,7 +167,7 @@ def _known_block(dialects: Sequence[Dialect], block: str) -> str:
 
 
 def as_json(found: Iterable[Explained]) -> str:
-    """Return a JSON list of objects: the keys of contract 4.1, then what else is known."""
+    """Return a JSON list of objects; new keys come after `checks`."""
     import json  # here: the text needs none, and a command line starts faster without
 
     return json.dumps([_as_object(one) for one in found], indent=2)
@@ -183,17 +197,23 @@ def _as_object(one: Explained) -> dict[str, object]:
     }
 
 
-def as_text(found: Iterable[Explained]) -> str:
-    """Return a card for each row: what it means, likely causes, what to look at next."""
-    return "\n\n".join(_card(one) for one in found)
+def as_text(found: Iterable[Explained], others: Sequence[str] = (), asked: str | None = None) -> str:
+    """Return a card for each row: what it means, likely causes, what to look at next.
+
+    The last line names the `others` that have the code; the first says that the `asked` dialect lacks it.
+    """
+    cards = [(one.dialect, _card(one)) for one in found]
+    lacks = asked not in (None, cards[0][0])
+    first = [f"{asked} has no such code; this is how {cards[0][0]} explains it:"] if lacks else []
+    last = [f"also in: {', '.join(others)} (--dialect NAME, or --all)"] if others else []
+    return "\n\n".join([*first, *(card for _, card in cards), *last])
 
 
 def _card(one: Explained) -> str:
     row = one.row
     lines = [
         f"{row.word}  {row.title}",
-        f"  {'ERROR=1' if row.error else 'no error'} · {', '.join(row.blocks)}"
-        f" · {one.dialect}, manual {row.manual}",
+        f"  {'ERROR=1' if row.error else 'no error'} · {', '.join(row.blocks)} · {one.dialect}",
         "  likely causes",
         *(f"    - {cause}" for cause in row.causes),
         "  look at",
@@ -201,6 +221,7 @@ def _card(one: Explained) -> str:
         *([f"  not certain: {row.unsure}"] if row.unsure else []),
         f"  {reach_text(row)}",
         *(f"  to see it: trcvtui scenario {file}" for file in one.telling()),
+        f"  source: {row.manual}",
     ]
     return "\n".join(lines)
 
@@ -275,7 +296,7 @@ def _page_card(one: Explained, up: str) -> str:
             "",
             f"- {_plain(reach_text(row))} ({row.reach})",
             *(f"- [{_name(file)}]({up}{file})" for file in one.telling()),
-            f"- manual {row.manual}",
+            f"- source: {row.manual}",
         ]
     )
 

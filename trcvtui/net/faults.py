@@ -26,7 +26,7 @@ from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
 from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
 from trcvtui.records import dataclass, replace
 
-# The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
+# The errno of a call when the plan names none: what Linux answers.
 DEFAULT_ERROR: Final = {
     "socket": "EMFILE",
     "set_reuse": "EPERM",

@@ -61,7 +61,7 @@ class PathInfo:
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
     `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force), so that `last_ack_ms`
-    stays small while the link lives, and 3 x I of silence mean that it is dead (status-reproduction 3.2).
+    stays small while the link lives, and 3 x I of silence mean that it is dead.
     """
 
     unacked: int
@@ -90,7 +90,7 @@ class SocketOptions:
     """Options set before connect or listen, and again after accept.
 
     `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is
-    found within 3 x I (status-reproduction 3.2). `user_timeout_ms` 0 leaves the system's own limit.
+    found within 3 x I. `user_timeout_ms` 0 leaves the system's own limit.
     `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
     """
 

@@ -69,7 +69,7 @@ from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Proje
 from trcvtui.records import replace
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
 
-LEAST: Final = 2  # siemens.md 4.1: LEN of a TRCV into a STRING, and into a WSTRING
+LEAST: Final = 2  # STEP 7 help: LEN of a TRCV into a STRING, and into a WSTRING
 LEAST_WIDE: Final = 5
 
 

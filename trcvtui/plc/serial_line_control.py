@@ -2,7 +2,7 @@
 
 Rule: what it knows of its connection outlives the TRCV_C: one that is created anew goes on with it.
 Rule: a ComBuffer that has no room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
-bytes stay with the network, which slows the sender (row 15). Never in a job that has bytes: they would drop.
+bytes stay with the network, which slows the sender. Never in a job that has bytes: they would drop.
 """
 
 from __future__ import annotations

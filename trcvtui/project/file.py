@@ -1,4 +1,4 @@
-"""A project file read into a Project (contract 4.2): all of its mistakes together, or none.
+"""A project file read into a Project: all of its mistakes together, or none.
 
 Rule 1: refused is only what cannot be typed; every value that a pin or a CONNECT can hold goes to the block.
 Rule 2: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs, UDP_CONFIGs

@@ -1,4 +1,4 @@
-"""A project as frozen values: what stands in a project file, checked and typed (contract 4.2).
+"""A project as frozen values: what stands in a project file, checked and typed.
 
 Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the blocks judge it by STATUS.
 """

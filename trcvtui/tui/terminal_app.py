@@ -165,7 +165,7 @@ def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
 def quiet_collector() -> None:
     """Let the collector look at young objects only, a few at a time; the others wait for a rest.
 
-    What lives now lives to the end. 50,000 young objects took 37 to 181 ms (performance-2.md 4).
+    What lives now lives to the end. 50,000 young objects took 37 to 181 ms.
     """
     gc.enable()
     gc.collect()

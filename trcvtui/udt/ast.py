@@ -9,7 +9,7 @@ from trcvtui.errors import Problem
 from trcvtui.records import NamedTuple
 from trcvtui.udt.types import StringType
 
-# Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
+# Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
 PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be

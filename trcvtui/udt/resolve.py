@@ -119,7 +119,7 @@ class Resolver:
         return (name for name in names if name in self.declared)
 
     def key_of(self, reference: ast.Reference) -> str:
-        """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T (udt.md 5)."""
+        """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
 
@@ -233,7 +233,7 @@ class Resolver:
         return None
 
     def values(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
-        """Return names and numbers; None for what cannot be worked out: only the size is known (U8)."""
+        """Return names and numbers; None for what cannot be worked out: only the size is known."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
         for value, own in spec.values:

@@ -65,7 +65,7 @@ class TypeSet:
 
 def _keys(name: str) -> tuple[str, str]:
     key = name.casefold()
-    return key, key.rpartition(".")[2]  # `A.B.T` of a NAMESPACE is declared as T (udt.md 5)
+    return key, key.rpartition(".")[2]  # `A.B.T` of a NAMESPACE is declared as T
 
 
 NO_TYPES = TypeSet("the project", {}, {}, ())
@@ -80,7 +80,7 @@ def join(
     """Return the types of all files together; they may use each other in any order.
 
     `constants` are the user's own; of a type in `last_wins` the last declaration counts, of any other
-    a second one is a mistake (udt.md U13).
+    a second one is a mistake.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])

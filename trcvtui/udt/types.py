@@ -55,8 +55,8 @@ class Elementary:
         return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.code.islower() else (0, (1 << bits) - 1)
 
 
-# Sizes: udt.md 2.1 and baosky.md 8. Signed TIME and LTIME and DATE in days are Baosky's. What no page of
-# Baosky states (the epoch of DATE; TOD, DT and the L-forms) follows CODESYS and is shown as unverified.
+# Signed TIME and LTIME and DATE in days are Baosky's. What no page of Baosky states (the epoch of DATE; TOD,
+# DT and the L-forms) follows CODESYS and is shown as unverified.
 ROWS = (
     Elementary("BOOL", 1, 1, "?", ValueKind.BOOL),
     Elementary("BIT", 1, 1, "?", ValueKind.BOOL),

@@ -1,4 +1,4 @@
-"""Connection descriptions: offsets and sizes of siemens.md 3, bytes both ways, and the view byte for byte."""
+"""Connection descriptions: offsets and sizes, bytes both ways, and the view byte for byte."""
 
 from __future__ import annotations
 

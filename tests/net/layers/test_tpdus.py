@@ -1,4 +1,4 @@
-"""ISO-on-TCP TPDUs: the vectors of siemens.md 5.3 both ways, every cut, and bytes that nobody should send."""
+"""ISO-on-TCP TPDUs: vectors both ways, every cut, and bytes that nobody should send."""
 
 from __future__ import annotations
 

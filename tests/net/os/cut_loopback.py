@@ -1,6 +1,6 @@
 """Run alone, as its own process: cut loopback in a network of its own, and print how each connection died.
 
-Needs no root: a user namespace with a network namespace is enough (status-reproduction 1). Prints one line a
+Needs no root: a user namespace with a network namespace is enough. Prints one line a
 connection, `idle recv ETIMEDOUT`, or `refused` where the system allows no namespaces. Takes three seconds.
 """
 

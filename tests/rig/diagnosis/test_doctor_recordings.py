@@ -34,7 +34,7 @@ def judged(scenario: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> l
         ("stories/en-r-dropped.toml", "shifted"),
         ("stories/udt-mismatch.toml", "padding"),
         ("baosky/80a0-refused.toml", "refused"),
-        ("baosky/row-21-second-client.toml", "second-client"),
+        ("baosky/second-client.toml", "second-client"),
         ("baosky/note-req-during-7005.toml", "request-too-fast"),
         ("baosky/80a1-en-r-rises-during-7002.toml", "not-connected-request"),
     ],

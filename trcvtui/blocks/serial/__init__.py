@@ -1,1 +1,1 @@
-"""The blocks of Tc2_SerialCom: frames, bytes and texts over a ComBuffer (receivedata.md 2)."""
+"""The blocks of Tc2_SerialCom: frames, bytes and texts over a ComBuffer (TwinCAT TF6340 help)."""

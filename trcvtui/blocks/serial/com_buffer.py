@@ -102,7 +102,7 @@ class Recorder:
 
 
 # Rule: the end of a connection has its place among the bytes; nobody reads over it without being told.
-# Bound: never more than `size` bytes; what has no room is dropped and counted (row 15).
+# Bound: never more than `size` bytes; what has no room is dropped and counted.
 
 ROOM: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
 MOST_ENDS: Final = 64

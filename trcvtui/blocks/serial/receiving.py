@@ -1,4 +1,4 @@
-"""ReceiveData, ReceiveString, ReceiveByte: frames, texts and bytes out of a ComBuffer (receivedata.md)."""
+"""ReceiveData, ReceiveString, ReceiveByte: frames, texts and bytes out of a ComBuffer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.records import replace
 
-# Rule: Error, RxTimeout and the length stay until the next frame begins (step 11).
+# Rule: Error, RxTimeout and the length stay until the next frame begins.
 
 FRAMES: Final[Mapping[Ending, Condition]] = {
     Ending.SUFFIX: Condition.FRAME_RECEIVED,
@@ -76,7 +76,7 @@ class Reception:
     # -- one call ----------------------------------------------------------------------------------------
 
     def call(self, framing: Framing, target: tuple[str, int]) -> Outcome:
-        """Take what is there, up to the end of one frame (row 9)."""
+        """Take what is there, up to the end of one frame."""
         received = self._buffer.look()
         if self._buffer.ends != self._ends:
             self._ends = self._buffer.ends
@@ -98,7 +98,7 @@ class Reception:
         return self._waiting()
 
     def reset(self) -> Outcome:
-        """Throw the part away; the ComBuffer keeps its bytes (row 11)."""
+        """Throw the part away; the ComBuffer keeps its bytes."""
         self.drop("Reset")
         self._idle = AWAITED
         return RESET
@@ -166,7 +166,7 @@ class ReceiveData:
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call, in the order of receivedata.md 4."""
+        """Answer one call, in this order: reset, pins, bytes."""
         if inputs.reset:
             return self.job.reset()
         wrong = self._wrong(inputs)
@@ -190,7 +190,7 @@ class ReceiveData:
         self.job.drop(reason)
 
     def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
-        """Return the first of errors 21, 22 and 20 that the inputs have (step 3)."""
+        """Return the first of errors 21, 22 and 20 that the inputs have."""
         if self._data is None:
             return Condition.NULL_RECEIVE_POINTER, Cause(
                 Why.PARAMETER, "pReceiveData is 0", pin="pReceiveData"
@@ -211,7 +211,7 @@ class ReceiveData:
         return None
 
     def _deliver(self, content: bytes) -> None:
-        """Bytes after the frame keep their old values (step 10)."""
+        """Bytes after the frame keep their old values."""
         assert self._data is not None
         self._data.write(0, content)
 

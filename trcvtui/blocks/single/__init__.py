@@ -1,1 +1,1 @@
-"""Single instructions, one job a rising edge: started, running, finished or failed (siemens.md 1.10)."""
+"""Single instructions, one job a rising edge: started, running, finished or failed."""

@@ -1,4 +1,4 @@
-"""TCON, TDISCON, T_RESET, T_DIAG as single instructions (siemens.md 1.10, 2.3, 2.6)."""
+"""TCON, TDISCON, T_RESET, T_DIAG as single instructions (STEP 7 help)."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the conne
 
 
 class SingleTcon:
-    """One TCON instance. What it has once established it builds again after each loss (siemens.md 4.4)."""
+    """One TCON instance. What it has once established it builds again after each loss."""
 
     def __init__(self, bound: Binding) -> None:
         self.job = NoJob()

@@ -1,4 +1,4 @@
-"""TSEND, TRCV, TUSEND, TURCV as single instructions (siemens.md 1.10, 2.4, 2.5, 2.7)."""
+"""TSEND, TRCV, TUSEND, TURCV as single instructions (STEP 7 help)."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class TrcvC:
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
+        """Answer one call, in this order: inputs, connection, loss, data."""
         # The usual scan, in short.
         if inputs is self._inputs and self._part.stands() and not self._cont.is_due:
             return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
@@ -85,7 +85,7 @@ class TrcvC:
         if outcome.condition is Condition.CONNECTED:
             self._request.answered()
         elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
-            told = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)  # row 3
+            told = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
             return replace(told, cause=replace(told.cause, is_expected=not self._connection.incarnation))
         return outcome
 
@@ -141,7 +141,7 @@ class TsendC:
         self._asked = False  # an edge that came without a connection, not yet told or served
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
+        """Answer one call, in this order: inputs, connection, loss, data."""
         # The usual scan, in short.
         if inputs is self._inputs and self._part.stands() and not self._asked and not self._cont.is_due:
             return self._send(inputs, req_rose=False)
@@ -195,7 +195,7 @@ class TsendC:
         self._part.detach()
         self.job.detach(reason)
 
-    # -- 80A1: asked for data, not connected (design 6, row 4) -------------------------------------
+    # -- 80A1: asked for data, not connected -------------------------------------
 
     def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         self.job.abandon(outcome.cause.name)

@@ -120,7 +120,7 @@ def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
     return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
 
 
-# Rule 1: inputs are judged before the network is looked at (design 6, rows 14 and 24).
+# Rule 1: inputs are judged before the network is looked at.
 # Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
 
 
@@ -224,7 +224,7 @@ class ConnectionControl:
         if fell or (self._close_wanted and not cont):
             return self._close()
         self._has_begun_anew |= rose
-        if rose and not self._script:  # else a close that has begun ends first (row 26)
+        if rose and not self._script:  # else a close that has begun ends first
             return self._start()
         if not cont:
             return self._script.popleft() if self._script else self._level.idle

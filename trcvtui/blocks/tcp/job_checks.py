@@ -1,4 +1,4 @@
-"""May a job start? The questions to DATA, LEN, ADDR, CONNECT in the manual's order (design 6, row 16)."""
+"""May a job start? The questions to DATA, LEN, ADDR, CONNECT in the manual's order."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 Rule 1: LEN and the size of DATA are latched when a job starts; a job reads at most its own length. ADHOC acts
 on the job that runs (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
 Rule 2: DATA changes only at DONE; until then the bytes are the job's.
-Rule 3: at least one scan of "receiving" stands before each DONE (design 6, row 5).
+Rule 3: at least one scan of "receiving" stands before each DONE.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ class ReceiveJob:
         return None if isinstance(got, WouldBlock) else got
 
     def _collect_message(self) -> ConnectionLoss | None:
-        """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
+        """Take one message, whole: it ends the job, whatever its length."""
         got = self.connection.receive_message(self.view, self._instance)
         if not isinstance(got, Datagram):
             return None if isinstance(got, WouldBlock) else got
@@ -254,7 +254,7 @@ class ReceiveJob:
         return _received(size, self.need)
 
     def _too_long(self) -> Outcome:
-        """End the job without DONE: the message is gone, the next one is clean (siemens.md A11)."""
+        """End the job without DONE: the message is gone, the next one is clean."""
         cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
         self.abandon("the message is too long")
         return Outcome(Condition.MESSAGE_TOO_LONG, cause)
@@ -276,7 +276,7 @@ class ReceiveJob:
         self.connection.receiving.give_back(self.claim)
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset (row 15)."""
+        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         if not self.claim.is_orphan:
             self.let_go()

@@ -1,8 +1,8 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
 Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
-Rule 2: a loss is looked for before each send and before DONE: never DONE after a FIN (design 6, row 9).
-Rule 3: the REQ scan shows "sending" even when the stack took everything (row 6); DONE means that the local
+Rule 2: a loss is looked for before each send and before DONE: never DONE after a FIN.
+Rule 3: the REQ scan shows "sending" even when the stack took everything; DONE means that the local
 stack has every byte, not that the partner has.
 """
 
@@ -77,7 +77,7 @@ class SendJob:
         if ended is not None:
             return ended
         if not self.have:
-            # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
+            # Nothing of this job is on its way, so it can end; later it would cut the stream.
             self._end(done=False, reason="the send buffer is full")
             return self._full()
         return _sending(self.have, self.need)
@@ -174,7 +174,7 @@ class SendJob:
             self._end(done=False, reason=reason)
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset (row 15)."""
+        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
         if not self.claim.is_orphan:

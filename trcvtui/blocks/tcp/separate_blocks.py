@@ -118,7 +118,7 @@ def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
     return script.popleft()
 
 
-# The manual's list has no other word for "called, nothing to do" (baosky.md section 5).
+# The manual's list has no other word for "called, nothing to do".
 IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
@@ -231,7 +231,7 @@ class Trcv:
         self._complaint: Outcome | None = None
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7004, 7006, 7008; EN_R without a connection is 80A1 in each scan (design 6)."""
+        """Answer one call: 7004, 7006, 7008; EN_R without a connection is 80A1 in each scan."""
         if not inputs.en_r:
             self.job.abandon("EN_R fell")
             self.job.let_go()

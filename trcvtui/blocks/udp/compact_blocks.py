@@ -35,7 +35,7 @@ class UdpControl:
         self.cont = cont
         if fell and not self._is_late:
             return self._close()
-        if self._script:  # a close that has begun ends first (row 26)
+        if self._script:  # a close that has begun ends first
             self._is_late = cont
             return self._script.popleft()
         if cont and (rose or self._is_late):
@@ -131,7 +131,7 @@ class UsendC:
         self.job.detach(reason)
 
     def _while_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Tell an edge that came too early in the second 0001, or instead of the first 7001 (row 4)."""
+        """Tell an edge that came too early in the second 0001, or instead of the first 7001."""
         self.job.abandon(outcome.cause.name)
         self._asked = (self._asked or req_rose) and inputs.cont
         in_time = outcome.condition is Condition.CREATING and self._part.waits > 1
@@ -178,7 +178,7 @@ class UrecvC:
         """Detach the instance; keep the socket open."""
         self.job.detach(reason)
 
-    # -- 80A1: asked for data, no socket (design 6, row 3, with 0001 in the place of 7002) -----------
+    # -- 80A1: asked for data, no socket (0001 in the place of 7002) -----------------------------
 
     def _while_not_ready(self, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)

@@ -256,7 +256,7 @@ class DatagramIn:
         self._port.receiving.give_back(self.claim)
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until the socket is closed (row 15)."""
+        """Detach the instance; the lock of a job may stay (rules) until the socket is closed."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         if not self.claim.is_orphan:
             self.let_go()

@@ -1,6 +1,6 @@
 """Baosky (Tianxing) PLC: the answered questionnaire of manual 7.15.1, 7.15.2, 7.15.4, 7.15.14 and 7.15.15.
 
-Each point that the manual leaves open is a switch; names and defaults are those of design.md section 6.
+Each point that the manual leaves open is a switch.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ SWITCHES: Final = (
         "adhoc", "choice", "at_once", "ADHOC acts on the job that runs, or the next", ("at_once", "latched")
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
-    # The pin tables say 65535, the text of 80A5 says 65536 (baosky.md section 15, 1).
+    # The pin tables say 65535, the text of 80A5 says 65536.
     Switch("max_len", "choice", "65535", "longest job in bytes", ("65535", "65536")),
     # The UDP code tables could not be read; another vendor's block refuses such a datagram (80C9).
     Switch(

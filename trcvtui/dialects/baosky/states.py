@@ -35,7 +35,7 @@ STATES: Final = (
             "STATUS of the instance itself, not a copy that is written elsewhere",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x0001,
@@ -52,7 +52,7 @@ STATES: Final = (
             "CONT in History: it rises once and stays 1",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x7000,
@@ -72,7 +72,7 @@ STATES: Final = (
             "a passive block listens only while CONT is 1: until then its partner is refused",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x7001,
@@ -89,7 +89,7 @@ STATES: Final = (
             "LocalAddress and LocalPort are tried next: `ip -br address`, `ss -ltn`",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x7002,
@@ -111,7 +111,7 @@ STATES: Final = (
             "port on which nobody listens",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7003,
@@ -129,7 +129,7 @@ STATES: Final = (
             "a frame that was half here is dropped with the connection: the ledger counts its bytes",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7004,
@@ -149,7 +149,7 @@ STATES: Final = (
             "`ss -tn`: Recv-Q above 0 means that the partner sends and nobody reads",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
     ),
     StatusRow(
         0x7005,
@@ -168,7 +168,7 @@ STATES: Final = (
             "REQ: further edges are ignored until 7009 or an error",
         ),
         Reach.REAL,
-        "7.15.2, 7.15.8",
+        "Baosky library manual 7.15.2, 7.15.8",
     ),
     StatusRow(
         0x7006,
@@ -189,7 +189,7 @@ STATES: Final = (
             "values look shifted: one rising edge at COM_RST, then watch the first frame",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.9",
+        "Baosky library manual 7.15.1, 7.15.9",
     ),
     StatusRow(
         0x7007,
@@ -207,7 +207,7 @@ STATES: Final = (
             "other blocks on this CONNECT lose the connection with it and show 7002",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7008,
@@ -225,7 +225,7 @@ STATES: Final = (
             "merged or split messages: TCP keeps no message ends, so LEN has to equal the partner's length",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.9",
+        "Baosky library manual 7.15.1, 7.15.9",
     ),
     StatusRow(
         0x7009,
@@ -243,7 +243,7 @@ STATES: Final = (
             "the partner sees less than was sent: its program has to read on until the whole length is there",
         ),
         Reach.REAL,
-        "7.15.2, 7.15.8",
+        "Baosky library manual 7.15.2, 7.15.8",
     ),
     StatusRow(
         0x8000,
@@ -261,6 +261,6 @@ STATES: Final = (
             "without a connection, or with CONT=0, COM_RST does nothing and is not remembered",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
 )

@@ -28,7 +28,7 @@ CONNECTION_ERRORS: Final = (
             "a new attempt follows by itself after the retry time; CONT need not move",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.4, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
         0x8081,
@@ -47,7 +47,7 @@ CONNECTION_ERRORS: Final = (
             "loopback is accepted unless the switch strict_local_address is on",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.4, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
         0x8082,
@@ -65,7 +65,7 @@ CONNECTION_ERRORS: Final = (
             "the container or service profile that the process runs under",
         ),
         Reach.INJECTED,
-        "7.15.1, 7.15.2, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
         0x8083,
@@ -85,7 +85,7 @@ CONNECTION_ERRORS: Final = (
             "`sysctl net.ipv4.ip_unprivileged_port_start` when the errno is EACCES",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
         0x8084,
@@ -103,7 +103,7 @@ CONNECTION_ERRORS: Final = (
             "`sysctl fs.epoll.max_user_watches` and `ulimit -n`",
         ),
         Reach.INJECTED,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x8086,
@@ -122,7 +122,7 @@ CONNECTION_ERRORS: Final = (
             "free a descriptor: the same client is then taken, with the bytes it has sent meanwhile",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x8087,
@@ -139,7 +139,7 @@ CONNECTION_ERRORS: Final = (
             "nothing to mend for the connection: it is gone, and 7002 or 7000 follows",
         ),
         Reach.INJECTED,
-        "7.15.1, 7.15.2, 7.15.6",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
         0x80A0,
@@ -160,7 +160,7 @@ CONNECTION_ERRORS: Final = (
             "the partner still holds the old connection after a power cut: reset it there",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.5",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.5",
     ),
     StatusRow(
         0x80A1,
@@ -180,7 +180,7 @@ CONNECTION_ERRORS: Final = (
             "on a Siemens TCON the same number speaks of an ID or port in use: not here",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2, 7.15.8, 7.15.9",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.8, 7.15.9",
     ),
     StatusRow(
         0x80A2,
@@ -197,7 +197,7 @@ CONNECTION_ERRORS: Final = (
             "why the partner resets: its log, and whether it left bytes unread when it closed",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.6",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
         0x80A3,
@@ -215,7 +215,7 @@ CONNECTION_ERRORS: Final = (
             "on a Siemens TCON the same number speaks of an existing connection: not here",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.7",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
 )
 
@@ -239,7 +239,7 @@ JOB_ERRORS: Final = (
             "the connection stays; as soon as DATA has a size the job starts",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x80A5,
@@ -258,7 +258,7 @@ JOB_ERRORS: Final = (
             "the connection stays; as soon as LEN fits the job starts",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2, 7.15.8, 7.15.9",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.8, 7.15.9",
     ),
     StatusRow(
         0x80A6,
@@ -277,7 +277,7 @@ JOB_ERRORS: Final = (
             "the next scan names the close itself; the part that had come is dropped, DATA is unchanged",
         ),
         Reach.REAL,
-        "7.15.1",
+        "Baosky library manual 7.15.1",
     ),
     StatusRow(
         0x80A7,
@@ -295,7 +295,7 @@ JOB_ERRORS: Final = (
             "on a Siemens TDISCON the same number speaks of an unfinished TCON: not here",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x80A8,
@@ -313,7 +313,7 @@ JOB_ERRORS: Final = (
             "the connection stays: send again with a new REQ edge, and only after DONE or ERROR",
         ),
         Reach.REAL,
-        "7.15.2",
+        "Baosky library manual 7.15.2",
     ),
     StatusRow(
         0x80A9,
@@ -331,7 +331,7 @@ JOB_ERRORS: Final = (
             "after 7004 a new REQ edge is needed: nothing is sent again by itself",
         ),
         Reach.REAL,
-        "7.15.2",
+        "Baosky library manual 7.15.2",
     ),
     StatusRow(
         0x80AA,
@@ -351,7 +351,7 @@ JOB_ERRORS: Final = (
             "bytes of an unfinished frame are dropped; 7002 follows and the connection is rebuilt",
         ),
         Reach.REAL,
-        "7.15.1",
+        "Baosky library manual 7.15.1",
     ),
     StatusRow(
         0x80AB,
@@ -370,7 +370,7 @@ JOB_ERRORS: Final = (
             "the partner was not told: it may hold the old connection and refuse the new one",
         ),
         Reach.NAMESPACE,
-        "7.15.1, 7.15.2, 7.15.4",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.4",
     ),
     StatusRow(
         0x80AC,
@@ -388,7 +388,7 @@ JOB_ERRORS: Final = (
             "the block tries again in the next scan by itself",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2, 7.15.6",
+        "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
         0x80C3,
@@ -409,7 +409,7 @@ JOB_ERRORS: Final = (
             "on a Siemens CPU the same number speaks of resources: not here",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
         0x80C5,
@@ -430,7 +430,7 @@ JOB_ERRORS: Final = (
             "TSEND_C: after 7004 a new REQ edge is needed",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2",
+        "Baosky library manual 7.15.1, 7.15.2",
     ),
 )
 

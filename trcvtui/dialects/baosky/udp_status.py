@@ -13,7 +13,7 @@ from trcvtui.blocks.status import Reach, StatusRow
 IN: Final = ("URECV_C",)
 OUT: Final = ("USEND_C",)
 UDP: Final = IN + OUT
-MANUAL: Final = "7.15.14, 7.15.15"
+MANUAL: Final = "Baosky library manual 7.15.14, 7.15.15"
 
 UDP_STATES: Final = (
     StatusRow(

@@ -1,4 +1,4 @@
-"""Siemens STATUS words 80A0 to 80C9: partners, resources, refused or closed, too long (siemens.md 2)."""
+"""Siemens STATUS words 80A0 to 80C9: partners, resources, refused or closed, too long."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CONNECTION_ERRORS: Final = (
             "on a Baosky block the same number means that nothing is connected: not here",
         ),
         Reach.REAL,
-        "siemens.md 2.1, 2.3",
+        "STEP 7 help: TSEND_C, TCON",
     ),
     StatusRow(
         0x80A1,
@@ -44,7 +44,7 @@ CONNECTION_ERRORS: Final = (
             "TSEND: this edge is used up, the next job needs a new one",
         ),
         Reach.LOGIC,
-        "siemens.md 2.4, 2.5, 2.7",
+        "STEP 7 help: TSEND, TRCV, TUSEND, TURCV",
     ),
     StatusRow(
         0x80A2,
@@ -61,7 +61,7 @@ CONNECTION_ERRORS: Final = (
             "`sysctl net.ipv4.ip_unprivileged_port_start` where the errno is EACCES",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3, 3.7",
+        "STEP 7 help: TCON",
     ),
     StatusRow(
         0x80A3,
@@ -81,7 +81,7 @@ CONNECTION_ERRORS: Final = (
             "it comes with each attempt: which other CONNECT has this ID?",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1, 2.3, 4.4",
+        "STEP 7 help: TSEND_C, TRCV_C, TCON",
         also=(Condition.ENDPOINT_THERE,),
         unsure="that the idle block shows it in one scan and goes on by itself is a recommended reading",
     ),
@@ -101,7 +101,7 @@ CONNECTION_ERRORS: Final = (
             "TDISCON first, where the connection is meant to be another one",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3, 4.4",
+        "STEP 7 help: TCON",
         also=(Condition.ID_BUILDING,),
     ),
     StatusRow(
@@ -119,7 +119,7 @@ CONNECTION_ERRORS: Final = (
             "the line CONNECT of the block: closed means that nothing holds it",
         ),
         Reach.LOGIC,
-        "siemens.md 2.6",
+        "STEP 7 help: TDISCON, T_DIAG",
     ),
     StatusRow(
         0x80A4,
@@ -136,7 +136,7 @@ CONNECTION_ERRORS: Final = (
             "`ip -br address`: which addresses are this machine's own?",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 2.7",
+        "STEP 7 help: TSEND_C, TCON, TUSEND",
     ),
     StatusRow(
         0x80A7,
@@ -153,7 +153,7 @@ CONNECTION_ERRORS: Final = (
             "what raises COM_RST, and whether BUSY was 1 there",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1",
+        "STEP 7 help: TSEND_C",
     ),
     StatusRow(
         0x80A7,
@@ -170,7 +170,7 @@ CONNECTION_ERRORS: Final = (
             "a new edge at TCON begins again",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
     ),
     StatusRow(
         0x80AA,
@@ -189,7 +189,7 @@ CONNECTION_ERRORS: Final = (
             "7001 follows: with CONT = 1 this block builds the connection again",
         ),
         Reach.LOGIC,
-        "siemens.md 1.8, 2.1, 2.2, 4.4, A8",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         also=(Condition.ID_BUILDING,),
         unsure="what a _C block shows whose connection TDISCON or T_RESET has closed is named nowhere",
     ),
@@ -208,7 +208,7 @@ CONNECTION_ERRORS: Final = (
             "what was sent of the job is on its way: the partner may be shifted, COM_RST clears that",
         ),
         Reach.LOGIC,
-        "siemens.md 2.4, 2.6, 2.7",
+        "STEP 7 help: TSEND, T_DIAG, TUSEND",
         unsure="values written into DATA are not noticed: it was copied in the scan of the edge",
     ),
     StatusRow(
@@ -226,7 +226,7 @@ CONNECTION_ERRORS: Final = (
             "BUSY has to be 0 before DATA or its type may change",
         ),
         Reach.NEVER,
-        "siemens.md 2.5, 2.7",
+        "STEP 7 help: TRCV, TURCV",
         unreached="the manual gives 8085 for the same case, and that is shown",
     ),
 )
@@ -241,7 +241,7 @@ LEGACY_ERRORS: Final = (
         ("the port is taken, by the user or by the system", "instructions before 3.0 do not tell which"),
         ("`ss -ltnp 'sport = :PORT'` names the holder", "LocalPort: take one from 2000 to 5000"),
         Reach.NEVER,
-        "siemens.md 2.1, 2.3",
+        "STEP 7 help: TSEND_C, TCON",
         unreached="the bench always knows which of the two it is",
     ),
     StatusRow(
@@ -259,7 +259,7 @@ LEGACY_ERRORS: Final = (
             "TDISCON, or CONT = 0, before the ID is used anew",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
     StatusRow(
@@ -271,7 +271,7 @@ LEGACY_ERRORS: Final = (
         ("the data block of CONNECT has the attribute `only store in load memory`", "it was never loaded"),
         ("attributes of that data block", "a CONNECT in the instance of the block itself"),
         Reach.NEVER,
-        "siemens.md 2.1, 2.3",
+        "STEP 7 help: TSEND_C, TCON",
         unreached="the bench has no load memory",
     ),
 )
@@ -297,7 +297,7 @@ JOB_ERRORS: Final = (
             "`ulimit -n` and `ls /proc/PID/fd | wc -l` where the errno is EMFILE",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1 to 2.5, 2.7",
+        "STEP 7 help, Open User Communication",
         also=(Condition.NO_BUFFER, Condition.QUEUE_FULL, Condition.CONNECT_IN_USE),
         unsure="for TDISCON and T_RESET no list names it: here a full job queue shows it",
     ),
@@ -319,7 +319,7 @@ JOB_ERRORS: Final = (
             "EN_R to 0 in the scan of 80C5 keeps it away",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1 to 2.7",
+        "STEP 7 help, Open User Communication",
         also=(
             Condition.STILL_ASKED,
             Condition.SEND_BUFFER_FULL,
@@ -346,7 +346,7 @@ JOB_ERRORS: Final = (
             "the diagnostic buffer of the CPU",
         ),
         Reach.NEVER,
-        "siemens.md 2.6",
+        "STEP 7 help: T_DIAG",
         unreached="to read how a connection stands takes no call that can fail",
     ),
     StatusRow(
@@ -364,7 +364,7 @@ JOB_ERRORS: Final = (
             "the time between two jobs",
         ),
         Reach.INJECTED,
-        "siemens.md 2.7",
+        "STEP 7 help: TUSEND",
     ),
     StatusRow(
         0x80C5,
@@ -384,7 +384,7 @@ JOB_ERRORS: Final = (
             "EN_R to 0 until 7002 shows: else 80C4 follows",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1 to 2.5",
+        "STEP 7 help, Open User Communication",
         also=(Condition.REFUSED,),
     ),
     StatusRow(
@@ -399,7 +399,7 @@ JOB_ERRORS: Final = (
             "`tcpdump -ni any udp port PORT`: does anything come back?",
         ),
         Reach.NEVER,
-        "siemens.md 2.7",
+        "STEP 7 help: TUSEND, TURCV",
         unreached="datagrams have no connection that a partner could close",
     ),
     StatusRow(
@@ -419,7 +419,7 @@ JOB_ERRORS: Final = (
             "`tcpdump -ni any tcp port PORT`: a SYN without an answer, or one with an ICMP message",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1 to 2.5",
+        "STEP 7 help, Open User Communication",
         also=(Condition.LINK_DEAD,),
     ),
     StatusRow(
@@ -437,7 +437,7 @@ JOB_ERRORS: Final = (
             "the errno in the ledger",
         ),
         Reach.INJECTED,
-        "siemens.md 2.7",
+        "STEP 7 help: TUSEND",
         also=(Condition.UNREACHABLE,),
     ),
     StatusRow(
@@ -455,7 +455,7 @@ JOB_ERRORS: Final = (
             "a new edge at REQ",
         ),
         Reach.NEVER,
-        "siemens.md 2.3 to 2.5, 2.7",
+        "STEP 7 help, Open User Communication",
         unreached="no manual says after which time; an attempt without an answer ends with 80C6",
     ),
     StatusRow(
@@ -473,7 +473,7 @@ JOB_ERRORS: Final = (
             "TDISCON, or CONT = 0 at the other block, before the ID is used anew",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3, 4.4",
+        "STEP 7 help: TCON",
         unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
     StatusRow(
@@ -491,7 +491,7 @@ JOB_ERRORS: Final = (
             "the message is gone as a whole, DATA is unchanged, and the next one is clean",
         ),
         Reach.REAL,
-        "siemens.md 2.5, 2.7, 4.2, A11",
+        "STEP 7 help: TRCV, TURCV",
     ),
     StatusRow(
         0x80C9,
@@ -508,7 +508,7 @@ JOB_ERRORS: Final = (
             "RemoteAddress 0.0.0.0 and RemotePort 0 take any partner",
         ),
         Reach.NEVER,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unreached="a wrong caller is reset with a line in the ledger, and the block goes on waiting (7002)",
     ),
 )

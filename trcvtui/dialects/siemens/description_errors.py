@@ -24,7 +24,7 @@ DESCRIPTION_ERRORS: Final = (
             "a data block that was made by hand: is it of the standard layout (not optimized)?",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3",
+        "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         unsure="the sizes of TCON_IP_RFC, TCON_QDN and the SEC structures come from memory",
     ),
     StatusRow(
@@ -43,7 +43,7 @@ DESCRIPTION_ERRORS: Final = (
             "`ip -br address`: LocalAddress has to be in that list",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3.1",
+        "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         also=(Condition.WRONG_LOCAL_ADDRESS,),
     ),
     StatusRow(
@@ -55,7 +55,7 @@ DESCRIPTION_ERRORS: Final = (
         ("UDP to a multicast group with InterfaceId 0", "the CPU has several ports and cannot choose one"),
         ("the hardware identifier of the port instead of 0", "whether multicast is meant at all"),
         Reach.NEVER,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unreached="TUSEND and TURCV of the bench send to one address at a time",
     ),
     StatusRow(
@@ -74,7 +74,7 @@ DESCRIPTION_ERRORS: Final = (
             "ADDR: address and port of the receiver, both of them",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.7",
+        "STEP 7 help: TSEND_C, TUSEND",
         also=(Condition.OTHER_TRANSPORT,),
     ),
     StatusRow(
@@ -92,7 +92,7 @@ DESCRIPTION_ERRORS: Final = (
             "the ID at both blocks",
         ),
         Reach.LOGIC,
-        "siemens.md 2.4, 2.5, 2.7",
+        "STEP 7 help: TSEND, TRCV, TURCV",
     ),
     StatusRow(
         0x80B4,
@@ -110,8 +110,8 @@ DESCRIPTION_ERRORS: Final = (
             "the partner's remote TSAP has to be these very bytes",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3.2, A20, A21",
-        unsure="the help prints 0E where E0 must be meant (A21)",
+        "STEP 7 help: TSEND_C, TCON, TCON_IP_RFC; S7-1200 System Manual",
+        unsure="the help prints 0E where E0 must be meant",
     ),
     StatusRow(
         0x80B5,
@@ -125,7 +125,7 @@ DESCRIPTION_ERRORS: Final = (
         ),
         ("ActiveEstablished: FALSE", "LocalPort: UDP needs one"),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3",
+        "STEP 7 help: TSEND_C, TCON",
     ),
     StatusRow(
         0x80B6,
@@ -142,7 +142,7 @@ DESCRIPTION_ERRORS: Final = (
             "17 TCP, 18 ISO-on-TCP, 19 UDP are the old numbers, 11, 12, 13 the new ones",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3.7",
+        "STEP 7 help: TSEND_C, TCON",
     ),
     StatusRow(
         0x80B7,
@@ -157,11 +157,11 @@ DESCRIPTION_ERRORS: Final = (
         ),
         (
             "the ledger names the field, what stands in it and what was expected",
-            "passive: RemoteAddress 0.0.0.0 is taken as anyone (A10)",
+            "passive: RemoteAddress 0.0.0.0 is taken as anyone",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3.3, A10",
-        unsure="0.0.0.0 on a passive end: one page lists 80B7, another uses it for anyone (A10)",
+        "STEP 7 help: TSEND_C, TCON, TCON_Param; S7-1200 System Manual",
+        unsure="0.0.0.0 on a passive end: one page lists 80B7, another uses it for anyone",
     ),
     StatusRow(
         0x80B7,
@@ -172,7 +172,7 @@ DESCRIPTION_ERRORS: Final = (
         ("another structure than TADDR_Param stands at ADDR", "a hand-made one without the two spare bytes"),
         ("the type of the variable at ADDR", "TADDR_Param: 4 bytes address, 2 port, 2 that are 0"),
         Reach.LOGIC,
-        "siemens.md 2.7",
+        "STEP 7 help: TUSEND, TURCV",
     ),
     StatusRow(
         0x80B8,
@@ -186,7 +186,7 @@ DESCRIPTION_ERRORS: Final = (
         ),
         ("both numbers side by side", "one constant for both"),
         Reach.NEVER,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unreached="a block of the bench names its CONNECT and has no ID of its own beside it",
     ),
     StatusRow(
@@ -204,7 +204,7 @@ DESCRIPTION_ERRORS: Final = (
             "LocalAddress of CONNECT in the project file",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
     ),
     StatusRow(
         0x80D0,
@@ -215,7 +215,7 @@ DESCRIPTION_ERRORS: Final = (
         ("RemoteQDN has no character", "the bytes of the STRING are shifted: its length byte is 0"),
         ("RemoteQDN: two bytes of header, then the name", "an active end needs a name with a dot after it"),
         Reach.LOGIC,
-        "siemens.md 2.3, 3.4",
+        "STEP 7 help: TCON, TCON_QDN",
     ),
     StatusRow(
         0x80D1,
@@ -226,7 +226,7 @@ DESCRIPTION_ERRORS: Final = (
         ("the dot at the end is missing: plc.example. is meant", "only the host's own name was given"),
         ("the last character of RemoteQDN", "`getent hosts NAME`: what is its full name?"),
         Reach.LOGIC,
-        "siemens.md 2.3, 3.4",
+        "STEP 7 help: TCON, TCON_QDN",
     ),
     StatusRow(
         0x80D2,
@@ -237,7 +237,7 @@ DESCRIPTION_ERRORS: Final = (
         ("no DNS server is configured on the CPU", "on this bench: the project names no resolver"),
         ("the DNS servers of the CPU; here `/etc/resolv.conf`", "an address instead of a name: TCON_IP_v4"),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
     ),
     StatusRow(
         0x80D3,
@@ -248,7 +248,7 @@ DESCRIPTION_ERRORS: Final = (
         ("no DNS server knows the name", "the server did not answer in time"),
         ("`getent hosts NAME` and `nslookup NAME`", "a mistake in RemoteQDN: letters, dots, the last dot"),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
     ),
     StatusRow(
         0x80D3,
@@ -259,7 +259,7 @@ DESCRIPTION_ERRORS: Final = (
         ("the name in a TADDR_SEND_QDN is not known", "the server for names did not answer"),
         ("`getent hosts NAME`", "an address in a TADDR_Param instead"),
         Reach.NEVER,
-        "siemens.md 2.7, 3.6",
+        "STEP 7 help: TUSEND, TADDR_Param",
         unreached="an [[addr]] of the project file has an address and no name",
     ),
 )
@@ -383,7 +383,7 @@ def _tls_row(code: int) -> StatusRow:
         causes,
         checks,
         _REACH.get(code, Reach.REAL),
-        "siemens.md 2.3, 3.5",
+        "STEP 7 help: TCON, TCON_IP_V4_SEC",
         unsure=_UNSURE,
     )
 
@@ -397,7 +397,7 @@ TLS_ERRORS: Final = (
         True,
         *_FAILURES[0x80EA],
         Reach.NEVER,
-        "siemens.md 2.7",
+        "STEP 7 help: TUSEND, TURCV",
         unreached=_NO_DATAGRAM_TLS,
         unsure=_UNSURE,
     ),
@@ -413,7 +413,7 @@ TLS_ERRORS: Final = (
         ),
         ("start jobs after the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
         Reach.NEVER,
-        "siemens.md 2.4, 2.5",
+        "STEP 7 help: TSEND, TRCV",
         unreached=_NOT_BEFORE,
     ),
 )

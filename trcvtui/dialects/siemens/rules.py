@@ -79,7 +79,7 @@ SECURE_SET_UP: Final[dict[tuple[SetUpStage, str], Condition]] = {
 
 
 SECOND: Final = 1_000_000_000  # ns
-# A22: the help has DONE at TRCV_C, the FAQ NDR at both.
+# The help has DONE at TRCV_C, the FAQ NDR at both.
 LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
@@ -90,19 +90,15 @@ SWITCHES: Final = (
         "pause after a failed attempt to connect, or an active connection that fell before a byte moved",
     ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
-    Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
-    Switch(
-        "status_0001_always", "bool", False, "0001 shows for each connection, also when no job waits (A2)"
-    ),
-    Switch(
-        "teardown_before_error", "bool", False, "7003 shows before the code of a loss that ends a job (A7)"
-    ),
+    Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks"),
+    Switch("status_0001_always", "bool", False, "0001 shows for each connection, also when no job waits"),
+    Switch("teardown_before_error", "bool", False, "7003 shows before the code of a loss that ends a job"),
     Switch(
         "cont_mode",
         "choice",
         "level",
         "level: CONT builds and closes the connection; manual: REQ and EN_R build it too, and with CONT = 0 "
-        "it ends after the job; oneshot is the older word for manual (A9)",
+        "it ends after the job; oneshot is the older word for manual",
         ("level", "manual", "oneshot"),
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
@@ -110,15 +106,15 @@ SWITCHES: Final = (
         "rcv_lag",
         "bool",
         True,
-        "of two _C blocks, the one called second in a scan sees the connection one scan later (A6)",
+        "of two _C blocks, the one called second in a scan sees the connection one scan later",
     ),
-    Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
+    Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan"),
     Switch(
         "en_r_falls",
         "choice",
         "by_cont_mode",
         "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped; by cont_mode: "
-        "level keeps it, manual drops one that has no data yet (A5)",
+        "level keeps it, manual drops one that has no data yet",
         ("by_cont_mode", "keeps", "drops"),
     ),
     Switch(
@@ -134,7 +130,7 @@ SWITCHES: Final = (
         "iso_tpdu_default",
         "count",
         1024,
-        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024 (A19)",
+        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024",
         least=128,
         most=65531,
     ),
@@ -143,8 +139,7 @@ SWITCHES: Final = (
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1;
-# 4.4: a taken ID.
+# Refused or closed by the partner is 80C5, no way to it 80C6; a taken port is 80A1.
 SET_UP: Final = {
     (SetUpStage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
     (SetUpStage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
@@ -196,8 +191,8 @@ class Cpu(NamedTuple):
     max_len: int
     max_datagram: int
     connections: int
-    symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
-    narrow_tsaps: bool = False  # siemens.md 3.2
+    symbolic_bytes: bool = False  # only elements of 8 bits (STEP 7 help, TRCV_C)
+    narrow_tsaps: bool = False  # S7-1200 System Manual
 
 
 BUILDING: Final = frozenset(
@@ -221,20 +216,20 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
             texts_whole=True,
-            datagram_needs_len=True,  # 2.7
+            datagram_needs_len=True,
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         lock_outlives=False,  # no list knows of such a lock
-        one_class=True,  # 2.1, 4.4
+        one_class=True,
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
             pauses_after_idle=True,
-            listens_at_once=True,  # 2.1, 7002: passive, it waits for the partner
+            listens_at_once=True,  # 7002: passive, it waits for the partner
             attempt_limit_ns=int(chosen["attempt_limit"]),
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
@@ -248,34 +243,34 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
 
 
 def course(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
-    """Return what shows when (siemens.md 1), with these switch values."""
+    """Return what shows when, with these switch values."""
     by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
     if en_r_falls == "by_cont_mode":
         en_r_falls = "drops until data" if by_manual else "keeps"
     return StatusSequence(
-        job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
-        established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
-        waiting_req_sends=True,  # 1.3, A4
-        en_r_keeps_job=en_r_falls == "keeps",  # 1.7
-        first_data_keeps_job=en_r_falls == "drops until data",  # A5
-        second_lags=bool(chosen["rcv_lag"]),  # 1.8
-        reset=(Condition.CLOSING,),  # 1.9, A16
+        job_begins=Condition.JOB_BEGINS,
+        established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,
+        waiting_req_sends=True,
+        en_r_keeps_job=en_r_falls == "keeps",
+        first_data_keeps_job=en_r_falls == "drops until data",
+        second_lags=bool(chosen["rcv_lag"]),
+        reset=(Condition.CLOSING,),
         reset_ends_send=Condition.RESET_IN_JOB,
-        rebuilding=(Condition.CREATING,),  # 1.8, 1.9
-        let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
-        closes_together=True,  # 1.4
-        idle_loss=Condition.FOUND_CLOSED,  # 1.9
+        rebuilding=(Condition.CREATING,),
+        let_go=(Condition.CONNECTED, Condition.LET_GO),
+        closes_together=True,
+        idle_loss=Condition.FOUND_CLOSED,
         job_loss=JOB_LOSS,
-        still_asked=Condition.STILL_ASKED,  # 1.9
-        teardown=bool(chosen["teardown_before_error"]),  # A7
-        silent_connect=bool(chosen["silent_connect"]),  # A15
-        request_connects=by_manual,  # A9
+        still_asked=Condition.STILL_ASKED,
+        teardown=bool(chosen["teardown_before_error"]),
+        silent_connect=bool(chosen["silent_connect"]),
+        request_connects=by_manual,
         faults_once=chosen["receive_faults"] == "once",
         set_up=SET_UP,
     )
 
 
-# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on (2.1).
+# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on.
 WORDS: Final[Mapping[str, str]] = {
     Condition.CREATING: "connecting begins",
     Condition.CREATED: "connecting",
@@ -353,10 +348,9 @@ def _row(code: int, block: str) -> StatusRow:
 def _of(row: StatusRow, *also: Condition, by_help: str) -> StatusRow:
     """Return a row of newer instructions with what the help of these says of its code."""
     causes = (*row.causes[:3], f"switch status_sequence = help: {by_help}")
-    return replace(
-        row, also=(*row.also, *also), blocks=BOTH_C, causes=causes, manual=f"{row.manual}, 1.11",
-        unsure=UNSURE,
-    )  # fmt: skip
+    manual = f"{row.manual}; STEP 7 help, TSEND_C and TRCV_C before V3.0"
+    row = replace(row, also=(*row.also, *also), causes=causes, manual=manual)
+    return replace(row, blocks=BOTH_C, unsure=UNSURE)
 
 
 OWN_ROWS: Final = (
@@ -384,7 +378,7 @@ OWN_ROWS: Final = (
         unsure=UNSURE,
     ),
 )  # fmt: skip
-# switch status_sequence = help: what shows another code than in the figures (1.11).
+# switch status_sequence = help: what shows another code than in the figures.
 BY_HELP: Final[dict[str, dict[Condition, int]]] = {
     block: dict.fromkeys((Condition.CREATED, Condition.ESTABLISHING), 0x7001) | {moves: 0x7002}
     for block, moves in (("TSEND_C", Condition.SENDING), ("TRCV_C", Condition.RECEIVING_PART))
@@ -439,7 +433,7 @@ def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
         newer,
         status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
-        types={"LEN": "UINT", "RCVD_LEN": "UINT"},  # 1.11
+        types={"LEN": "UINT", "RCVD_LEN": "UINT"},
         area=replace(newer.area, adhoc_lens=AD_HOC),
         course=replace(newer.course, reset_closes=True),
     )
@@ -466,7 +460,7 @@ S7_1200_LEGACY: Final = Dialect(
     default_model=S7_1200.default_model,
     layout=S7_1200.layout,
     describes_connects=S7_1200.describes_connects,
-    structures=("TCON_Param",),  # 1.11
+    structures=("TCON_Param",),
     folder="siemens-legacy",
     words=WORDS,
     follows=SEQUENCES,

@@ -1,4 +1,4 @@
-"""The Siemens blocks in groups that share a row; STATUS without ERROR: 0000 to 7006 (siemens.md 1, 2)."""
+"""The Siemens blocks in groups that share a row; STATUS without ERROR: 0000 to 7006."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STATES: Final = (
             "a standing 0000: CPU mode, and whether the task with this call comes round",
         ),
         Reach.LOGIC,
-        "siemens.md 1.1, 1.5, 1.10, 2.1 to 2.7",
+        "STEP 7 help, Open User Communication; Siemens FAQ 109479564",
         also=(Condition.NOT_CALLED, Condition.SENT, Condition.RECEIVED),
     ),
     StatusRow(
@@ -61,7 +61,7 @@ STATES: Final = (
             "cont_mode manual keeps the first edge; BUSY is 1 from it on, and further ones do not count",
         ),
         Reach.REAL,
-        "siemens.md 1.3, 1.6, 2.1, A2",
+        "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
         also=(Condition.ESTABLISHED,),
         unsure="whether a connection that no job waits for shows it, too: switch status_0001_always",
     ),
@@ -80,7 +80,7 @@ STATES: Final = (
             "not an error: nothing has to be reset, and whoever waits goes on waiting",
         ),
         Reach.LOGIC,
-        "siemens.md 1.10, 2.6",
+        "STEP 7 help: T_RESET",
     ),
     StatusRow(
         0x0003,
@@ -99,7 +99,7 @@ STATES: Final = (
             "the other block on this connection shows 80AA, one scan later if it is called first",
         ),
         Reach.REAL,
-        "siemens.md 1.4, 2.1",
+        "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
     StatusRow(
         0x7000,
@@ -119,7 +119,7 @@ STATES: Final = (
             "an S7-1200 lets REQ and EN_R connect, an S7-1500 only CONT: switch cont_mode",
         ),
         Reach.LOGIC,
-        "siemens.md 1.1, 1.5, 2.1, 2.2, 4.3",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
     StatusRow(
         0x7000,
@@ -136,7 +136,7 @@ STATES: Final = (
             "7000 says nothing about the connection: T_DIAG tells whether it stands",
         ),
         Reach.LOGIC,
-        "siemens.md 1.10, 2.3 to 2.7",
+        "STEP 7 help, Open User Communication",
     ),
     StatusRow(
         0x7001,
@@ -153,8 +153,8 @@ STATES: Final = (
             "TRCV_C beside a TSEND_C that came first: it shows 7002 at once, never 7001",
         ),
         Reach.LOGIC,
-        "siemens.md 1.1, 1.5, 1.8, 1.9",
-        unsure="that it shows again after 80AA and a failed attempt is an inference (A8)",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
+        unsure="that it shows again after 80AA and a failed attempt is an inference",
     ),
     StatusRow(
         0x7001,
@@ -171,7 +171,7 @@ STATES: Final = (
             "TRCV: it comes back after each frame, as long as EN_R is 1",
         ),
         Reach.LOGIC,
-        "siemens.md 1.10, 2.3 to 2.7",
+        "STEP 7 help, Open User Communication",
     ),
     StatusRow(
         0x7002,
@@ -192,7 +192,7 @@ STATES: Final = (
             "`tcpdump -ni any tcp port PORT`: a SYN without an answer is a firewall or the cable",
         ),
         Reach.REAL,
-        "siemens.md 1.1, 1.5, 1.8, 2.1, 2.2",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         also=(Condition.CREATED,),
     ),
     StatusRow(
@@ -212,7 +212,7 @@ STATES: Final = (
             "TCON: the checks of TSEND_C's 7002, `trcvtui status 7002 --block TSEND_C`",
         ),
         Reach.REAL,
-        "siemens.md 1.10, 2.3 to 2.7",
+        "STEP 7 help, Open User Communication",
     ),
     StatusRow(
         0x7003,
@@ -232,8 +232,8 @@ STATES: Final = (
             "COM_RST must not be wired to a constant: the block writes it back itself",
         ),
         Reach.REAL,
-        "siemens.md 1.4, 1.9, A7, A16",
-        unsure="7003 after COM_RST and before an error is not documented (A7, A16)",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
+        unsure="7003 after COM_RST and before an error is not documented",
     ),
     StatusRow(
         0x7004,
@@ -252,7 +252,7 @@ STATES: Final = (
             "`ss -tn`: Recv-Q above 0 means that the partner sends and nobody reads",
         ),
         Reach.REAL,
-        "siemens.md 1.1, 1.2, 1.5, 1.7, 1.8",
+        "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
     StatusRow(
         0x7005,
@@ -270,7 +270,7 @@ STATES: Final = (
             "REQ: edges until DONE or ERROR are not noticed and not kept",
         ),
         Reach.REAL,
-        "siemens.md 1.1, 1.2, 1.3, 2.1",
+        "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
     StatusRow(
         0x7006,
@@ -291,7 +291,7 @@ STATES: Final = (
             "shifted values: one rising edge at COM_RST, then watch the first frame",
         ),
         Reach.REAL,
-        "siemens.md 1.5, 1.6, 1.7, 2.2",
+        "STEP 7 help: TRCV_C; Siemens FAQ 109479564",
         also=(Condition.RECEIVING_PART,),
     ),
 )

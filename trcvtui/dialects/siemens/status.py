@@ -1,4 +1,4 @@
-"""The STATUS table of the Siemens blocks from version 3.0 (siemens.md 2); errors of pins."""
+"""The STATUS table of the Siemens blocks from version 3.0; errors of pins."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ PARAMETER_ERRORS: Final = (
             "the order of calls: T_RESET after TCON, and not after TDISCON",
         ),
         Reach.LOGIC,
-        "siemens.md 1.10, 2.6",
+        "STEP 7 help: T_RESET",
         unsure="that a closed endpoint counts as unknown (8081), and one that waits as 0001, is inferred",
     ),
     StatusRow(
@@ -82,9 +82,9 @@ PARAMETER_ERRORS: Final = (
             "a longer message goes in several jobs, each after the DONE of the one before",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.4, 2.7, 4.1, A13",
+        "STEP 7 help: TSEND_C, TSEND, TUSEND",
         also=(Condition.DATA_EMPTY,),
-        unsure="TUSEND with LEN = 0: its list names it (2.7), but 0 is the default of all these blocks (4.1)",
+        unsure="TUSEND with LEN = 0: its list names it, but 0 is the default of all these blocks",
     ),
     StatusRow(
         0x8085,
@@ -103,7 +103,7 @@ PARAMETER_ERRORS: Final = (
             "the next scan begins a job with the new LEN as soon as it fits",
         ),
         Reach.LOGIC,
-        "siemens.md 2.2, 2.5, 2.7, 4.1",
+        "STEP 7 help: TRCV_C, TRCV, TURCV",
         also=(Condition.DATA_EMPTY, Condition.AREA_CHANGED),
         unsure="what becomes of the bytes of such a job is not documented: here they are lost",
     ),
@@ -122,7 +122,7 @@ PARAMETER_ERRORS: Final = (
             "another ID for the programmed connection",
         ),
         Reach.NEVER,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unreached="the bench has no hardware configuration with connections of its own",
     ),
     StatusRow(
@@ -140,7 +140,7 @@ PARAMETER_ERRORS: Final = (
             "ConnectionType after it: 0B or 11 there means that the bytes are not shifted",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3.1",
+        "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
     ),
     StatusRow(
         0x8086,
@@ -157,7 +157,7 @@ PARAMETER_ERRORS: Final = (
             "the start-up of the program: which block runs before the ID is written?",
         ),
         Reach.NEVER,
-        "siemens.md 2.4 to 2.7",
+        "STEP 7 help, Open User Communication",
         unreached="these blocks name their CONNECT, and an ID that is wrong fails at TCON before them",
     ),
     StatusRow(
@@ -175,7 +175,7 @@ PARAMETER_ERRORS: Final = (
             "CONT = 0 or TDISCON where a connection is no longer needed",
         ),
         Reach.NEVER,
-        "siemens.md 2.1, 2.3",
+        "STEP 7 help: TSEND_C, TCON",
         unreached="the bench shows a full budget as 80C3, which the manual gives for the same case",
     ),
     StatusRow(
@@ -196,7 +196,7 @@ PARAMETER_ERRORS: Final = (
             "`trcvtui udt show FILE`: the size of DATA with its padding",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.2, 2.4, 2.5, 2.7, 4.1, 4.2",
+        "STEP 7 help, Open User Communication",
         also=(Condition.DATA_SYMBOLIC, Condition.LEN_OF_TEXT),
         unsure="that LEN of a STRING is bounded is documented; that it shows this code is inferred",
     ),
@@ -215,7 +215,7 @@ PARAMETER_ERRORS: Final = (
             "let the editor make the description, or take the one from a CONNECT that works",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.3, 3",
+        "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
     ),
     StatusRow(
         0x8089,
@@ -232,7 +232,7 @@ PARAMETER_ERRORS: Final = (
             "declare it as TDiag_Status; ARRAY[0..15] OF BYTE is enough to look at it in hex",
         ),
         Reach.LOGIC,
-        "siemens.md 1.10, 2.6",
+        "STEP 7 help: T_DIAG",
     ),
     StatusRow(
         0x8089,
@@ -249,7 +249,7 @@ PARAMETER_ERRORS: Final = (
             "TADDR_Param has 8 bytes: address, port, and two that are 0",
         ),
         Reach.LOGIC,
-        "siemens.md 2.7, 3.6",
+        "STEP 7 help: TUSEND, TURCV, TADDR_Param",
     ),
     StatusRow(
         0x8090,
@@ -266,7 +266,7 @@ PARAMETER_ERRORS: Final = (
             "without TCONSettings: a description with everything in it",
         ),
         Reach.NEVER,
-        "siemens.md 2.3",
+        "STEP 7 help: TCON",
         unreached="the bench has no TCONSettings",
     ),
     StatusRow(
@@ -284,7 +284,7 @@ PARAMETER_ERRORS: Final = (
             "call it in the cyclic OB itself, and hand its outputs down",
         ),
         Reach.NEVER,
-        "siemens.md 2.1",
+        "STEP 7 help: TSEND_C",
         unreached="the bench calls every instance from its task: nothing is nested",
     ),
     StatusRow(
@@ -302,7 +302,7 @@ PARAMETER_ERRORS: Final = (
             "the size of the data block, if the pointer is built at run time",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.8",
+        "STEP 7 help: TSEND_C",
         unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
     ),
     StatusRow(
@@ -320,7 +320,7 @@ PARAMETER_ERRORS: Final = (
             "pack the bits into a BYTE or WORD",
         ),
         Reach.LOGIC,
-        "siemens.md 2.1, 2.8, 4.1",
+        "STEP 7 help: TSEND_C",
         unsure="that BOOL is refused is documented; that it shows this code is inferred",
     ),
     StatusRow(
@@ -338,7 +338,7 @@ PARAMETER_ERRORS: Final = (
             "the size of the data block, if the pointer is built at run time",
         ),
         Reach.LOGIC,
-        "siemens.md 2.2, 2.8",
+        "STEP 7 help: TRCV_C",
         unsure="an open DATA pin does not compile on a PLC; that it counts as a missing area is inferred",
     ),
     StatusRow(
@@ -356,14 +356,14 @@ PARAMETER_ERRORS: Final = (
             "receive into a BYTE or WORD and take the bits from there",
         ),
         Reach.LOGIC,
-        "siemens.md 2.2, 2.8, 4.1",
+        "STEP 7 help: TRCV_C",
         unsure="that BOOL is refused is documented; that it shows this code is inferred",
     ),
-    *_never("CONNECT", 0x8700, (0x22, 0x3A, 0x7F), SET_UP, "siemens.md 2.1, 2.8"),
-    *_never("DATA", 0x8800, (0x32, 0x3A, 0x7F), (*SEND, "TUSEND"), "siemens.md 2.1, 2.8"),
-    *_never("DATA", 0x8900, (0x32, 0x3A, 0x7F), (*RECEIVE, "TURCV"), "siemens.md 2.2, 2.8"),
-    *_never("ADDR", 0x8900, (0x3A,), ("TSEND_C", "TUSEND"), "siemens.md 2.1, 2.8"),
-    *_never("ADDR", 0x8A00, (0x3A,), (*RCV_C, "TURCV"), "siemens.md 2.2, 2.8"),
+    *_never("CONNECT", 0x8700, (0x22, 0x3A, 0x7F), SET_UP, "STEP 7 help: TSEND_C"),
+    *_never("DATA", 0x8800, (0x32, 0x3A, 0x7F), (*SEND, "TUSEND"), "STEP 7 help: TSEND_C"),
+    *_never("DATA", 0x8900, (0x32, 0x3A, 0x7F), (*RECEIVE, "TURCV"), "STEP 7 help: TRCV_C"),
+    *_never("ADDR", 0x8900, (0x3A,), ("TSEND_C", "TUSEND"), "STEP 7 help: TSEND_C"),
+    *_never("ADDR", 0x8A00, (0x3A,), (*RCV_C, "TURCV"), "STEP 7 help: TRCV_C"),
 )
 
 STATUS: Final[tuple[StatusRow, ...]] = tuple(

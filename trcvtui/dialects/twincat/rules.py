@@ -1,4 +1,4 @@
-"""Beckhoff TwinCAT, Tc2_SerialCom: rules and ComError_t (receivedata.md 2.3); streams come by TRCV_C."""
+"""Beckhoff TwinCAT, Tc2_SerialCom: rules and ComError_t; streams come by TRCV_C."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STRINGS: Final = ("ReceiveString", "ReceiveString255")
 RECEIVE: Final = DATA + STRINGS
 SEND: Final = ("SendData", "SendByte", "SendString")
 SERIAL: Final = ("ReceiveData", "ReceiveByte", *STRINGS, *SEND, "ClearComBuffer")
-MANUAL: Final = "receivedata.md 2.3"
+MANUAL: Final = "TwinCAT TF6340 help, ComError_t"
 OF_HARDWARE: Final = "it is about a terminal or a serial interface, which this bench does not have"
 
 
@@ -59,7 +59,7 @@ NO_ERROR: Final = StatusRow(
         "a good frame with a suffix: DataReceived = 1, RxTimeout = 0 and Error = 0 together",
     ),
     Reach.LOGIC,
-    "receivedata.md 2.1, 3",
+    "TwinCAT TF6340 help, ReceiveData",
     also=(
         Condition.NO_JOB,
         Condition.FRAME_AWAITED,
@@ -88,7 +88,7 @@ COM_ERRORS: Final = (
             "History of the pins and of the variables of prefix and suffix",
             "change them while busy is 0, or with Reset = 1",
         ),
-        "which inputs count, and that the part is thrown away, is a decision",
+        "the manual does not say which inputs count, and that the part is thrown away",
     ),
     _row(
         2,
@@ -121,7 +121,7 @@ COM_ERRORS: Final = (
         "a byte 00 in a text",
         ("the sender sends binary data, or ends its texts with 00",),
         ("the bytes in hex", "ReceiveData takes any bytes; a suffix may be 00 there"),
-        "the moment of it, and that the part is thrown away, is a decision",
+        "the manual does not say when, and that the part is thrown away",
     ),
     _row(
         20,

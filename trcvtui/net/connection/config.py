@@ -1,4 +1,4 @@
-"""What is configured: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM (baosky.md 1 and 6), and a dialect's policy.
+"""What is configured: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM, and a dialect's policy.
 
 Nothing here needs a kernel, so that a dialect's table of answers needs none.
 """

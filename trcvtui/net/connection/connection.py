@@ -365,7 +365,7 @@ class Connection:
         self.retry_at = now + self._policy.retry_ns
         return failed
 
-    # -- a second client (decision 21) ------------------------------------------------------------
+    # -- a second client ---------------------------------------------------------------------------
 
     def service(self) -> bool:
         """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
@@ -529,7 +529,7 @@ class Connection:
     # -- data: TSEND ----------------------------------------------------------------------------
 
     def look_before_sending(self) -> ConnectionLoss | None:
-        """Look for a loss on behalf of a send job: the stack would still take bytes after a FIN (3.4)."""
+        """Look for a loss on behalf of a send job: the stack would still take bytes after a FIN."""
         assert self.handle is not None
         return self._look_for_loss(self.handle)
 
@@ -592,7 +592,7 @@ class Connection:
         """Abort the connection with RST (T_RESET); the listener stays; the next attempt starts at once."""
         assert self.handle is not None
         removed = self._kernel.poll_del(self.handle)
-        # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (2.3, 80A3).
+        # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (80A3).
         probed = self._kernel.probe(self.handle)
         self.drop(-1, self.unread(), "COM_RST")
         freed = self._kernel.abort(self.handle)

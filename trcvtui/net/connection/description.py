@@ -1,7 +1,7 @@
-"""Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (siemens.md 3).
+"""Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (STEP 7 help).
 
 Rule: the bytes are the description; a value is read from them, and whatever they hold can be read.
-All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC structures are unverified (A25).
+All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC structures are unverified.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a connection description says, and what a CPU would have against it (siemens.md 2.3 and 3).
+"""What a connection description says, and what a CPU would have against it (STEP 7 help, TCON).
 
 Rule: each question is a row of a table, asked in this order; the first that finds something is the answer.
 """
@@ -90,7 +90,7 @@ class Meaning:
     local_tsap: bytes = b""
 
 
-# Structure -> the numbers of ConnectionType that it takes (siemens.md 3.7, 80B6).
+# Structure -> the numbers of ConnectionType that it takes (80B6).
 _TYPES: Final = {
     "TCON_IP_v4": {11: Protocol.TCP, 17: Protocol.TCP, 19: Protocol.UDP},
     "TCON_IP_V4_SEC": {11: Protocol.TCP, 17: Protocol.TCP},
@@ -282,7 +282,7 @@ def _firsts(asked: Asked) -> bytes:
 
 
 def narrow_tsap(local: bytes) -> Finding | None:
-    """Return what an S7-1200 alone has against a local T-selector (siemens.md 3.2)."""
+    """Return what an S7-1200 alone has against a local T-selector (S7-1200 System Manual)."""
     if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
         return Finding(Flaw.TSAP, "LocalTSelector", f"after {local[0]:02X} 00 or 01, not {local[1]:02X}")
     if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
@@ -305,7 +305,7 @@ def _tsap_of_param(asked: Asked) -> Finding | None:
 
 
 def _param(asked: Asked) -> Finding | None:
-    """Judge the lengths in a TCON_Param (siemens.md 3.3)."""
+    """Judge the lengths in a TCON_Param (S7-1200 System Manual)."""
     if asked.description.structure.name != "TCON_Param":
         return None
     number, says = asked.description.number, asked.meaning
@@ -354,7 +354,7 @@ def _remote(asked: Asked) -> Finding | None:
     says = asked.meaning
     if asked.description.structure.field("RemoteQDN"):
         return None
-    # A10: 0.0.0.0 is "any partner" on a passive end.
+    # 0.0.0.0 is "any partner" on a passive end.
     if says.is_active and says.remote_address == ANY_ADDRESS:
         return Finding(Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address")
     if is_group(says.remote_address):

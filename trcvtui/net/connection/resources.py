@@ -176,7 +176,7 @@ def _ms(ns: int) -> str:
     return f"{ns / 1_000_000:.2g}" if ns < 100_000_000 else str(ns // 1_000_000)
 
 
-# -- claims: who works on one direction of a connection, the lock of "CONNECT in use" (design 6, row 15) ---
+# -- claims: who works on one direction of a connection, the lock of "CONNECT in use" ---
 #
 # Rule 1: a claim is one instance's; it is given back, or ends with the connection.
 # Rule 2: a claim whose instance is gone is an orphan: it keeps others out, but nobody works under it.
@@ -273,7 +273,7 @@ class DirectionClaims:
         self._claims.clear()
 
 
-# -- IDs: one connection an ID, as long as its endpoint is there (siemens.md 4.4) ---------------------------
+# -- IDs: one connection an ID, as long as its endpoint is there --------------------------------------------
 #
 # A connection without a description has no ID, and meets nobody here.
 
@@ -376,7 +376,7 @@ class BufferPool:
 
 
 class ConnectionBudget:
-    """How many CONNECTs may hold sockets at once: T3 8, T4 32 (baosky.md section 1)."""
+    """How many CONNECTs may hold sockets at once: T3 8, T4 32 (Baosky library manual 7.15.4)."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit

@@ -186,7 +186,7 @@ class SetUp:
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, self._policy.backlog)
         if fault is not None:
-            return StepFault(SetUpStage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
+            return StepFault(SetUpStage.BIND, fault)  # EADDRINUSE of listen is a taken port too
         fault = self._kernel.poll_add(handle)
         if fault is not None:
             return StepFault(SetUpStage.POLL_ADD, fault)
@@ -255,7 +255,7 @@ class SetUp:
         return Accepted(handle, self.remote)
 
     def accept(self) -> Accepted | StepFault | None:
-        """Take the next client that may be the partner; others are reset (decision 21)."""
+        """Take the next client that may be the partner; others are reset."""
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
@@ -309,7 +309,7 @@ class SetUp:
             self._note(What.OPTION_REFUSED, None, ", ".join(refused))
 
     def options(self) -> SocketOptions:
-        """Return the socket options of this CONNECT (5.5)."""
+        """Return the socket options of this CONNECT."""
         return SocketOptions(
             nodelay=self.config.send_delay_opt,
             keep_alive_s=self.config.keep_alive_s,

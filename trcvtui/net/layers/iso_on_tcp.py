@@ -1,4 +1,4 @@
-"""One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (siemens.md 5.2).
+"""One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
@@ -23,7 +23,7 @@ from trcvtui.records import NamedTuple, dataclass
 #
 # Rule 1: what the partner sends is judged, never trusted: a TPDU that cannot be read is `Malformed`.
 # Rule 2: a reader holds one TPKT at most (65535 bytes), however the bytes are cut.
-# Layout and vectors: siemens.md 5.1 and 5.3. All numbers are big-endian.
+# Layout: RFC 1006 and RFC 905. All numbers are big-endian.
 
 TPKT_VERSION: Final = 3
 TPKT_HEADER: Final = 4  # bytes: version, reserved, length of the whole
@@ -49,7 +49,7 @@ class Code(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Reasons of a DR (siemens.md 5.1)."""
+    """Reasons of a DR (RFC 905)."""
 
     UNSPECIFIED = 0x00
     NOBODY_WAITS = 0x02
@@ -295,7 +295,7 @@ def segments(message: bytes | memoryview, most: int) -> bytes:
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
-NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
+NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size
 MESSAGES_WAITING: Final = 4
 CAPS: Final = 16
 EMPTY_PIECES: Final = 64  # DTs without a byte in one message: nobody has a reason to send one
@@ -567,7 +567,7 @@ class IsoOnTcp:
         if not piece.is_last:
             return
         self._finished += 1
-        if self._whole:  # an empty message is none (siemens.md 5.2)
+        if self._whole:  # an empty message is none
             self._messages.append(LayerMessage(bytes(self._collected), self._whole))
         self._collected.clear()
         self._whole = self._pieces = self._empty_pieces = 0

@@ -223,7 +223,7 @@ _SCRATCH = bytearray(PIECE)
 _NOTHING = memoryview(b"")
 
 
-# -- several CONNECTs at one port: the client's first message says which of them it wants (siemens.md 5.2) -
+# -- several CONNECTs at one port: the client's first message says which of them it wants -----------------
 #
 # Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many
 # wait for each CONNECT.

@@ -234,7 +234,7 @@ class OsKernel:
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return the verdict: connected only when writable, without error and with a partner (3.3).
+        """Return the verdict: connected only when writable, without error and with a partner.
 
         Bytes prove that it stood: who has sent them and reset at once is read before that end is told.
         """

@@ -23,8 +23,8 @@ HUP: Final = 0x10
 RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
 HAS_POLL: Final = hasattr(select, "poll")
 GONE: Final = ERR | HUP | RDHUP
-# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict (3.3).
-# select has no HUP: there ERR is how a refusal shows (section 4, Windows).
+# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict.
+# select has no HUP: there ERR is how a refusal shows.
 VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
 
 
@@ -115,7 +115,7 @@ TCP_KEEPINTVL: Final = getattr(socket, "TCP_KEEPINTVL", None)
 TCP_KEEPCNT: Final = getattr(socket, "TCP_KEEPCNT", None)
 # TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT, and how many milliseconds their unit has.
 USER_TIMEOUT: Final = {"linux": (18, 1), "darwin": (0x80, 1000), "win32": (5, 1000)}.get(sys.platform)
-# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like (section 4).
+# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like.
 REUSE: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 
@@ -192,7 +192,7 @@ CLIENTS_AT: Final = 24
 SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
 MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
 # struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer ones have the bytes
-# that were sent again (4.19), and the window that the other end has told (5.4).
+# that were sent again (4.19), and the window that the other end has told.
 LAST_ACK_AT: Final = 56
 ROUND_TRIP_AT: Final = 68  # us, smoothed
 UNSENT_AT: Final = 144

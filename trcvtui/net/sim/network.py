@@ -1,7 +1,6 @@
 """The simulated network: its ports, the wire that carries segments, and the socket of each handle.
 
-The methods of a socket answer "" or an errno name, as the system calls of Linux do (status-reproduction
-2.2, 2.3, 3.1).
+The methods of a socket answer "" or an errno name, as the system calls of Linux do.
 """
 
 from __future__ import annotations
@@ -95,7 +94,7 @@ class PortTable:
         return 0
 
 
-NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered (2.3)
+NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered
 TIME_WAIT: Final = 60 * SECOND
 PLAYED_ROOM: Final = 8 << 20  # bytes of a played partner that nobody has taken
 
@@ -345,7 +344,7 @@ KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
 KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
 SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
 SMALL_RECEIVE_BUFFER: Final = 2 * 2304
-# What a second connect on the same socket answers (3.3).
+# What a second connect on the same socket answers.
 CONNECT_AGAIN: Final = {
     StreamPhase.SYN_SENT: "EALREADY",
     StreamPhase.OPEN: "EISCONN",
@@ -418,7 +417,7 @@ class SimSocket:
     def _cannot_bind(self, end: Endpoint) -> str:
         if not is_sane(end) or self.claim.port:
             return "EINVAL"
-        # Linux binds to broadcast and multicast addresses without complaint (2.2, 8081).
+        # Linux binds to broadcast and multicast addresses without complaint (8081).
         if not (self._wire.owns(end.address) or end.address == ANY_ADDRESS or is_group(end.address)):
             return "EADDRNOTAVAIL"
         return ""
@@ -465,7 +464,7 @@ class SimSocket:
         return ""
 
     def _no_way_to(self, remote: str) -> str:
-        """Return why the call itself refuses a target (2.3, 80A0)."""
+        """Return why the call itself refuses a target (80A0)."""
         if is_group(remote):
             return "ENETUNREACH"
         if self._wire.owns(remote):

@@ -1,7 +1,7 @@
 """One end of a simulated TCP connection: handshake, data, FIN, RST and timers, as a program sees Linux.
 
 Rule 1: state changes before a segment is carried: without latency the answer comes inside the call.
-Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE (status-reproduction 5.4).
+Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Virtual time of the simulated network: an agenda, and the two clocks that can end a TCP connection.
 
-The figures are those measured on Linux (status-reproduction 3.2 and 3.3); all times are in ns.
+The figures are those measured on Linux; all times are in ns.
 """
 
 from __future__ import annotations

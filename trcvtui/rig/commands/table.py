@@ -1,4 +1,4 @@
-"""One row a bench command (contract 4.3): how its line is read, written and completed, and what it does.
+"""One row a bench command: how its line is read, written and completed, and what it does.
 
 Whoever reads, writes, completes or carries out a line asks these rows; nothing else lists commands.
 """

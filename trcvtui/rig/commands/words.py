@@ -1,4 +1,4 @@
-"""The bench commands as frozen values: one class a command of contract 4.3, one a condition.
+"""The bench commands as frozen values: one class a command, one a condition.
 
 What a command was resolved from (`text`) is kept for display and saving; equality is decided by the rest.
 """

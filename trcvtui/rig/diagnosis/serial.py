@@ -53,7 +53,7 @@ def port_trouble(e: Evidence) -> str:
     return hint if waits_for_the_port(e) else ": ".join(part for part in (away, hint) if part)
 
 
-# -- what will go wrong with a framing (receivedata.md 3, 5, 6) -------------------------------------------
+# -- what will go wrong with a framing -------------------------------------------------------------------
 
 MS: Final = 1_000_000
 MUCH_NOISE: Final = 16  # bytes thrown away without a single frame
@@ -129,7 +129,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
 
 
 def marks_too_long(f: Framed) -> str:
-    """Row 13: the block runs into the overrun."""
+    """The block runs into the overrun."""
     marks = len(f.prefix) + len(f.suffix)
     if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
         return ""
@@ -151,7 +151,7 @@ def no_end(f: Framed) -> str:
 
 
 def equal_marks(f: Framed) -> str:
-    """Row 2: once out of step, the end of a frame is taken for the beginning of the next."""
+    """Once out of step, the end of a frame is taken for the beginning of the next."""
     if not f.prefix or f.prefix != f.suffix:
         return ""
     return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
@@ -180,7 +180,7 @@ def gap_on_tcp(f: Framed) -> str:
 
 
 def gap_below_the_cycle(f: Framed) -> str:
-    """Row 6: bytes come first, so a gap shorter than a scan is never seen."""
+    """Bytes come first, so a gap shorter than a scan is never seen."""
     timeout = f.framer.timeout_ns
     if not 0 < timeout < f.interval_ns:
         return ""
@@ -211,7 +211,7 @@ def idle_feeder(f: Framed) -> str:
 
 
 def dropping_buffer(f: Framed) -> str:
-    """Row 15: with a size of its own, the ComBuffer drops what TCP could hold back."""
+    """With a size of its own, the ComBuffer drops what TCP could hold back."""
     if f.feeder is None or not f.buffer.size:
         return ""
     return (
@@ -226,7 +226,7 @@ def port_is_away(f: Framed) -> str:
 
 
 def lost_bytes(f: Framed) -> str:
-    """Row 15: a frame with a hole."""
+    """A frame with a hole."""
     if f.now is None or not f.now.lost:
         return ""
     return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"

@@ -100,7 +100,7 @@ def _instance(snapshot: Snapshot, name: str) -> InstanceSnapshot | None:
 
 
 def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
-    """Say when a rising edge of COM_RST does nothing and is not remembered (design 6, row 13)."""
+    """Say when a rising edge of COM_RST does nothing and is not remembered."""
     if instance is None:
         return ""
     link = next((each for each in snapshot.connections if each.name == instance.connect), None)

@@ -1,7 +1,7 @@
 """Punctual scans: what is asked of the operating system, and how late, how long each scan was.
 
 To ask needs no privileges; failure is normal and is shown. Linux only.
-Measured in reference/performance.md 2b: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
+Measured: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
 lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. Where the kernel gives each session a
 share of the processor (autogroup), the slice counts inside the session only: the engine gets one of its own
 and does not pay for what the screen has used.
@@ -40,7 +40,7 @@ def be_punctual() -> str:
 def quiet_collector() -> None:
     """Move what exists out of the cyclic collector's sight and switch it off.
 
-    A full collection took 45 to 138 ms (performance.md); the engine makes no reference cycles while it scans.
+    A full collection took 45 to 138 ms; the engine makes no reference cycles while it scans.
     What was moved before is looked at again: a bench that nobody uses any more shall go.
     """
     gc.unfreeze()

@@ -1,4 +1,4 @@
-"""Scenario results as text, as JSON lines (contract 4.3, 4.4), as one JUnit XML document: all formats."""
+"""Scenario results as text, as JSON lines, as one JUnit XML document: all formats."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     characters_of = _checked(type_, longest, charset, has_nul=True)
 
     def to_value(raw: bytes) -> str:
-        # An actual length beyond the field ends at the field (udt.md U12).
+        # An actual length beyond the field ends at the field.
         actual: int = lengths.unpack_from(raw)[1]
         return raw[lengths.size :][: actual * unit].decode(charset, ODD_CODES[charset])
 
@@ -112,7 +112,7 @@ def _ended(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     longest = rules.text.length(type_)
 
     def to_value(raw: bytes) -> str:
-        # Without a NUL the text ends with the last character that may be one (udt.md U12).
+        # Without a NUL the text ends with the last character that may be one.
         return raw[: min(_end(raw, unit), longest * unit)].decode(charset, ODD_CODES[charset])
 
     def odd(raw: bytes) -> str:

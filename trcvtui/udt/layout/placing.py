@@ -1,7 +1,7 @@
 """Where members lie: one walk over a declaration, by the rules of a layout; and members put at given places.
 
-Rule: alignment applies to the members of a STRUCT only; a lone scalar, text or array of these is tight
-(baosky.md section 9). Each STRUCT is placed once, however many members have its type.
+Rule: alignment applies to the members of a STRUCT only; a lone scalar, text or array of these is tight.
+Each STRUCT is placed once, however many members have its type.
 """
 
 from __future__ import annotations

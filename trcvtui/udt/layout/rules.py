@@ -57,7 +57,7 @@ class TextForm:
         return (self.extra + self.length(text)) * (2 if text.wide else 1)
 
 
-# udt.md 2.2 and 3.3. `s7` and `cstr` take the same room, so a Baosky layout is the same with either. CODESYS
+# `s7` and `cstr` take the same room, so a Baosky layout is the same with either. CODESYS
 # sets no limit to the length of a STRING; the limit of a whole type holds.
 TEXT_FORMS = {
     form.name: form
@@ -121,13 +121,13 @@ class LayoutRules:
                 return self.row(base if is_named else ELEMENTARY[self.enum_base])
 
 
-# baosky.md section 9 and udt.md 3.3: the manual prints one example, {DINT, DINT, CHAR} = 12 bytes, and each
-# of these readings but `packed` fits it; cap4 is the decision. STRING: 82 bytes for 80 characters [M].
+# Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. Each of these readings but `packed` fits
+# it; the default is cap4. STRING: 82 bytes for 80 characters (Baosky library manual 7.15.2).
 BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
 BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED, text_forms=("s7", "cstr"))
 ANY_FORM: Final = ("s7", "cstr", "nul")
 
-# udt.md 2.2: durations without a sign, DATE counts seconds.
+# Durations without a sign, DATE counts seconds.
 CODESYS = LayoutRules(
     "codesys-8",
     cap=8,
@@ -140,7 +140,7 @@ CODESYS = LayoutRules(
     ),
 )
 
-# siemens.md section 6: even bytes and nothing larger, BOOL in bits, big-endian.
+# STEP 7 help, standard access: even bytes and nothing larger, BOOL in bits, big-endian.
 S7 = LayoutRules(
     "s7-standard",
     cap=2,

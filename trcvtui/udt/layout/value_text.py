@@ -1,6 +1,6 @@
 """How a leaf is stored, and its value as a person reads it: hex beside bit strings, names beside numbers.
 
-Rule: bytes are data, so no control code passes; and what is odd about them is shown (udt.md U11, U12).
+Rule: bytes are data, so no control code passes; and what is odd about them is shown.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ def _value(value: Element) -> ast.Number | None:
     try:
         return read_number(text, value.where) if text else None
     except UserError:
-        return ast.Formula(text, value.where)  # only the size is known (udt.md U8)
+        return ast.Formula(text, value.where)  # only the size is known
 
 
 def _reference(element: Element) -> ast.Reference:

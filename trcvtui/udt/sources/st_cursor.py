@@ -20,7 +20,7 @@ from trcvtui.udt.literals import NAME, parse_integer
 class SourceDialect(NamedTuple):
     """Plain IEC 61131-3 unless a field says otherwise."""
 
-    # B&R: an enumeration without a base is a C enum of 4 bytes (udt.md 2.2).
+    # B&R: an enumeration without a base is a C enum of 4 bytes.
     enum_base: str | None = None
     # TIA: `TYPE "n"`, lines such as VERSION : 0.1, then STRUCT; no colon after the name.
     has_header: bool = False
@@ -138,7 +138,7 @@ class Source:
             depth += 1 if mark.group() == "(*" else -1
             if depth == 0:
                 return mark.end()
-        # Real files hold `(* a (* b *)` too (udt.md section 5): from here on the first end closes.
+        # Real files hold `(* a (* b *)` too: from here on the first end closes.
         self.nested = False
         first = self.text.find("*)", place + 2)
         return first + 2 if first >= 0 else 0

@@ -20,7 +20,7 @@ _UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 
 class SpecParser(Cursor):
-    """One method a rule of the grammar in udt.md section 5; each leaves the cursor after what it read."""
+    """One method a rule of the grammar; each leaves the cursor after what it read."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
@@ -245,7 +245,7 @@ class SpecParser(Cursor):
 
 
 def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
-    """Return the type, a STRING of it in UTF-8 when an attribute says so (udt.md 2.2)."""
+    """Return the type, a STRING of it in UTF-8 when an attribute says so."""
     if not any(re.search(_UTF8, text) for text in pragmas):
         return spec
     match spec:

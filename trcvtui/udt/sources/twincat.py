@@ -33,7 +33,7 @@ def read_inside(text: Element) -> Declarations:
 
 
 def named(declaration: Declaration, name: str) -> Declaration:
-    """Return the declaration, with a note when the XML around it has another name (udt.md U20)."""
+    """Return the declaration, with a note when the XML around it has another name."""
     if not name or name.casefold() == declaration.name.casefold():
         return declaration
     note = f"the XML calls it '{name}', the declaration '{declaration.name}'"

@@ -261,7 +261,6 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
-    yield SystemCommand("Leave the mouse to the terminal", "or take it back · key U", bench.main.action_mouse)
 
 
 def _said(line: str, key: str) -> str:

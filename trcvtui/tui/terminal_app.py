@@ -144,6 +144,19 @@ class TerminalApp(App[None]):
                 await super().on_event(self._kept_keys[0])
             del self._kept_keys[0]  # now: what comes meanwhile is kept, too
 
+    @property
+    def only_looks(self) -> bool:
+        """Return whether this screen changes nothing and starts no program."""
+        return False
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """Give a copied text to the terminal (OSC 52), and to a clipboard program: not every terminal takes it."""
+        super().copy_to_clipboard(text)
+        if not self.only_looks:
+            from trcvtui.tui.clipboard_and_files import to_clipboard  # read when first asked for
+
+            self.run_worker(asyncio.to_thread(to_clipboard, text))
+
     # -- the collector ------------------------------------------------------------------------------
 
     def _collect_at_rest(self) -> None:

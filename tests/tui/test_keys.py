@@ -276,12 +276,3 @@ def lamp_colour(looker: Looker) -> Color | None:
     segments = [each for each in strip if "B■" in each.text]
     assert len(segments) == 1 and segments[0].style is not None
     return segments[0].style.color
-
-
-@pytest.mark.parametrize("theme", ["bench-light", "ansi-dark", "ansi-light", "textual-dark", "nord"])
-async def test_another_theme_changes_no_word(theme: str) -> None:
-    async with looking(WIDE) as looker:
-        before = looker.text
-        looker.app.theme = theme
-        await looker.settle()
-        assert looker.text == before

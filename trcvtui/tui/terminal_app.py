@@ -15,7 +15,7 @@ from textual import events
 from textual.app import App
 
 from trcvtui.tui.settings import ScreenSettings
-from trcvtui.tui.widgets.theme import THEMES
+from trcvtui.tui.widgets.theme import OWN_THEMES, THEMES, readable
 from trcvtui.tui.widgets.typed_lines import TypedField, obey
 
 HANG_UP_S: Final = 1.0
@@ -43,7 +43,7 @@ class TerminalApp(App[None]):
         self._kept_keys: list[events.Key | events.Paste] = []
         self._keeps_keys, self._is_up = True, False  # until that is there which they act on; since the start
         self._ended_by = 0  # a signal
-        for theme in THEMES.values():
+        for theme in OWN_THEMES.values():
             self.register_theme(theme)
         if not self._look.ansi:
             # Without its watcher: every rule would be read twice before the first frame.
@@ -60,6 +60,12 @@ class TerminalApp(App[None]):
 
     def end_children(self, is_dead: bool) -> None:
         """Leave nothing; `is_dead`: the process ends at once after this."""
+
+    def get_css_variables(self) -> dict[str, str]:
+        """Return the colours of the theme, with those in their place that could not be read."""
+        colours = super().get_css_variables()  # its `theme_variables`, too
+        colours.update(readable(self.current_theme, colours))
+        return colours
 
     # -- from the start to the end ------------------------------------------------------------------
 
@@ -150,7 +156,7 @@ class TerminalApp(App[None]):
         return False
 
     def copy_to_clipboard(self, text: str) -> None:
-        """Give a copied text to the terminal (OSC 52), and to a clipboard program: not every terminal takes it."""
+        """Give a copied text to the terminal (OSC 52), and to a clipboard program."""
         super().copy_to_clipboard(text)
         if not self.only_looks:
             from trcvtui.tui.clipboard_and_files import to_clipboard  # read when first asked for

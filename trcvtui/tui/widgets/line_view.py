@@ -198,7 +198,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return Strip([*before, *marked, *after], strip.cell_length)
 
     def get_selection(self, selection: Selection) -> tuple[str, str]:
-        """Return the selected text as it stands on the screen; without a start or an end, as far as in view."""
+        """Return the selected text as it stands on the screen; without a start or an end, as far as seen."""
         top = self.scroll_offset.y
         first = selection.start.y if selection.start is not None else top
         last = selection.end.y if selection.end is not None else top + self.size.height - 1

@@ -7,12 +7,14 @@ import gc
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
 from textual.app import App
+from textual.command import Provider
 
 from trcvtui.tui.settings import ScreenSettings
 from trcvtui.tui.widgets.theme import OWN_THEMES, THEMES, readable
@@ -27,12 +29,19 @@ QUITS: Final = frozenset(("app.quit", "quit"))
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 
 
+def _ordered_commands() -> type[Provider]:
+    from trcvtui.tui.palette import OrderedCommands  # read when first asked for
+
+    return OrderedCommands
+
+
 class TerminalApp(App[None]):
     """A subclass calls `begin` when it is mounted, and `stand` after its first frame."""
 
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
+    COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {_ordered_commands}
 
     def __init__(self, settings: ScreenSettings) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)

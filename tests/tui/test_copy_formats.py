@@ -285,13 +285,21 @@ async def test_a_state_folder_that_cannot_be_written_is_told(
 # -- picture, mark ---------------------------------------------------------------------------------------
 
 
-async def test_a_picture_of_the_screen_is_saved_and_its_path_is_told(state: Path) -> None:
+@pytest.mark.parametrize(
+    ("keys", "shown"), [((), "TRCV_C_1"), (("J",), "Doctor"), (("question_mark",), "Here:")]
+)
+async def test_a_picture_of_the_screen_is_saved_and_its_path_is_told(
+    keys: tuple[str, ...], shown: str, state: Path
+) -> None:
     async with looking(WIDE) as looker:
+        await looker.press(*keys)
+        above = looker.app.screen
         await looker.press("P")
         (file,) = (state / "trcvtui" / "yanks").iterdir()
         assert file.name.startswith("screen-")
-        assert "TRCV_C_1" in file.read_text(encoding="utf-8")
-        assert str(file) in "".join(looker.text.split())
+        assert shown in file.read_text(encoding="utf-8") and looker.app.screen is above
+        told = looker.text + "".join(note.message for note in looker.app._notifications)
+        assert str(file) in "".join(told.split())
 
 
 @BOTH

@@ -330,7 +330,7 @@ class MainScreen(FullScreen[None]):
     def end(self, last_words: str) -> None:
         """The engine has ended: say so with what can be done, and leave the last picture, its lamps grey."""
         self._run(False)
-        self.prompt.complain(last_words)
+        self.prompt.complain(last_words, stays=True)
 
     def restart(self) -> None:
         self._run(True)

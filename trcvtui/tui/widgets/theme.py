@@ -172,7 +172,9 @@ def readable(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
         return {"border-blurred": "ansi_bright_black"}
     papers = [Color.parse(colours[name]) for name in PAPERS]
     changed = {"text-muted": "auto 85%", "text-disabled": "auto 75%"}
-    return changed | {name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()}
+    return changed | {
+        name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()
+    }
 
 
 def _on(papers: list[Color], ink: Color, least: float) -> Color:

@@ -40,7 +40,7 @@ class EchoLine(LineView, can_focus=False):
     def say(
         self, line: str, error: str = "", waits: bool = False, told: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for a while; a command that waits for its answer stays until it comes."""
+        """Show a command and its answer for a while; a command that waits for it, until it comes."""
         if self._end is not None:
             self._end.stop()
         goes = bool(line or error or told) and not (waits or stays)

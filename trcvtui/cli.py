@@ -34,7 +34,8 @@ PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
 LOOKS: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
     "dark", "light", "ansi", "textual-dark", "textual-light", "nord", "gruvbox", "dracula", "monokai",
-    "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe", "catppuccin-macchiato",
+    "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe",
+    "catppuccin-macchiato",
     "solarized-light", "solarized-dark", "rose-pine", "rose-pine-moon", "rose-pine-dawn", "atom-one-dark",
     "atom-one-light", "ansi-dark", "ansi-light",
 )  # fmt: skip

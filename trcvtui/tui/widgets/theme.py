@@ -157,8 +157,9 @@ THEMES: Final = {**OWN_THEMES, **BUILTIN_THEMES}
 PAPERS: Final = ("surface", "background", "panel")
 # Contrast to 1. WCAG 2 asks 4.5 of small text, and a cursor takes some of it; 3 of the frame with the focus.
 INKS: Final = {
-    "foreground": 6.5,
-    **dict.fromkeys(("primary", "secondary", "accent", "warning", "error", "success"), 5.5),
+    "foreground": 7.0,
+    "text-muted": 6.0,
+    **dict.fromkeys(("text-disabled", "primary", "secondary", "accent", "warning", "error", "success"), 5.5),
     "border": 3.0,
     **dict.fromkeys(("border-blurred", "scrollbar"), 1.8),
 }
@@ -171,10 +172,10 @@ def readable(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
     if theme.ansi:
         return {"border-blurred": "ansi_bright_black"}
     papers = [Color.parse(colours[name]) for name in PAPERS]
-    changed = {"text-muted": "auto 85%", "text-disabled": "auto 75%"}
-    return changed | {
-        name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()
-    }
+    ink = Color.parse(colours["foreground"])
+    pale = {"text-muted": 0.2, "text-disabled": 0.35}
+    colours = colours | {name: ink.blend(papers[0], part, 1.0).hex for name, part in pale.items()}
+    return {name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()}
 
 
 def _on(papers: list[Color], ink: Color, least: float) -> Color:

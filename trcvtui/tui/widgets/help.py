@@ -39,7 +39,7 @@ EVERYWHERE: Final = (
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
     ("ctrl+z", "undo: takes the newest add, change or remove back; `save project` keeps them"),
     ("P", "a picture of the screen as SVG, its path is told"),
-    ("ctrl+c", "copy the text that is selected by dragging the mouse; F first, where it changes"),
+    ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
     ("esc", "leave a field, close the prompt, back to now"),
     ("R", "record the run, end that recording; start an ended engine anew"),

@@ -32,7 +32,13 @@ WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
-LOOKS: Final = ("dark", "light", "ansi")
+LOOKS: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
+    "dark", "light", "ansi", "textual-dark", "textual-light", "nord", "gruvbox", "dracula", "monokai",
+    "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe",
+    "catppuccin-macchiato",
+    "solarized-light", "solarized-dark", "rose-pine", "rose-pine-moon", "rose-pine-dawn", "atom-one-dark",
+    "atom-one-light", "ansi-dark", "ansi-light",
+)  # fmt: skip
 
 Command = Callable[[SimpleNamespace], int]
 
@@ -723,8 +729,10 @@ def _add_theme(parser: ArgumentRows, default: str | None) -> None:
     parser.add_argument(
         "--theme",
         choices=LOOKS,
+        metavar="NAME",
         default=default,
-        help="default: dark; ansi where the terminal has 16 colours or fewer",
+        help="dark, light, ansi or a theme of Textual such as nord; default: dark; "
+        "ansi where the terminal has 16 colours or fewer",
     )
 
 

@@ -19,7 +19,7 @@ from textual.message_pump import MessagePump
 from textual.pilot import Pilot, WaitForScreenTimeout
 
 from trcvtui.rig.scenario import scenario as scenario_files
-from trcvtui.tui import app, terminal_app
+from trcvtui.tui import app, prompt, terminal_app
 
 
 @pytest.fixture(autouse=True)
@@ -41,6 +41,7 @@ def frames_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     tests open hundreds of screens.
     """
     monkeypatch.setattr(app, "FRAME_S", 0.5)
+    monkeypatch.setattr(prompt, "MESSAGE_S", 3600.0)  # on a busy machine no message goes by itself
     monkeypatch.setattr(terminal_app, "quiet_collector", lambda: None)
 
 

@@ -18,7 +18,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import clipboard_and_files as keepsake
-from trcvtui.tui.clipboard_and_files import MOUSE_OFF, MOUSE_ON, keep, to_clipboard
+from trcvtui.tui.clipboard_and_files import keep, to_clipboard
 from trcvtui.tui.copy_formats import FORMATS, Subject, subject_of
 from trcvtui.udt.sources import read_file
 
@@ -282,32 +282,24 @@ async def test_a_state_folder_that_cannot_be_written_is_told(
         assert "no file was written: " in looker.text
 
 
-# -- picture, mouse, mark --------------------------------------------------------------------------------
+# -- picture, mark ---------------------------------------------------------------------------------------
 
 
-async def test_a_picture_of_the_screen_is_saved_and_its_path_is_told(state: Path) -> None:
+@pytest.mark.parametrize(
+    ("keys", "shown"), [((), "TRCV_C_1"), (("J",), "Doctor"), (("question_mark",), "Here:")]
+)
+async def test_a_picture_of_the_screen_is_saved_and_its_path_is_told(
+    keys: tuple[str, ...], shown: str, state: Path
+) -> None:
     async with looking(WIDE) as looker:
+        await looker.press(*keys)
+        above = looker.app.screen
         await looker.press("P")
         (file,) = (state / "trcvtui" / "yanks").iterdir()
         assert file.name.startswith("screen-")
-        assert "TRCV_C_1" in file.read_text(encoding="utf-8")
-        assert str(file) in "".join(looker.text.split())
-
-
-@BOTH
-async def test_the_mouse_can_be_left_to_the_terminal(
-    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async with looking(size) as looker:
-        sent: list[str] = []
-        monkeypatch.setattr(looker.app._driver, "write", sent.append)
-        await looker.press("U")
-        assert MOUSE_OFF in sent
-        assert "U mouse back" in looker.text
-        assert "select and copy there" in looker.text
-        await looker.press("U")
-        assert MOUSE_ON in sent
-        assert "U mouse back" not in looker.text
+        assert shown in file.read_text(encoding="utf-8") and looker.app.screen is above
+        told = looker.text + "".join(note.message for note in looker.app._notifications)
+        assert str(file) in "".join(told.split())
 
 
 @BOTH

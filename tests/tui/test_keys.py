@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from rich.color import Color
 
@@ -9,6 +11,7 @@ from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.prompt import MESSAGE_S, EchoLine
 
 
 @BOTH
@@ -150,6 +153,27 @@ async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
         assert r": x [red]\x1b[1m  ✗ found [/] \x07" in looker.text
 
 
+def ending(echo: EchoLine) -> Any:
+    """Return the timer that ends a message."""
+    return echo._end
+
+
+async def test_a_message_goes_after_ten_seconds_but_not_that_of_an_ended_engine() -> None:
+    assert MESSAGE_S == 10.0
+    async with looking(SMALL) as looker:
+        await looker.press("K")
+        echo = looker.app.main.prompt._echo
+        assert "with the next scan" in looker.text and ending(echo) is None, "it waits"
+        await looker.show(picture(answers=[Answer(1, "mark", "", "told " * 40)]))
+        assert echo.size.height > 1
+        ending(echo)._callback()  # as its time comes
+        await looker.settle()
+        assert "told" not in looker.text and "type a bench command" in looker.text and echo.size.height == 1
+        looker.driver.stopped = "killed"
+        await follow(looker.app, looker.pilot)
+        assert "R starts the engine anew" in looker.text and ending(echo) is None
+
+
 # -- help, palette, end --------------------------------------------------------------------------------
 
 
@@ -276,12 +300,3 @@ def lamp_colour(looker: Looker) -> Color | None:
     segments = [each for each in strip if "B■" in each.text]
     assert len(segments) == 1 and segments[0].style is not None
     return segments[0].style.color
-
-
-@pytest.mark.parametrize("theme", ["bench-light", "ansi-dark", "ansi-light", "textual-dark", "nord"])
-async def test_another_theme_changes_no_word(theme: str) -> None:
-    async with looking(WIDE) as looker:
-        before = looker.text
-        looker.app.theme = theme
-        await looker.settle()
-        assert looker.text == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from textual.app import SystemCommand
+from textual.command import CommandList
 from textual.keys import format_key
 
 from tests.tui.looking import WIDE, Looker, looking
@@ -32,6 +33,18 @@ async def test_each_binding_of_each_pane_has_an_entry_with_a_name() -> None:
             wanted = f"export timing {key.binding.action.split(chr(39))[1]} · pane 8, key e"
         assert any(end.endswith(wanted) for end in ends), f"no entry ends in {wanted!r}"
     assert all(command.title.strip(" :") == command.title for command in found)
+
+
+async def test_the_palette_opens_with_what_is_asked_for_most() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("F", "ctrl+p")
+        await looker.app.workers.wait_for_complete()
+        await looker.settle()
+        options = looker.app.screen.query_one(CommandList).options
+        assert [str(option.prompt).splitlines()[0] for option in options[:10]] == [
+            "Save the project", "Save the session as a scenario", "Doctor", "Yank …", "View live again",
+            "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
+        ]  # fmt: skip
 
 
 async def test_each_key_of_the_whole_screen_has_an_entry() -> None:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.tui.fakes import TELEGRAM, bench_project, picture
+from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from tests.tui.test_snapshots import FRAMES, READABLE, contrast
+from trcvtui.cli import LOOKS, main
 from trcvtui.records import replace
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
@@ -15,8 +17,10 @@ from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.widgets.line_view import ruled
+from trcvtui.tui.widgets.theme import THEMES
 
 LARGE = (200, 60)
+CORNERS, SEEN = frozenset("╭╮╰╯┏┓┗┛"), 1.8  # of frames, and their contrast to what they stand on
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), LARGE], ids=["80x24", "120x40", "200x60"])
 
 
@@ -149,7 +153,39 @@ def test_a_look_that_is_none_is_told_and_the_dark_one_stands(config: Path, text:
     assert len(found.problems) == 1
 
 
-@pytest.mark.parametrize("look", ["light", "ansi"])
+async def test_words_and_frames_are_seen_in_every_theme() -> None:
+    async with looking(WIDE, picture(lines=story())) as looker:
+        await looker.press("5")
+        words = looker.text
+        for theme in [*looker.app.available_themes.values()]:
+            looker.app.theme = theme.name
+            await looker.settle()
+            assert looker.text == words, theme.name
+            strips = looker.app.screen._compositor.render_strips()
+            drawn = [(part.text.strip(), part.style) for strip in strips for part in strip if part.style]
+            frames = {style for text, style in drawn if text and set(text) <= CORNERS}
+            assert len(frames) >= 2, f"{theme.name}: the one with the focus is another one"
+            if theme.ansi:
+                paper = {"default", "color(0)" if theme.dark else "color(7)"}
+                assert not {style.color.name for style in frames if style.color} & paper, theme.name
+                continue
+            inks = {style for text, style in drawn if text and not set(text) <= FRAMES}
+            assert [style for style in inks if contrast(style) < READABLE] == [], theme.name
+            assert [style for style in frames if contrast(style) < SEEN] == [], theme.name
+
+
+def test_a_theme_is_named_in_the_config_or_the_command_line(
+    config: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert {*LOOKS} == {*THEMES}
+    (config / "config.toml").write_text('theme = "nord"\n')
+    assert (settings().theme, settings("dracula").theme) == ("nord", "dracula")
+    assert main(["--theme", "pink"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert all(f"'{name}'" in line for name in LOOKS)
+
+
+@pytest.mark.parametrize("look", ["light", "ansi", "nord", "ansi-dark"])
 @SIZES
 async def test_another_look_changes_no_word(size: tuple[int, int], look: str) -> None:
     async with looking(size) as looker:

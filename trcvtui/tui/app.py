@@ -24,7 +24,7 @@ from trcvtui.tui.messages import RaceWanted
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.theme import THEMES
+from trcvtui.tui.widgets.theme import OWN_THEMES
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
@@ -451,7 +451,7 @@ class BenchApp(TerminalApp):
                 PaletteReach(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)
-        for name, theme in THEMES.items():
+        for name, theme in OWN_THEMES.items():
             look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"
             yield SystemCommand(f"Theme {name}", look, partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Theme", "another look", self.action_change_theme)

@@ -92,9 +92,6 @@ def _gives(program: str, arguments: list[str], content: bytes) -> bool:
 
 
 MOST_FOR_TERMINAL: Final = 100_000  # characters; terminals drop an OSC 52 that is longer, or lose their way
-# Only whether it reports, not how: the driver knows in which of the modes it asked for places.
-MOUSE_OFF: Final = "\x1b[?1000l\x1b[?1003l"
-MOUSE_ON: Final = "\x1b[?1000h\x1b[?1003h"
 
 Tell = Callable[[str], None]
 
@@ -103,7 +100,7 @@ async def take(app: App[None], form: Format, text: str, tell: Tell, complain: Te
     """Put a text on the clipboard by each way there is, and always into a file; tell where it is."""
     ways, trouble = [], ""
     if len(text) <= MOST_FOR_TERMINAL:
-        app.copy_to_clipboard(text)
+        App.copy_to_clipboard(app, text)  # the program comes next, and is named
         ways.append("to the terminal (OSC 52)")
     program = await asyncio.to_thread(to_clipboard, text)
     if program:
@@ -128,11 +125,3 @@ def take_picture(app: App[None], tell: Tell, complain: Tell) -> None:
         complain(f"no picture of the screen was written: {refused}")
         return
     tell(f"the screen as SVG: {path}")
-
-
-def give_mouse(app: App[None], to_terminal: bool) -> None:
-    """Let the terminal have the mouse for its own selection, or take it back."""
-    driver = app._driver  # Textual has no public way to it
-    if driver is not None:
-        driver.write(MOUSE_OFF if to_terminal else MOUSE_ON)
-        driver.flush()

@@ -147,7 +147,6 @@ class MainScreen(FullScreen[None]):
         Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("E", "change", show=False, id="change"),
         Binding("ctrl+z", "undo", show=False, id="undo"),
-        Binding("U", "mouse", show=False, id="mouse"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("L", "app.lab", show=False, id="lab"),
         Binding("question_mark,f1", "help", show=False, id="help"),
@@ -288,7 +287,7 @@ class MainScreen(FullScreen[None]):
     def end(self, last_words: str) -> None:
         """The engine has ended: say so with what can be done, and leave the last picture, its lamps grey."""
         self._run(False)
-        self.prompt.complain(last_words)
+        self.prompt.complain(last_words, stays=True)
 
     def restart(self) -> None:
         self._run(True)
@@ -567,15 +566,6 @@ class MainScreen(FullScreen[None]):
             self.action_prompt("undo")
         else:
             self.prompt.complain("no edit of the project is there to be taken back")
-
-    def action_mouse(self) -> None:
-        from trcvtui.tui.clipboard_and_files import give_mouse
-
-        self.key_line.mouse_is_away = not self.key_line.mouse_is_away
-        give_mouse(self.app, self.key_line.mouse_is_away)
-        away = "the mouse is the terminal's: select and copy there, U takes it back"
-        self.prompt.tell(away if self.key_line.mouse_is_away else "the mouse is the bench's again")
-        self._show_keys()
 
     def action_mark(self) -> None:
         self._submit("mark")

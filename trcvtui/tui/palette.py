@@ -10,8 +10,10 @@ from typing import Final
 from textual.actions import parse
 from textual.app import SystemCommand
 from textual.binding import Binding
+from textual.command import DiscoveryHit, Hits
 from textual.dom import DOMNode
 from textual.keys import format_key
+from textual.system_commands import SystemCommandsProvider
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import block_row
@@ -29,6 +31,10 @@ PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
     8: "Timing",
 }  # fmt: skip
+FIRST: Final = (
+    "Save the project", "Save the session as a scenario", "Doctor", "Yank …", "Freeze the view",
+    "View live again", "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
+)  # fmt: skip
 # Where the cursor goes by a key; by name nobody asks for it.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
 BY_HAND: Final = frozenset(("button", "write"))  # the palette tells more of these than a binding knows
@@ -128,8 +134,20 @@ class PaletteReach(NamedTuple):
     lab: Callable[[], None]
 
 
-def commands(bench: PaletteReach) -> Iterator[SystemCommand]:
-    """Yield the commands that make sense now."""
+class OrderedCommands(SystemCommandsProvider):
+    """The palette before something is typed: the commands in the order of the app, not of the alphabet."""
+
+    async def discover(self) -> Hits:
+        for title, about, callback, _ in self.app.get_system_commands(self.screen):
+            yield DiscoveryHit(title, callback, help=about)
+
+
+def commands(bench: PaletteReach) -> list[SystemCommand]:
+    """Return the commands that make sense now, the most useful first."""
+    return sorted(_all(bench), key=lambda one: FIRST.index(one.title) if one.title in FIRST else len(FIRST))
+
+
+def _all(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield from _of_scans(bench)
     yield from _of_block(bench)
     yield from _of_program(bench)
@@ -279,7 +297,6 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
-    yield SystemCommand("Leave the mouse to the terminal", "or take it back · key U", bench.main.action_mouse)
 
 
 def _said(line: str, key: str) -> str:

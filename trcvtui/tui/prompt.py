@@ -9,6 +9,7 @@ from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.suggester import Suggester
+from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
@@ -20,6 +21,7 @@ from trcvtui.tui.widgets.typed_lines import TypedField
 
 KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
+MESSAGE_S: Final = 10.0  # then a message goes away, but for one that is to stay
 TOLD_BEFORE: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
 
 
@@ -33,9 +35,16 @@ class EchoLine(LineView, can_focus=False):
         self._line, self._error, self._waits, self._told = "", "", False, ""
         self._rows = 1
         self.note = ""  # of a line that is still typed
+        self._end: Timer | None = None
 
-    def say(self, line: str, error: str = "", waits: bool = False, told: str = "") -> None:
-        """Show a command and its answer."""
+    def say(
+        self, line: str, error: str = "", waits: bool = False, told: str = "", stays: bool = False
+    ) -> None:
+        """Show a command and its answer for a while; a command that waits for it, until it comes."""
+        if self._end is not None:
+            self._end.stop()
+        goes = bool(line or error or told) and not (waits or stays)
+        self._end = self.set_timer(MESSAGE_S, lambda: self.say("")) if goes else None
         self._line, self._error, self._waits, self._told = (
             plain(line),
             plain(error),
@@ -255,6 +264,6 @@ class Prompt(Vertical):
         """Show what the screen has done by itself, in as many lines as it needs."""
         self._echo.say("", told=text)
 
-    def complain(self, text: str) -> None:
+    def complain(self, text: str, stays: bool = False) -> None:
         """Show trouble that is no answer."""
-        self._echo.say("", text)
+        self._echo.say("", text, stays=stays)

@@ -1,6 +1,6 @@
 """What the user has set in the config folder: the look, and which key does what; a mistake is told in a line.
 
-config.toml: theme = "dark" | "light" | "ansi"
+config.toml: theme = "dark" | "light" | "ansi" | one of Textual's, such as "nord"
 (without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
 letters belong to the pins and the panes, so no action can take one that it has not by itself.
 """
@@ -57,7 +57,7 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
     told = _table(folder / CONFIG, problems)
-    chosen = theme or _theme(told, folder / CONFIG, problems)
+    chosen = theme if theme in THEMES else _theme(told, folder / CONFIG, problems)
     keymap = _keymap(_table(folder / KEYMAP, problems), folder / KEYMAP, own, problems)
     names = {_name(b.key): _name(keymap[b.id]) for b in own if b.id in keymap}
     return ScreenSettings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))

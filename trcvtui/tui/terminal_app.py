@@ -7,15 +7,17 @@ import gc
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
 from textual.app import App
+from textual.command import Provider
 
 from trcvtui.tui.settings import ScreenSettings
-from trcvtui.tui.widgets.theme import THEMES
+from trcvtui.tui.widgets.theme import OWN_THEMES, THEMES, readable
 from trcvtui.tui.widgets.typed_lines import TypedField, obey
 
 HANG_UP_S: Final = 1.0
@@ -27,12 +29,19 @@ QUITS: Final = frozenset(("app.quit", "quit"))
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 
 
+def _ordered_commands() -> type[Provider]:
+    from trcvtui.tui.palette import OrderedCommands  # read when first asked for
+
+    return OrderedCommands
+
+
 class TerminalApp(App[None]):
     """A subclass calls `begin` when it is mounted, and `stand` after its first frame."""
 
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
+    COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {_ordered_commands}
 
     def __init__(self, settings: ScreenSettings) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
@@ -43,7 +52,7 @@ class TerminalApp(App[None]):
         self._kept_keys: list[events.Key | events.Paste] = []
         self._keeps_keys, self._is_up = True, False  # until that is there which they act on; since the start
         self._ended_by = 0  # a signal
-        for theme in THEMES.values():
+        for theme in OWN_THEMES.values():
             self.register_theme(theme)
         if not self._look.ansi:
             # Without its watcher: every rule would be read twice before the first frame.
@@ -60,6 +69,12 @@ class TerminalApp(App[None]):
 
     def end_children(self, is_dead: bool) -> None:
         """Leave nothing; `is_dead`: the process ends at once after this."""
+
+    def get_css_variables(self) -> dict[str, str]:
+        """Return the colours of the theme, with those in their place that could not be read."""
+        colours = super().get_css_variables()  # its `theme_variables`, too
+        colours.update(readable(self.current_theme, colours))
+        return colours
 
     # -- from the start to the end ------------------------------------------------------------------
 
@@ -143,6 +158,19 @@ class TerminalApp(App[None]):
             if not await obey(self, self._kept_keys[0]):
                 await super().on_event(self._kept_keys[0])
             del self._kept_keys[0]  # now: what comes meanwhile is kept, too
+
+    @property
+    def only_looks(self) -> bool:
+        """Return whether this screen changes nothing and starts no program."""
+        return False
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """Give a copied text to the terminal (OSC 52), and to a clipboard program."""
+        super().copy_to_clipboard(text)
+        if not self.only_looks:
+            from trcvtui.tui.clipboard_and_files import to_clipboard  # read when first asked for
+
+            self.run_worker(asyncio.to_thread(to_clipboard, text))
 
     # -- the collector ------------------------------------------------------------------------------
 

@@ -142,13 +142,18 @@ class ScriptLine:
 
 @dataclass(frozen=True, slots=True)
 class ScenarioFile:
-    """What a scenario file says of itself; `problem` is the first mistake in it, in one line."""
+    """What a scenario file says of itself; `problem` is the first mistake in it, in one line.
+
+    `blocks`, each once, and `dialect` are those of its project, where there is no mistake.
+    """
 
     path: Path
     name: str
     about: str
     lines: tuple[ScriptLine, ...]
     problem: str = ""
+    blocks: tuple[str, ...] = ()
+    dialect: str = ""
 
 
 # -- where they lie ----------------------------------------------------------------------------------------
@@ -240,25 +245,26 @@ def _described(path: Path, content: bytes) -> ScenarioFile | None:
     except (ValueError, RecursionError):
         if not _TABLE.search(content):
             return None
-        return ScenarioFile(path, path.stem, "", (), _problem_of(path))
+        return ScenarioFile(path, path.stem, "", (), **_of_project(path))
     if table is None:
         return None
     said: dict[str, Any] = table if isinstance(table, dict) else {}
     name, about, steps = (_text(said.get(key)) for key in ("name", "about", "steps"))
     lines = tuple(islice(_script(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
-    return ScenarioFile(path, _cut(name or path.stem), _cut(about), lines, _problem_of(path))
+    return ScenarioFile(path, _cut(name or path.stem), _cut(about), lines, **_of_project(path))
 
 
 def _text(value: object) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _problem_of(path: Path) -> str:
+def _of_project(path: Path) -> dict[str, Any]:
     try:
-        load_scenario(path)
+        project = load_scenario(path).project
     except UserError as wrong:
-        return _cut(wrong.lines()[0])
-    return ""
+        return {"problem": _cut(wrong.lines()[0])}
+    blocks = dict.fromkeys(each.block for each in project.instances)
+    return {"blocks": tuple(blocks), "dialect": project.dialect.name}
 
 
 def _script(steps: str, file: list[str]) -> Iterator[ScriptLine]:

@@ -28,7 +28,7 @@ from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.help import KeyTable, key_rows
 from trcvtui.tui.widgets.line_view import Row, TextView, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, THEMES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
 
 NS: Final = 1_000_000_000
@@ -336,7 +336,7 @@ class FleetApp(TerminalApp):
         main = self.main
         yield SystemCommand("Filter", "list only lines with some words · key /", main.action_filter)
         yield SystemCommand("Group", "by site, by cause, all in one list · key g", main.action_group)
-        for name, theme in THEMES.items():
+        for name, theme in OWN_THEMES.items():
             yield SystemCommand(f"Theme {name}", "another look", partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Help", "keys and signs · key ?", main.action_help)

@@ -13,7 +13,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig import configs_path
 from trcvtui.rig.scenario.scenario import Found, ScenarioFile, ScriptLine, read_scenario_file
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
-from trcvtui.tui.formatting import clip, lamp, plain, wrapped
+from trcvtui.tui.formatting import clip, lamp, pad, plain, wrapped
 from trcvtui.tui.messages import ScenarioChosen, ScenarioWanted
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, LineView, Part, Row, TextView, row
@@ -84,7 +84,8 @@ class ScenarioListModel:
 
     def _spoken(self, path: Path) -> str:
         said = self._read.get(path)
-        return f"{path.parent.name}/{path.stem} {said.name if said else ''}".casefold()
+        more = f"{said.name} {' '.join(said.blocks)} {said.dialect}" if said else ""
+        return f"{path.parent.name}/{path.stem} {more}".casefold()
 
     def rows(self) -> list[Path | str]:
         """Return the listed files, each folder's name before its first one."""
@@ -133,6 +134,7 @@ def _label(folder: Path) -> str:
     return f"{SHIPPED} · {within}"
 
 
+BLOCK, DIALECT = 13, 8  # columns
 MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "")}  # whether it held
 
 
@@ -197,7 +199,15 @@ class ScenarioList(LineView, inherit_bindings=False):
         if said is not None and said.problem:
             mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} is wrong", "warn"
         pointer = ("▸ " if chosen else "  ", "key")
-        return row(pointer, (mark, mark_style), (clip(name, self.line_width - 4), name_style), style=style)
+        room = self.line_width - 4 - BLOCK - DIALECT
+        return row(
+            pointer,
+            (mark, mark_style),
+            (pad(clip(name, room - 1), room), name_style),
+            (pad(_block(said), BLOCK), "label"),
+            (clip(said.dialect if said else "", DIALECT), "dim"),
+            style=style,
+        )
 
     # -- choosing -----------------------------------------------------------------------------------
 
@@ -221,6 +231,13 @@ class ScenarioList(LineView, inherit_bindings=False):
         self.follow()
         self.show()
         self.post_message(ScenarioChosen())
+
+
+def _block(said: ScenarioFile | None) -> str:
+    """Return the first block of a scenario, and how many others it has."""
+    first, *more = (said.blocks if said else ()) or ("",)
+    count = f" +{len(more)}" if more else ""
+    return clip(first, BLOCK - 1 - len(count)) + count
 
 
 INDENT: Final = 2

@@ -20,7 +20,10 @@ Answered = TypeVar("Answered")
 class Dialog(ModalScreen[Answered], Generic[Answered]):
     """A frame above the panes; escape leaves it with `nothing`."""
 
-    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+    BINDINGS: ClassVar = [
+        Binding("escape", "leave", show=False),
+        Binding("P", "app.picture", show=False, id="picture"),
+    ]
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = "Dialog { align: center middle; background: $background 60%; }"
 

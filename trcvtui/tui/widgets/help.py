@@ -39,7 +39,7 @@ EVERYWHERE: Final = (
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
     ("ctrl+z", "undo: takes the newest add, change or remove back; `save project` keeps them"),
     ("P", "a picture of the screen as SVG, its path is told"),
-    ("U", "leave the mouse to the terminal for its own selection, and take it back"),
+    ("ctrl+c", "copy the text that the mouse has selected; F first, where it changes"),
     ("? or F1", "this help"),
     ("other keys", "a key that one pane alone has works from everywhere; else the last line names the way"),
     ("esc", "leave a field, close the prompt, back to now"),

@@ -15,7 +15,9 @@ from textual.binding import Binding, BindingType
 from textual.content import Content
 from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
+from textual.selection import Selection
 from textual.strip import Strip
+from textual.widget import Widget
 
 from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells
@@ -85,7 +87,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
         self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
-        self._is_over = False
+        self._is_over = self._paints = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
     # -- what a subclass says -----------------------------------------------------------------------
@@ -149,18 +151,23 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         Textual asks every pane for all of its lines whenever a line of any pane has changed.
         """
         if self._strips_in_view is None or self._strips_in_view[0] != crop:
+            self._paints = True
             self._strips_in_view = crop, super().render_lines(crop)
+            self._paints = False
         return self._strips_in_view[1]
 
     def render_line(self, y: int) -> Strip:
         number = y + self.scroll_offset.y
-        fresh = self._fresh.pop(number, None)
-        if fresh is None:
-            fresh = self.row_at(number) if number < self.row_count() else EMPTY
+        if not self._paints:  # Textual asks which character is under the mouse
+            return self._strip(self._row_or_empty(number)).apply_offsets(0, number)
+        fresh = self._fresh.pop(number, None) or self._row_or_empty(number)
         if len(self._painted) > 4 * self.size.height + 64:
             self._painted.clear()
         self._painted[number] = fresh
-        return self._strip(fresh)
+        return self._with_selection(self._strip(fresh), number)
+
+    def _row_or_empty(self, number: int) -> Row:
+        return self.row_at(number) if number < self.row_count() else EMPTY
 
     @property
     def line_width(self) -> int:
@@ -174,6 +181,48 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         if strip.cell_length > width > 0:
             strip = Strip([*strip.crop(0, width - 1), Segment("…", base)])
         return strip.adjust_cell_length(width, base)
+
+    # -- selecting text by mouse --------------------------------------------------------------------
+
+    def _with_selection(self, strip: Strip, number: int) -> Strip:
+        """Return the line with its selected characters reversed: seen in every theme and without colours."""
+        span = self.text_selection.get_span(number) if self.text_selection is not None else None
+        if span is None:
+            return strip
+        ends = [cells(strip.text[:place]) if place >= 0 else strip.cell_length for place in span]
+        before, chosen, after = strip.divide([*ends, strip.cell_length])
+        marked = [
+            Segment(text, (style or Style()) + Style(reverse=not (style and style.reverse)))
+            for text, style, _ in chosen
+        ]
+        return Strip([*before, *marked, *after], strip.cell_length)
+
+    def get_selection(self, selection: Selection) -> tuple[str, str]:
+        """Return the selected text as it stands on the screen; without a start or an end, as far as seen."""
+        top = self.scroll_offset.y
+        first = selection.start.y if selection.start is not None else top
+        last = selection.end.y if selection.end is not None else top + self.size.height - 1
+        lines = []
+        for number in range(first, last + 1):
+            start, end = selection.get_span(number) or (0, 0)
+            text = self._strip(self._row_or_empty(number)).text
+            lines.append(text[start : end if end >= 0 else None].rstrip())
+        return "\n".join(lines), "\n"
+
+    def text_select_all(self) -> None:
+        """Select nothing by a second click: it acts as the first one does."""
+
+    @property
+    def select_container(self) -> Widget:
+        """Return the pane: a third click selects no more than a second one."""
+        return self
+
+    async def on_event(self, event: events.Event) -> None:
+        """Drop the click that ends a selection: it would press what stands there."""
+        if not (isinstance(event, events.Click) and self.screen.selections):
+            await super().on_event(event)
+
+    # -- what it looks like -------------------------------------------------------------------------
 
     def end(self, is_over: bool) -> None:
         """Let the lamps go grey: what they told is no longer so; or let them tell again."""

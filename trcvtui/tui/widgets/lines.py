@@ -197,7 +197,6 @@ class KeyLine(OneLine):
         self._local: Keys = ()
         self._holding = self._types = False
         self._names: Mapping[str, str] = {}  # of keys that the user has changed
-        self.mouse_is_away = False
 
     def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
         """Name the keys of what has the focus; in a text field those alone that are not typed."""
@@ -212,7 +211,7 @@ class KeyLine(OneLine):
         self.show()
 
     def _keys(self) -> list[tuple[str, str]]:
-        keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
+        keys = list(self._local)
         for key, label in ANYWHERE if self._types else self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         keys = [(self._names.get(key, key), label) for key, label in keys]

@@ -8,7 +8,7 @@ from typing import Final
 from rich.color import Color as RichColor
 from rich.style import Style
 from textual.color import Color
-from textual.theme import Theme
+from textual.theme import BUILTIN_THEMES, Theme
 from textual.widget import Widget
 
 # Textual's partial style forgets transparency and `auto` colours. Here both are blended over the background
@@ -151,4 +151,46 @@ ANSI: Final = Theme(
         "screen-selection-foreground": "ansi_black",
     },
 )
-THEMES: Final = {"dark": DARK, "light": LIGHT, "ansi": ANSI}
+OWN_THEMES: Final = {"dark": DARK, "light": LIGHT, "ansi": ANSI}
+THEMES: Final = {**OWN_THEMES, **BUILTIN_THEMES}
+
+PAPERS: Final = ("surface", "background", "panel")
+# Contrast to 1. WCAG 2 asks 4.5 of small text, and a cursor takes some of it; 3 of the frame with the focus.
+INKS: Final = {
+    "foreground": 7.0,
+    "text-muted": 6.0,
+    **dict.fromkeys(("text-disabled", "primary", "secondary", "accent", "warning", "error", "success"), 5.5),
+    "border": 3.0,
+    **dict.fromkeys(("border-blurred", "scrollbar"), 1.8),
+}
+
+
+def readable(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
+    """Return those colours of a theme of Textual that change here, so that words and frames are seen."""
+    if theme in OWN_THEMES.values():
+        return {}
+    if theme.ansi:
+        return {"border-blurred": "ansi_bright_black"}
+    papers = [Color.parse(colours[name]) for name in PAPERS]
+    ink = Color.parse(colours["foreground"])
+    pale = {"text-muted": 0.2, "text-disabled": 0.35}
+    colours = colours | {name: ink.blend(papers[0], part, 1.0).hex for name, part in pale.items()}
+    return {name: _on(papers, Color.parse(colours[name]), least).hex for name, least in INKS.items()}
+
+
+def _on(papers: list[Color], ink: Color, least: float) -> Color:
+    """Return the ink, moved towards black or white until it is `least` to 1 from each paper."""
+    end = papers[0].get_contrast_text(1.0)
+    steps = (ink.blend(end, step / 20, 1.0) for step in range(20))
+    return next((one for one in steps if min(contrast(one, paper) for paper in papers) >= least), end)
+
+
+def contrast(one: Color, other: Color) -> float:
+    """Return how far two colours are apart, 1 to 21."""
+    dark, bright = sorted(_luminance(colour) for colour in (one, other))
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def _luminance(colour: Color) -> float:
+    linear = (c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in colour.normalized)
+    return sum(weight * each for weight, each in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

@@ -78,14 +78,6 @@ def keys(*names: str) -> Keys:
     return Keys(names)
 
 
-CHECKWEIGHER: Final[Play] = (
-    3,
-    "peer Device connect",
-    10,
-    "peer Device send hex 01 00 00 00 20 40 64 00 00 00",
-    137,
-    keys("v"),
-)
 DEMO: Final[Play] = (295,)
 DROPPED: Final[Play] = (960,)
 BUSY: Final[Play] = (312,)  # the demo in the middle of a telegram that comes in pieces
@@ -130,7 +122,6 @@ FOUND: Final[Play] = (
 # The pictures of README.md and docs/stories.md.
 TOLD: Final = (
     Picture("found", "", (), STORIES / "byte_order_swapped.toml", FOUND, FRONT),
-    Picture("checkweigher", "", (), CONFIGS / "checkweigher.toml", CHECKWEIGHER, WIDE),
     Picture("four-bytes-short", "", (), STORIES / "four_bytes_short.toml", (600, keys("6", "v", "3")), WIDE),
     Picture("byte-order-swapped", "", (), STORIES / "byte_order_swapped.toml", (330, keys("3")), WIDE),
     Picture("en-r-dropped", "", (), STORIES / "en_r_dropped.toml", (*DROPPED, keys("3")), WIDE),

@@ -69,7 +69,6 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert "4 bytes too large for this sender" in card
         assert "The last whole member is program; tool is missing" in card
         assert "do · Make both equal: press l (LEN=20), or give DATA 20 bytes; then press x" in card
-        assert "Press a (ADHOC=1) to get the 20 bytes at once." in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"
         assert newcomer.value("tool") == "-"

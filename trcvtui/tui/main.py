@@ -75,7 +75,8 @@ def grid_rows(
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
     high = 10 if holds["-high"] else 0
-    half = (height - block - high - peer - 3) // 2  # three rows more for the bytes below it
+    spare = height - block - high - peer
+    half = (spare - (9 if high else 3)) // 2  # more for the bytes below it
     history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
         return block, history, REST, peer

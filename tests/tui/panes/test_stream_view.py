@@ -67,7 +67,7 @@ async def test_a_job_that_cuts_a_message_is_marked_by_a_stroke(size: tuple[int, 
 
 
 async def test_rulers_name_messages_recv_calls_and_jobs_with_their_scans() -> None:
-    async with on_a_bench((140, 64)) as looker:
+    async with on_a_bench((140, 60)) as looker:
         await shifted(looker)
         await press(looker, "g")
         rows = looker.pane("received")
@@ -83,7 +83,7 @@ async def test_rulers_name_messages_recv_calls_and_jobs_with_their_scans() -> No
 
 
 async def test_dropped_bytes_stand_in_the_stream_with_their_reason() -> None:
-    async with on_a_bench((140, 64)) as looker:
+    async with on_a_bench((140, 60)) as looker:
         await shifted(looker)
         assert "20 B dropped: EN_R fell" in looker.text
         await press(looker, "g", *["down"] * 3)

@@ -75,15 +75,16 @@ def grid_rows(
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
     high = 10 if holds["-high"] else 0
-    spare = height - block - high - peer
-    half = (spare - (9 if high else 3)) // 2  # more for the bytes below it
+    strip = 0 if high or holds["-broad"] else 2  # a strip of timing below STATUS wants more than the block
+    spare = height - block - strip - high - peer
+    half = (spare - (5 if high else 3)) // 2  # more for the bytes below it
     history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
         return block, history, REST, peer
     if high:
         return block, high, history, REST, peer
     beside = 10 if timing else 6
-    return block - beside, beside, history, REST, peer
+    return block + strip - beside, beside, history, REST, peer
 
 
 if TYPE_CHECKING:

@@ -85,7 +85,7 @@ async def test_five_bytes_then_three_then_twenty_five_are_on_the_screen(size: tu
         assert "0000  19 ·· ·· ·· ·· ·· ·· ··" in bench.text
         assert "0000  11 12 13 14 15 16 17 18" in bench.text
         await bench.press("3")
-        assert "this frame begins with byte 24 of P1's message 3" in bench.text
+        assert "This frame begins with byte 24 of P1's message 3" in bench.text
         await bench.press("4", "M")
         assert bench.text.count("■ DONE 8 B") == 4
 

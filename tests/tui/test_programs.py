@@ -61,10 +61,10 @@ async def test_a_send_job_speaks_of_the_stack_and_of_no_byte_that_came() -> None
         await bench.press("r")
         await bench.scan(1)
         assert "16#7005  Sending" in bench.text
-        why = next(line for line in bench.text.splitlines() if " why   the local stack" in line)
+        why = next(line for line in bench.text.splitlines() if " why    The local stack" in line)
         assert "…" not in why, "the scrollbar that has come takes a column: the lines break anew"
         await bench.press("3", "M")
-        assert "the local stack has 8 of 8 bytes" in bench.text
+        assert "The local stack has taken 8 of 8 bytes" in bench.text
         assert "the last one came" not in bench.text
 
 

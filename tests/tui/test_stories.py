@@ -71,7 +71,7 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert "LEN is 0 and DATA (screw) has 24 bytes. Station's only message was 20 bytes" in card
         assert "4 bytes too large for this sender" in card
         assert "The last whole member is program; tool is missing" in card
-        assert "do · Make both equal: set TRCV_C_1 LEN=20 or a DATA of 20 bytes; then press x" in card
+        assert "do · Make both equal: press l (LEN=20), or give DATA 20 bytes; then press x" in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"
         assert newcomer.value("tool") == "-"

@@ -26,7 +26,7 @@ async def test_timing_stands_beside_history_from_the_first_frame_on() -> None:
         assert [line.split()[0].lstrip("▸") for line in strip[2:5]] == ["STATUS", "EN_R", "DONE"]
         assert "7006" in strip[2]
         assert "why" in looker.pane("history") and "receiving" in looker.pane("history")
-        assert looker.app.main.query_one("#peer").size.height == 8, "ten rows with its frame"
+        assert looker.app.main.query_one("#peer").size.height == 7, "nine rows with its frame"
         await looker.press("8")
         assert "codes" in looker.pane("timing"), "with the focus it gets more"
         assert "4 History" in looker.text

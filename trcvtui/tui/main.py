@@ -38,7 +38,8 @@ BROAD, HIGH = 180, 56  # from here on timing stands beside STATUS; has a row of 
 BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
 PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
 MOST_INSTANCES: Final = 10  # rows of the list, its frame included
-TIMING, LEAST_HISTORY, MOST_HISTORY, LEAST_BYTES = 8, 6, 12, 5
+LEAST_HISTORY, MOST_HISTORY, LEAST_BYTES = 5, 12, 5
+MOST_PEERS: Final = 3  # that are seen at once
 OTHER_LINES: Final = 3  # header, prompt, keys
 REST: Final = 0  # the row that takes what is left: bytes and members
 
@@ -61,24 +62,29 @@ def sizes(width: int, height: int, instances: int, block: int = ROWS) -> dict[st
     }
 
 
-def grid_rows(holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS) -> tuple[int, ...]:
+def grid_rows(
+    holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS, peers: int = 1
+) -> tuple[int, ...]:
     """Return the heights of the rows of panes in `height` rows: nothing that the panes say changes them.
 
     `holds` are the classes of a size, `timing` whether timing was looked at after history.
     """
-    tall, peer = holds["-tall"], 10 if holds["-tall"] else 9 if holds["-roomy"] else 8
+    tall = holds["-tall"]
+    peer = 8 + max(0, min(MOST_PEERS, peers) - 1) if holds["-roomy"] else 8
     if not holds["-both"]:
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES - peer), REST, peer
-    high = TIMING if holds["-high"] else 0
-    half = (height - block - high - peer - 3) // 2  # three rows more for the bytes below it
+    high = 10 if holds["-high"] else 0
+    strip = 0 if high or holds["-broad"] else 2  # a strip of timing below STATUS wants more than the block
+    spare = height - block - strip - high - peer
+    half = (spare - (5 if high else 3)) // 2  # more for the bytes below it
     history = max(LEAST_HISTORY, min(MOST_HISTORY, half))
     if holds["-broad"]:
         return block, history, REST, peer
     if high:
         return block, high, history, REST, peer
-    beside = 9 if timing else 5
-    return block - beside, beside, history, REST, peer
+    beside = 10 if timing else 6
+    return block + strip - beside, beside, history, REST, peer
 
 
 if TYPE_CHECKING:
@@ -416,12 +422,14 @@ class MainScreen(FullScreen[None]):
             self._grid.styles.grid_rows = self._rows = rows
 
     def _wanted_rows(self) -> str:
-        rows = grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows)
+        peers = len(self._view_model.project.peers)
+        rows = grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows, peers)
         return " ".join("1fr" if each == REST else str(each) for each in rows)
 
     def _in_tabs(self) -> set[int]:
         """Return what stands where not all panes do: one pane, or a pair; with Peer stands STATUS."""
-        if self.has_class(ZOOM) or not self.has_class(PAIR):
+        is_stream = self._pane in (5, 6) and self.received.is_past  # which wants the whole width
+        if self.has_class(ZOOM) or not self.has_class(PAIR) or is_stream:
             return {self._pane}
         return next((pair for pair in (*PAIRS, {3, 7}) if self._pane in pair), {self._pane})
 

@@ -43,7 +43,7 @@ SITUATIONS = [
     pytest.param(
         (*UP, "peer P1 send random 64 seed=1", "run 200"), "X",
         "stuck: 64 of 96 bytes received, the last one 1.9 s ago",
-        "ADHOC=1 delivers the 64 bytes at once",
+        "`set X ADHOC=1` to get the 64 bytes at once",
         id="stuck, and ADHOC would help",
     ),
     pytest.param(

@@ -70,7 +70,7 @@ async def test_an_error_stands_in_words() -> None:
         await shown.do("feed RX hex 41 42 43")
         await shown.press("3")
         assert "16#0017 ERROR 23 COMERROR_DATASIZEOVERRUN: size reached, suffix not seen" in shown.words
-        assert "the sender's frame is longer than SizeReceiveData" in shown.words
+        assert "The sender's frame is longer than SizeReceiveData" in shown.words
         assert "DataReceived is 1 with it: look at the end of the data in hex" in shown.words
 
 
@@ -224,8 +224,8 @@ async def test_what_goes_wrong_after_a_stream_is_said_beforehand() -> None:
         await shown.press("3")
         assert " warn " not in shown.words
         for line, told in (
-            ("set RD LenSuffix=0", "no suffix and Timeout = 0: with fewer than 16 bytes it waits for ever"),
-            ("set RD Timeout=20", "a gap is a guess over TCP"),
+            ("set RD LenSuffix=0", "No suffix and Timeout = 0: with fewer than 16 bytes it waits for ever"),
+            ("set RD Timeout=20", "A gap is a guess over TCP"),
             ("set TRCV_C_1 ADHOC=0", "TRCV_C_1 has ADHOC = 0"),
             ("set TRCV_C_1 EN_R=0", "TRCV_C_1 has EN_R = 0: no bytes come"),
         ):

@@ -49,7 +49,7 @@ async def test_a_connection_that_checks_no_certificate_says_so_in_every_pane(
         await shown.press("1", "up", "down")  # until it is in view
         assert "TLS!" in shown.line("▸ X_unsafe "), "the list"
         await shown.press("3")
-        assert 'the certificate of the partner is not checked: verify = "none,' in shown.words, "STATUS"
+        assert 'The certificate of the partner is not checked: verify = "none,' in shown.words, "STATUS"
         await shown.press("C")
         assert "TCP, TLS NOT CHECKED, active to" in shown.words
         assert '! the certificate of the partner is not checked: verify = "none,' in shown.words

@@ -42,7 +42,7 @@ async def test_on_a_small_screen_they_are_tabs() -> None:
         await some_steps(stage)
         assert "5 STATUS   6 History   7 Timing" in stage.text
         await stage.press("5")
-        assert "why " in stage.text and "next " in stage.text
+        assert "why " in stage.text and "check " in stage.text
         await stage.press("6")
         assert "the partner is connected" in stage.text
         await stage.press("7")

@@ -53,7 +53,8 @@ class Card:
         swapped = self._swapped(e, data) if has_values else ""
         offer, do = self.offer(e, data), told.do
         if offer is not None:
-            do = (f"{reads} {offer.choice}", *do)
+            read = f"{reads} {offer.choice}"
+            do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
             swapped = swapped or one_line(offer.why)
         return Advice(
             told.why + _missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code

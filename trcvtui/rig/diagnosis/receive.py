@@ -172,9 +172,9 @@ def too_short_a_sender(e: Evidence) -> str:
 
 def _fit(e: Evidence, size: int) -> str:
     """Return how a frame gets the size of a message."""
-    length = f"`set {e.instance} LEN={size}` or " if e.pin("LEN") is not None else ""
+    length = f"`set {e.instance} LEN={size}`, or " if e.pin("LEN") is not None else ""
     reset = f"; then `pulse {e.instance} COM_RST`" if e.pin("COM_RST") is not None else ""
-    return f"{DO}make both equal: {length}a DATA of {count(size, 'byte')}{reset}"
+    return f"{DO}make both equal: {length}give DATA {count(size, 'byte')}{reset}"
 
 
 def several_messages_a_frame(e: Evidence) -> str:
@@ -260,7 +260,8 @@ def ad_hoc_hint(e: Evidence) -> str:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
-        return f"{DO}ADHOC=1 {'would have delivered' if e.is_past else 'delivers'} the {here} at once"
+        now = f"`set {e.instance} ADHOC=1` to get the {here} at once"
+        return DO + (f"ADHOC=1 would have delivered the {here} at once" if e.is_past else now)
     return f"{DO}{_switch(e)} would have delivered the {here} at once (read when EN_R rises again)"
 
 

@@ -166,7 +166,7 @@ def _status_style(instance: InstanceSnapshot | None) -> str:
 SHOWN: Final = 9  # columns of a mark inside the box
 NULL: Final = "0"
 FEEDABLE: Final = ("sim", "serial")
-ROWS, FRAMER_ROWS = 15, 22  # that a block needs with its frame; a block with a framer
+ROWS, FRAMER_ROWS = 14, 20  # that a block needs with its frame; a block with a framer
 
 
 def rows_needed(project: Project) -> int:

@@ -206,7 +206,7 @@ if TYPE_CHECKING:
 
 LABEL: Final = 7
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
-PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=[01])?`")
+PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=\w+)?`")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 

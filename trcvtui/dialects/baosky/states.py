@@ -64,7 +64,7 @@ STATES: Final = (
             "CONT was never set; EN_R or a REQ edge alone builds no connection",
             "the program took CONT away, often in its own error handling",
             "an ordered close has ended (7003, 7007 stand before it)",
-            "TCON: REQ has not risen yet; TSEND, TRCV: nobody has built the connection that they need",
+            "TCON: REQ has not risen yet; TSEND, TRCV: no block has built the connection that they need",
         ),
         (
             "pin CONT: set it to 1 and keep it there, also after an ERROR",
@@ -108,7 +108,7 @@ STATES: Final = (
             "passive: `ss -ltn` shows LocalPort; from the partner `nc -vz <LocalAddress> <LocalPort>`",
             "active: `nc -vz <RemoteAddress> <RemotePort>`; the ledger keeps a one-scan 80A0 and its errno",
             "`tcpdump -ni any tcp port <port>`: a SYN without answer is a firewall or the cable, an RST is a "
-            "port on which nobody listens",
+            "port on which no program listens",
         ),
         Reach.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
@@ -146,7 +146,7 @@ STATES: Final = (
         (
             "TRCV_C: pin EN_R has to be 1 and stay 1",
             "TSEND_C: REQ has to go back to 0 before the next edge",
-            "`ss -tn`: Recv-Q above 0 means that the partner sends and nobody reads",
+            "`ss -tn`: Recv-Q above 0 means that the partner sends and no block reads",
         ),
         Reach.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
@@ -177,16 +177,16 @@ STATES: Final = (
         False,
         "Receiving, or ready and waiting",
         (
-            "nothing has come: with EN_R at 1 this is the normal state of rest",
+            "nothing has come: with EN_R = 1 this is the normal state",
             "LEN (or the size of DATA when LEN is 0) is larger than what the partner sends",
             "padding makes DATA larger than the partner's record: UDT parts fill up to 4, a STRING is 82",
             "an earlier frame was cut (EN_R dropped, DATA resized), so the stream is shifted",
         ),
         (
-            "bytes here against bytes wanted, and how long ago the last one came",
-            "the partner's message length against LEN; `trcvtui udt show FILE` prints the size of a UDT",
+            "compare the bytes here with the bytes wanted; how long ago did the last one come?",
+            "compare the partner's message length with LEN; `trcvtui udt show FILE` prints the size of a UDT",
             "messages of varying length need ad-hoc mode, or one job for the header and one for the rest",
-            "values look shifted: one rising edge at COM_RST, then watch the first frame",
+            "if values look shifted, pulse COM_RST and look at the first frame after it",
         ),
         Reach.REAL,
         "Baosky library manual 7.15.1, 7.15.9",

@@ -148,7 +148,7 @@ CONNECTION_ERRORS: Final = (
         True,
         "The partner could not be reached (active side)",
         (
-            "ECONNREFUSED: the machine is there, but nobody listens on RemotePort",
+            "ECONNREFUSED: the machine is there, but no program listens on RemotePort",
             "EHOSTUNREACH, ENETUNREACH: cable, address, mask or route",
             "ETIMEDOUT: a firewall swallows the call, or the machine is off",
             "ECONNRESET: the partner took the call and threw us out, its slot may still be in use",

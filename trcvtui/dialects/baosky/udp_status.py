@@ -178,7 +178,7 @@ UDP_STATES: Final = (
         "Datagram handed over",
         (
             "the local network stack has the whole datagram",
-            "this is no receipt: it shows just the same when nobody listens at the target",
+            "this is no receipt: it shows just the same when no program listens at the target",
         ),
         (
             "ADDR: is it the right machine and port?",
@@ -374,7 +374,7 @@ UDP_ERRORS: Final = (
         (
             "ADDR holds no target: RemoteAddress 0.0.0.0 or RemotePort 0",
             "there is no way to RemoteAddress (ENETUNREACH), or it is a broadcast address (EACCES)",
-            "RemotePort is `@NAME`, and nobody of that name has listened yet",
+            "RemotePort is `@NAME`, and no peer of that name has listened yet",
         ),
         (
             "ADDR: which address and port stand in it? URECV_C on the same ADDR overwrites it",

@@ -111,7 +111,7 @@ CONNECTION_ERRORS: Final = (
         True,
         "There is no such connection",
         (
-            "nobody has built it yet: no TCON, no _C block that CONT, REQ or EN_R asks",
+            "it is not built yet: no TCON, no _C block that CONT, REQ or EN_R asks",
             "it is closed already; T_DIAG after TDISCON ends here, too",
         ),
         (
@@ -129,7 +129,7 @@ CONNECTION_ERRORS: Final = (
         "The partner's address cannot be used",
         (
             "RemoteAddress is the CPU's own address, a broadcast or a multicast address",
-            "TUSEND: the address in ADDR is 0.0.0.0, or nobody has written one yet",
+            "TUSEND: the address in ADDR is 0.0.0.0, or none is written yet",
         ),
         (
             "RemoteAddress of CONNECT (TUSEND: of ADDR), byte by byte: ADDR[1] is the first number",
@@ -373,12 +373,12 @@ JOB_ERRORS: Final = (
         True,
         "The partner refused or closed",
         (
-            "active: the machine is there, but nobody listens on RemotePort (ECONNREFUSED)",
+            "active: the machine is there, but no program listens on RemotePort (ECONNREFUSED)",
             "the partner closed or reset the connection in the middle of a job",
             "ISO-on-TCP: the partner has no such TSAP, or answered with a disconnect",
         ),
         (
-            "`nc -vz RemoteAddress RemotePort`: refused means that nobody listens",
+            "`nc -vz RemoteAddress RemotePort`: refused means that no program listens",
             "the partner's log at that time; `tcpdump -ni any tcp port PORT`: who sends FIN or RST?",
             "with CONT = 1 the connection is built again; a send job is lost and needs a new edge",
             "EN_R to 0 until 7002 shows: else 80C4 follows",

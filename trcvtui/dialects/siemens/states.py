@@ -204,7 +204,7 @@ STATES: Final = (
         (
             "TCON: the partner has not come or answered yet",
             "TSEND, TUSEND: the stack has not taken all bytes, or has, which shows in the next scan",
-            "TRCV, TURCV: armed and waiting; on TCP perhaps with part of the frame here",
+            "TRCV, TURCV: ready and waiting; on TCP perhaps with part of the frame here",
         ),
         (
             "TRCV: on TCP a LEN larger than the partner's frame waits forever; messages are whole",
@@ -249,7 +249,7 @@ STATES: Final = (
         (
             "TSEND_C: REQ has to go back to 0 for one call before the next edge",
             "TRCV_C: pin EN_R has to be 1",
-            "`ss -tn`: Recv-Q above 0 means that the partner sends and nobody reads",
+            "`ss -tn`: Recv-Q above 0 means that the partner sends and no block reads",
         ),
         Reach.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
@@ -277,18 +277,18 @@ STATES: Final = (
         Condition.RECEIVING,
         RCV_C,
         False,
-        "Receiving, or armed and waiting",
+        "Receiving, or ready and waiting",
         (
-            "nothing has come: with EN_R at 1 this is the normal state of rest",
+            "nothing has come: with EN_R = 1 this is the normal state",
             "on TCP: LEN (0: the size of DATA) is larger than what the partner sends, so it is never full",
             "EN_R fell, and the job goes on: cont_mode level to its end, manual once a byte is here",
             "on TCP: an earlier frame was cut, so the stream is shifted",
         ),
         (
-            "bytes here against bytes wanted; on ISO-on-TCP any message, on UDP any datagram ends the job",
-            "the partner's length against LEN; `trcvtui udt show FILE` prints the size of a type",
+            "compare the bytes here and wanted; on ISO-on-TCP any message, on UDP any datagram ends the job",
+            "compare the partner's length with LEN; `trcvtui udt show FILE` prints the size of a type",
             "frames of varying length: ad-hoc mode, or ISO-on-TCP, which keeps their ends",
-            "shifted values: one rising edge at COM_RST, then watch the first frame",
+            "if values look shifted, pulse COM_RST and look at the first frame after it",
         ),
         Reach.REAL,
         "STEP 7 help: TRCV_C; Siemens FAQ 109479564",

@@ -54,7 +54,7 @@ PARAMETER_ERRORS: Final = (
         True,
         "No connection of this ID",
         (
-            "nobody has called TCON, or asked TSEND_C or TRCV_C to connect, for this connection",
+            "no block was asked to connect it: TCON, TSEND_C or TRCV_C",
             "TDISCON has taken the endpoint away before the reset came",
         ),
         (

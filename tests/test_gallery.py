@@ -57,3 +57,14 @@ def test_every_picture_is_named_in_a_page() -> None:
 def test_the_pictures_are_small() -> None:
     sizes = [path.stat().st_size for path in (*DOCS.glob("gallery/*.svg"), *DOCS.glob("pictures/*.svg"))]
     assert 0 < sum(sizes) < MOST_BYTES
+
+
+def test_the_moving_picture_of_the_readme_has_its_frames_no_script_and_less_than_600_kb() -> None:
+    module = make_pictures()
+    (moving,) = (picture for picture in module.TOLD if any(isinstance(m, module.Look) for m in picture.play))
+    svg = (DOCS / "pictures" / f"{moving.name}.svg").read_text(encoding="utf-8")
+    titles = [move.title for move in moving.play if isinstance(move, module.Look)]
+    assert len(titles) >= 5 and all(title in svg.replace("&#160;", " ") for title in titles)
+    assert svg.count("@keyframes") >= len(titles) and "<script" not in svg
+    assert len(svg) < 600_000
+    assert f"pictures/{moving.name}.svg" in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -549,6 +549,8 @@ def _status(args: SimpleNamespace) -> int:
     from trcvtui.dialects import DIALECTS
     from trcvtui.dialects import status_report as report
 
+    if args.all and args.dialect is not None:
+        raise mistake("trcvtui status", "--all with --dialect", "one of the two")
     dialects = tuple(DIALECTS.values())
     chosen = report.chosen_dialects(dialects, args.dialect)
     code = None if args.code is None else report.parse_code(args.code)
@@ -644,7 +646,10 @@ def _udt_cure(args: SimpleNamespace) -> int:
 def _examples(args: SimpleNamespace) -> int:
     from trcvtui.paths import example_lines
 
-    return _print("\n".join(example_lines(args.word)))
+    lines = list(example_lines(args.word))
+    if not lines:
+        raise mistake("trcvtui examples", f"no project, story or scenario with '{args.word}'", "another word")
+    return _print("\n".join(lines))
 
 
 def _with_examples(args: SimpleNamespace) -> SimpleNamespace:

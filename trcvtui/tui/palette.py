@@ -23,7 +23,7 @@ from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen
 from trcvtui.tui.messages import PeerSelected
-from trcvtui.tui.peer_commands import SEND, buttons_for
+from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS
 
@@ -116,7 +116,10 @@ async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None
         main.peer.action_button(key) if found[0].action == "button" else await _press(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
-    if digits:
+    of_a_peer = digits == ["7"] or (not found and any(button.letter == key for button in BUTTONS))
+    if of_a_peer and not is_pin and not main.peer.has_peers:
+        missing = NO_PEER
+    elif digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"
         way = f"{found[0].key} is a key of {pane}: press {' or '.join(digits)}, then {found[0].key}"
         missing = f"{missing}; {way}" if missing and is_pin else way

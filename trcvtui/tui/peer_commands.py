@@ -40,7 +40,7 @@ def _says(words: str) -> Callable[[PeerSnapshot], str]:
 
 SEND: Final = "s"
 BUTTONS: Final = (
-    Button(SEND, _always("Send"), _says("send")),
+    Button(SEND, _always("Send"), _says("send"), harms=True),
     Button(
         "c",
         lambda peer: "Connect" if peer.active else "Listen",
@@ -53,8 +53,10 @@ BUTTONS: Final = (
         "z",
         lambda peer: "Resume" if peer.stalled else "Stall",
         lambda peer: f"peer {peer.name} {'resume' if peer.stalled else 'stall'}",
+        harms=True,
     ),
 )
+NO_PEER: Final = "no peer in this project; A adds one"
 NEED_A_CONNECTION: Final = "rh"  # RST and half-close
 SILENCE: Final = Button(
     "l",

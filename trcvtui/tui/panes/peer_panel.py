@@ -18,7 +18,17 @@ from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.talks import TalkList
-from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
+from trcvtui.tui.peer_commands import (
+    CHECK,
+    EVERY_SPLIT,
+    FAULT,
+    NO_PEER,
+    SEND,
+    UDT,
+    Button,
+    buttons_for,
+    receiver_for,
+)
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
@@ -391,8 +401,12 @@ class PeerPanel(Vertical):
     def _nobody(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
         if not self._view_model.peer:
-            self._actions.complain("no peer in this project; A adds one")
+            self._actions.complain(NO_PEER)
         return not self._view_model.peer
+
+    @property
+    def has_peers(self) -> bool:
+        return bool(self._view_model.project.peers)
 
     def takes_from_afar(self, letter: str) -> bool:
         """Return whether a key of this pane means one thing from everywhere, and no harm."""

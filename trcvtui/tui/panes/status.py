@@ -308,7 +308,7 @@ class StatusCard(LineView):
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         is_error = shown.outputs.error
         # The cause of an ERROR comes first; else what is proven, then what is waited for.
-        reasons = (told.why, *told.causes) if is_error else (*told.causes, told.why)
+        reasons = tuple(dict.fromkeys((told.why, *told.causes) if is_error else (*told.causes, told.why)))
         style = "warn" if shown.cause.injected else ""
         rows += self._paragraph("why", reasons, style or ("strong" if told.causes or is_error else ""), style)
         rows += self._paragraph("note", self._expected(shown), "dim")

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from rich.color import Color
+from textual import events
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
@@ -300,3 +301,15 @@ def lamp_colour(looker: Looker) -> Color | None:
     segments = [each for each in strip if "B■" in each.text]
     assert len(segments) == 1 and segments[0].style is not None
     return segments[0].style.color
+
+
+async def test_news_of_a_focus_that_has_gone_on_opens_no_pane() -> None:
+    """A key may come before the screen hears of the focus that the key before it has moved."""
+    async with looking(SMALL) as looker:
+        await looker.press("7")
+        former = looker.app.focused
+        await looker.press("3")
+        assert former is not None and looker.app.focused is not former
+        looker.app.main.post_message(events.DescendantFocus(former))
+        await looker.settle()
+        assert looker.app.main.status.region.height > 0 and looker.app.main.peer.region.height == 0

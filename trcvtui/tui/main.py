@@ -372,7 +372,9 @@ class MainScreen(FullScreen[None]):
         self.received.job.show_link(job)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Open the pane that got the focus, and name its keys."""
+        """Open the pane that got the focus, and name its keys; one that has lost it again stays closed."""
+        if event.widget is not self.focused:
+            return
         for digit, pane in self._panes().items():
             if pane in event.widget.ancestors_with_self:
                 self._open(digit)

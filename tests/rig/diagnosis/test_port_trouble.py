@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.net.results import Fault
+from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
@@ -19,7 +20,6 @@ from trcvtui.rig.diagnosis.serial import warnings_of
 from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
-from trcvtui.rig.wording import port_away, port_hint
 
 PROJECT = """
 dialect = "twincat"

@@ -7,11 +7,11 @@ from typing import Protocol
 
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import is_time, shown_by
+from trcvtui.plc.port_hints import port_away
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.peers.peer import Peer
-from trcvtui.rig.wording import port_away
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.literals import format_time

@@ -11,12 +11,13 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.net.serial_line import OVER_TCP
+from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
 from trcvtui.records import dataclass
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.diagnosis.job import DO
-from trcvtui.rig.wording import count, port_away, port_hint
+from trcvtui.rig.wording import count
 
 
 def frame_too_long(e: Evidence) -> str:

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui import __version__
 from trcvtui.capture.journal import (
@@ -27,11 +27,13 @@ from trcvtui.capture.seam import SeamRecorder
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, unnamed
 from trcvtui.rig import clock
-from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.recording.files import RecordTo, Sink
 from trcvtui.rig.wording import size_text
 
 if TYPE_CHECKING:
+    from trcvtui.plc.containment import Containment
+    from trcvtui.plc.runtime import Runtime
+    from trcvtui.project.project import Project
     from trcvtui.rig.recording.black_box import BlackBox
 
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
@@ -39,6 +41,23 @@ LOOK_NS: Final = 5_000_000_000  # in so long
 MOST_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
 AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
 TLS: Final = "trcvtui.net.layers.tls"
+
+
+class RecordedBench(Protocol):
+    """What is recorded: the bench of `trcvtui.bench`, as far as a recorder asks it."""
+
+    kernel_name: str
+    reports: Path | None  # where reports of internal errors go
+
+    @property
+    def now(self) -> int: ...
+    @property
+    def project(self) -> Project: ...
+    @property
+    def runtime(self) -> Runtime: ...
+    @property
+    def containment(self) -> Containment: ...
+    def tell_outputs(self) -> None: ...
 
 
 class RunRecorder:
@@ -82,7 +101,7 @@ class RunRecorder:
             self._opened.callback(log_keys, "")
         return self
 
-    def begin(self, bench: Bench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
+    def begin(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
         """Tell what the run begins with; time 0 of a live run is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
         if self.file.name:
@@ -114,7 +133,7 @@ class RunRecorder:
             self.seam.clock = clock.now_ns
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
 
-    def gap(self, bench: Bench) -> None:
+    def gap(self, bench: RecordedBench) -> None:
         """Take outputs that the scan has changed, once a second what stacks say; hand all to the sink."""
         if self.box is None:
             self._take(bench)
@@ -132,7 +151,7 @@ class RunRecorder:
             self._time_of = clock.used_ns if is_costly else clock.now_ns
             self._spent, self._looked_at = 0, now
 
-    def _take(self, bench: Bench) -> None:
+    def _take(self, bench: RecordedBench) -> None:
         bench.tell_outputs()
         if bench.now >= self._sample_at:
             bench.containment.serve(("reader", "samples"), bench.runtime.sample)

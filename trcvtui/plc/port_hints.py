@@ -1,0 +1,52 @@
+"""Why the serial port of a ComBuffer is not there, and what to do about it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.plc.snapshot import ComBufferSnapshot
+
+# Rule: what to do goes by the errno; where the table has none, the system's own words are told.
+
+RIGHTS: Final = (
+    "this user may not open it; on Linux its group may, most often dialout (`ls -l` of the port shows it): "
+    "sudo usermod -aG dialout $USER, then log in again"
+)
+GONE: Final = "the device is gone, or what is connected to the port: is the cable plugged in?"
+USED: Final = "another program has it open"
+HINTS: Final = {
+    "EACCES": RIGHTS,
+    "EPERM": RIGHTS,
+    "ENOENT": "there is no such device: is it plugged in, and is this its name?",
+    "ENODEV": GONE,
+    "ENXIO": GONE,
+    "EIO": GONE,
+    "EBUSY": USED,
+    "EAGAIN": USED,
+    "ENOTTY": "that is no serial port",
+    "EINPROGRESS": "nobody has answered yet",
+    "ECONNREFUSED": "the host is there, but nobody listens on that TCP port",
+    "ECONNRESET": "the far end has reset the connection",
+    "EHOSTUNREACH": "no way leads to the host: address, network, cable?",
+    "ENETUNREACH": "no way leads to the host: address, network, cable?",
+    "ETIMEDOUT": "nobody answers there: is the host on, and does it speak this protocol?",
+    "EAI_NONAME": "nobody knows a host of that name",
+    "EAI_AGAIN": "no name server answers",
+    "EOF": "the far end has closed the connection",
+}
+
+
+def port_away(buffer: ComBufferSnapshot | None) -> str:
+    """Return which port is not there and which call said so, "" where nothing is known to be wrong."""
+    if buffer is None or buffer.is_up or buffer.fault is None:
+        return ""
+    fault = buffer.fault
+    injected = "injected fault: " if fault.injected else ""
+    return f"{injected}port {buffer.port} of {buffer.name} is not there: {fault.call} gave {fault.error}"
+
+
+def port_hint(buffer: ComBufferSnapshot | None) -> str:
+    """Return what to do about it."""
+    if buffer is None or buffer.is_up or buffer.fault is None:
+        return ""
+    return HINTS.get(buffer.fault.error) or buffer.fault.words

@@ -49,18 +49,18 @@ scenarios: $(READY)
 ROUNDS ?= 20
 CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml)
 LIVE   := test_a_scenario_holds_on_real_sockets_with_the_same_status_walk_for_the_same_causes
-RECORD := tests/rig/test_record_command.py::test_
-TESTS  ?= tests/e2e/test_tap_screen.py tests/rig/test_black_box.py tests/tui/fleet/test_fleet_screen.py \
+RECORD := tests/recording/test_record_command.py::test_
+TESTS  ?= tests/e2e/test_tap_screen.py tests/recording/test_black_box.py tests/tui/fleet/test_fleet_screen.py \
           tests/properties/test_killed_runs.py $(RECORD)a_run_that_is_killed_leaves_a_file_that_opens \
           $(RECORD)record_ends_cleanly_when_all_its_programs_are_told_to \
-          $(CUT:configs/scenarios/baosky/%.toml='tests/rig/test_golden_traces.py::$(LIVE)[%]')
+          $(CUT:configs/scenarios/baosky/%.toml='tests/scenario/test_golden_traces.py::$(LIVE)[%]')
 stress: $(READY)
 	@$(BIN)/python .ci/stress.py $(ROUNDS) $(TESTS)
 
 # A million random scans on simulated networks: minutes; ten million of self-checking traffic: an hour or two.
 # TRCVTUI_SOAK_SCANS and TRCVTUI_SOAK_TRAFFIC say how many.
 soak: $(READY)
-	TRCVTUI_SOAK=1 TRCVTUI_RANDOM_SCANS=200000 TRCVTUI_SHARED_SCANS=200000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/udt/test_streaming.py tests/capture/test_recording.py tests/rig/test_what_if.py $(ARGS)
+	TRCVTUI_SOAK=1 TRCVTUI_RANDOM_SCANS=200000 TRCVTUI_SHARED_SCANS=200000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/udt/test_streaming.py tests/recording/test_recording.py tests/replay/test_what_if.py $(ARGS)
 	$(BIN)/pytest -n 2 -m hypothesis --hypothesis-profile searching $(ARGS)
 
 # Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred. Then every type
@@ -95,7 +95,7 @@ $(COMPARED): $(READY)
 
 # How often the doctor is right, on captures of others and our own: half a minute, no test.
 doctor-corpus: $(READY)
-	@$(BIN)/python -m tests.rig.diagnosis.corpus
+	@$(BIN)/python -m tests.diagnosis.corpus
 
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py

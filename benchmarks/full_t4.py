@@ -17,8 +17,8 @@ from benchmarks.figures import Effort, Figure, ratios, spread
 from benchmarks.partners import FRAME, Partners, partners
 from benchmarks.scans import Scans, overruns
 from benchmarks.terminal import TRCVTUI, Terminal
-from trcvtui.rig.clock import now_ns
-from trcvtui.rig.engine.engine import TIMING_FILE
+from trcvtui.clock import now_ns
+from trcvtui.engine.engine import TIMING_FILE
 
 CONNECTIONS: Final = 32
 INTERVAL_NS: Final = 10_000_000

@@ -21,10 +21,10 @@ from typing import Final
 
 from benchmarks.figures import FULL, Effort, Figure, against, alternate, ratios, spread
 from benchmarks.plc import ManyReceivers
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
 
 IDLE: Final = 1000
 SCAN_NS: Final = 1_000_000

@@ -19,8 +19,8 @@ from benchmarks.scans import Scans
 from benchmarks.sender import compiled
 from benchmarks.terminal import TRCVTUI, Terminal
 from benchmarks.traffic import project, traffic
-from trcvtui.rig.clock import now_ns
-from trcvtui.rig.engine.engine import TIMING_FILE
+from trcvtui.clock import now_ns
+from trcvtui.engine.engine import TIMING_FILE
 
 INSTANCES: Final = 64
 CONNECTIONS: Final = 32  # a T4 has no more: two instances share each CONNECT

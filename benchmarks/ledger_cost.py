@@ -11,10 +11,10 @@ from typing import Final
 
 from benchmarks.figures import Effort, Figure, against, alternate, ratios, spread
 from benchmarks.replayed import recorded
-from trcvtui.capture.journal import blocks, entries_of
-from trcvtui.capture.recording import Recording, RecordingWriter
 from trcvtui.net.events import BytesReceived
 from trcvtui.plc.ledger import Ledger
+from trcvtui.recording.journal import blocks, entries_of
+from trcvtui.recording.recording import Recording, RecordingWriter
 
 EVENTS: Final = 20_000
 

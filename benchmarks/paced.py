@@ -12,16 +12,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from trcvtui.clock import now_ns
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import TIMING_FILE, Engine
 from trcvtui.files import noting_reads
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.recorder import recorder_of
 from trcvtui.records import replace
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.clock import now_ns
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import TIMING_FILE, Engine
-from trcvtui.rig.recording.files import RecordTo
-from trcvtui.rig.recording.recorder import recorder_of
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400

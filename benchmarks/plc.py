@@ -6,6 +6,7 @@ import socket
 from pathlib import Path
 from typing import Final
 
+from trcvtui import clock
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Accepted, Handle
@@ -15,7 +16,6 @@ from trcvtui.plc.commands import SetInput
 from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.file import read_project
-from trcvtui.rig import clock
 
 SET_UP_SCANS: Final = 8
 AN_ADDRESS: Final = 4000  # CONNECTs: with more, the kernel searches long for a free port

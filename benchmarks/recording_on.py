@@ -12,11 +12,11 @@ from benchmarks.figures import Effort, Figure, against, alternate, percentile, r
 from benchmarks.paced import PacedEngine
 from benchmarks.scans import Scans
 from benchmarks.traffic import project, traffic
-from trcvtui.capture.journal import STEP, Answered, RunBegins
-from trcvtui.capture.recording import Recording
-from trcvtui.rig import clock
-from trcvtui.rig.recording.files import RecordTo
-from trcvtui.rig.recording.writer import WriterProcess
+from trcvtui import clock
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.journal import STEP, Answered, RunBegins
+from trcvtui.recording.recording import Recording
+from trcvtui.recording.writer import WriterProcess
 
 INSTANCES: Final = 64
 MESSAGE: Final = 1024

@@ -17,16 +17,16 @@ from time import process_time
 from typing import Final
 
 from benchmarks.figures import Effort, Figure, against, alternate, ratios, spread
-from trcvtui.capture.recording import Recording
-from trcvtui.rig import clock
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.recording.files import RecordTo
-from trcvtui.rig.replay.command import check
-from trcvtui.rig.replay.driver import SLICE_NS
-from trcvtui.rig.replay.follower import Followed
-from trcvtui.rig.replay.run_again import RunAgain
-from trcvtui.rig.replay.time_line import TimeLine
-from trcvtui.rig.scenario.command import run_files
+from trcvtui import clock
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.recording import Recording
+from trcvtui.replay.command import check
+from trcvtui.replay.driver import SLICE_NS
+from trcvtui.replay.follower import Followed
+from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.time_line import TimeLine
+from trcvtui.scenario.command import run_files
 
 SCANS: Final = 12_000  # and some more, until all are connected
 INSTANCES: Final = 8

@@ -23,7 +23,7 @@ FULL_SCREEN: Final = ("Instances", "TRCV_C_1", "RCVD_LEN", "16#70", "Received", 
 EMPTY_SCREEN: Final = ("ready",)
 EMPTY_APP: Final = (sys.executable, str(HERE / "empty_app.py"))
 PYTHON: Final = (sys.executable, "-c", "pass")
-TYPES: Final = str(SOURCE / "rig" / "telegram.st")
+TYPES: Final = str(SOURCE / "demo" / "telegram.st")
 SCENARIO: Final = HERE.parent / "configs" / "scenarios" / "baosky"
 COMMANDS: Final = (
     ("status", ("status", "7006")),

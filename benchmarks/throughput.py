@@ -16,7 +16,7 @@ from typing import Final
 from benchmarks.figures import Effort, Figure, Pairs, alternate, ratios, spread
 from benchmarks.plc import ManyReceivers
 from benchmarks.sender import sending
-from trcvtui.rig.clock import now_ns, used_ns
+from trcvtui.clock import now_ns, used_ns
 
 CASES: Final = ((1, 65536), (16, 65536), (64, 65536), (256, 65536), (64, 256))
 SLICE_NS: Final = 120_000_000

@@ -24,7 +24,7 @@ def watch(file: TextIO) -> None:
 
 
 if __name__ == "__main__":
-    from trcvtui.cli import main
+    from trcvtui.cli.main import main
 
     with open(sys.argv.pop(1), "w", buffering=1) as file:
         watch(file)

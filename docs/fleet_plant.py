@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Final, cast
 
+from trcvtui import clock
 from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, News, Subscribed
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
@@ -19,7 +20,6 @@ from trcvtui.fleet.topics import (
     StatusMessage,
     Topic,
 )
-from trcvtui.rig import clock
 from trcvtui.tui.fleet import app as fleet_app
 
 NOW: Final = 1_795_446_000.0

@@ -17,10 +17,10 @@ from typing import Final, NamedTuple
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from trcvtui.rig import demo_path
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.paths import demo_path
+from trcvtui.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings

@@ -8,7 +8,7 @@ from typing import Final
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.dialects.status_report import as_page, explain, with_scenarios
-from trcvtui.rig.scenario.scenario_index import scenarios_of
+from trcvtui.scenario.scenario_index import scenarios_of
 
 HERE: Final = Path(__file__).parent
 

@@ -22,9 +22,7 @@ def modules_after(statement: str) -> set[str]:
 
 
 def test_the_headless_half_loads_no_screen_library() -> None:
-    loaded = modules_after(
-        "import trcvtui.rig.scenario.command, trcvtui.rig.engine.driver, trcvtui.rig.engine.engine"
-    )
+    loaded = modules_after("import trcvtui.scenario.command, trcvtui.engine.driver, trcvtui.engine.engine")
     assert not {name for name in loaded if name.split(".")[0] in ("textual", "rich")}
     assert not {name for name in loaded if name.startswith("trcvtui.tui")}
 
@@ -52,7 +50,7 @@ def test_no_status_number_stands_outside_the_dialects() -> None:
 
 def test_every_file_that_the_pages_for_contributors_name_is_there() -> None:
     named = re.compile(
-        r"`((?:trcvtui/)?(?:net|udt|blocks|plc|project|rig|tui|dialects|tests|docs)/[\w./-]+)`"
+        r"`((?:trcvtui/)?(?:bench|blocks|capture|cli|commands|diagnosis|dialects|docs|engine|fleet|history|line|net|plc|project|recording|replay|report|scenario|tests|tui|udt)/[\w./-]+)`"
     )
     missing = [
         f"{page}: {name}"
@@ -90,11 +88,11 @@ def test_no_two_classes_have_one_name() -> None:
 
 
 def test_a_second_class_of_a_name_is_told_with_both_places_and_what_to_do(tmp_path: Path) -> None:
-    for folder, line in (("net", "class Loss: ..."), ("rig", "\nif True:\n    class Loss: ...")):
+    for folder, line in (("net", "class Loss: ..."), ("plc", "\nif True:\n    class Loss: ...")):
         (tmp_path / "house" / folder).mkdir(parents=True)
         (tmp_path / "house" / folder / "facts.py").write_text(line)
     assert advice_for_names(classes_named_twice(tmp_path / "house")) == [
-        "class Loss stands at house/net/facts.py:1 and at house/rig/facts.py:3: "
+        "class Loss stands at house/net/facts.py:1 and at house/plc/facts.py:3: "
         "give the narrower one a name that tells it apart"
     ]
 

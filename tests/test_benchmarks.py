@@ -16,8 +16,8 @@ from benchmarks.partners import FRAME, Conversation
 from benchmarks.report import UNSAID, line, markdown
 from benchmarks.scans import Scan, Scans, overruns
 from benchmarks.targets import TARGETS, Aim, Target, aim_of
-from trcvtui.rig import clock
-from trcvtui.rig.engine.timing import Punctuality
+from trcvtui import clock
+from trcvtui.engine.timing import Punctuality
 
 
 def test_a_ratio_is_taken_pair_by_pair_and_not_of_the_sums() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui import files
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.files import close_files, open_files, read_bytes, refuse_input, replacing, write_file
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui import __version__
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.paths import configs_path

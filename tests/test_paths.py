@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.paths import configs_path, given_path
 

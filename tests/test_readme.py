@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
@@ -54,7 +54,7 @@ def test_every_picture_and_page_that_a_page_links_is_there(page: str) -> None:
 
 
 def test_every_project_that_is_opened_in_the_readme_and_the_stories_opens() -> None:
-    from trcvtui.rig.scenario.scenario import load_bench
+    from trcvtui.scenario.scenario import load_bench
 
     projects = re.findall(r"trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
     assert len(projects) == 5

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.cli import COMMANDS, main
+from trcvtui.cli.main import COMMANDS, main
 from trcvtui.dialects import DIALECTS
 
 ROOT = Path(__file__).parents[1]

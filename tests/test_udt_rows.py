@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
-from tests.test_cli import run
+from tests.cli.test_cli import run
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.conftest import own_folders as own_folders  # yanks go there
 from tests.tui.lab.test_lab_screen import lab, project
 from trcvtui.project.file import load_project

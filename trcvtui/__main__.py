@@ -1,6 +1,6 @@
 """`python -m trcvtui`: the command line."""
 
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -14,7 +14,7 @@ CONFIGS: Final = "configs"
 
 
 def demo_path() -> Path:
-    return Path(__file__).parent / "rig" / "demo.toml"
+    return Path(__file__).parent / "demo" / "demo.toml"
 
 
 def configs_path() -> Path:

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from tests.blocks.framing_vectors import VECTORS, Vector
-from tests.rig.scenarios import failures, play
+from tests.scenario.scenarios import failures, play
+from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped
-from trcvtui.cli import main
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.scenario.runner import Runner, VirtualPace
-from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.cli.main import main
+from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.scenario import load_scenario
 
 MS = 1_000_000
 OFTEN = ("V03", "V17", "V20", "V26")

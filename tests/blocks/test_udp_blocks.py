@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import RunScans
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.commands.words import RunScans
-from trcvtui.rig.scenario.runner import Runner, VirtualPace
-from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.scenario.runner import Runner, VirtualPace
+from trcvtui.scenario.scenario import load_scenario
 
 UDP_SCENARIOS = sorted(CONFIGS.glob("scenarios/*/udp-*.toml"))
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from tests.blocks.test_udp_blocks import Desk
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError
 from trcvtui.net.events import ConnectionChanged
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.st_call import st_call
+from trcvtui.project.st_call import st_call
 
 FILE = CONFIGS / "s7-udp-connect.toml"
 BENCH = FILE.read_text()

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import (
+from tests.recording.wire import (
     ACK,
     FIN,
     NS,
@@ -37,7 +37,7 @@ from trcvtui.capture.packets import MOST_FRAGMENTED, NotRead
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import guess_plc, parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 
 

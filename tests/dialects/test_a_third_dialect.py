@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from tests.dialects.nordwind import NORDWIND
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.dialects import DIALECTS
-from trcvtui.rig.scenario.race import race_file, summary
+from trcvtui.scenario.race import race_file, summary
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"
 
@@ -130,7 +130,7 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # formats of a vendor's tool: none of them says what a block does.
 ALLOWED = {
     "capture/plc_end.py": {"Siemens"},  # whose network card it is
-    "rig/engine/project_edits.py": {"baosky"},  # what a new project is proposed
+    "engine/project_edits.py": {"baosky"},  # what a new project is proposed
     "udt/cli_input.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
     "udt/command.py": {": a Siemens source, laid out as "},
     "udt/sources/__init__.py": {"Siemens Openness"},

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.terminal import need
+from trcvtui.bench.bench import Bench
 from trcvtui.plc import commands
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.scenario.command import LivePace
+from trcvtui.scenario.command import LivePace
 
 FRAME = 4000
 MOST_SCANS = 3000

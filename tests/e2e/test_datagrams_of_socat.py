@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.terminal import need
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.bench import Bench
 from trcvtui.plc import commands
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.scenario.command import LivePace
+from trcvtui.scenario.command import LivePace
 
 MOST_SCANS = 500
 

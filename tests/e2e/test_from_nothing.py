@@ -12,8 +12,8 @@ import pytest
 
 from tests.e2e.terminal import TRCVTUI, Terminal
 from trcvtui.dialects import DIALECTS
+from trcvtui.engine.project_edits import is_wanting, offer
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.project_edits import is_wanting, offer
 
 MOST_KEYS = 12
 PORT = re.compile(r"127\.0\.0\.1:(\d+)")

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import answer, capture, handshake, tcp
 from tests.e2e.terminal import LOOK_S, PATIENCE_S, TRCVTUI, Terminal, need
 from tests.e2e.test_tap_screen import _below
-from tests.rig.scenarios import CONFIGS
+from tests.recording.wire import answer, capture, handshake, tcp
+from tests.scenario.scenarios import CONFIGS
 
 PASSIVE = CONFIGS / "passive.toml"
 

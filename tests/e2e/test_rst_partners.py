@@ -21,13 +21,13 @@ from typing import Any, TypeVar
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
+from tests.diagnosis.truth.live_plc import LivePlc
 from tests.e2e.tapping import PATIENCE, reset
-from tests.rig.truth.live_plc import LivePlc
-from trcvtui.cli import main
+from trcvtui.bench.bench import Bench
+from trcvtui.cli.main import main
 from trcvtui.net.os.forwarder import Forwarder
 from trcvtui.net.tap import route_of
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
 
 pytestmark = pytest.mark.live
 T = TypeVar("T")

@@ -12,11 +12,11 @@ import pytest
 from tests.e2e.terminal import need
 from trcvtui.blocks.environment import FrameEnded
 from trcvtui.blocks.framing import Ending
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.scenario.command import LivePace
+from trcvtui.scenario.command import LivePace
 
 pytest.importorskip("serial")
 MOST_SCANS = 500

@@ -21,10 +21,10 @@ from aiohttp import ClientSession, WSServerHandshakeError
 from aiohttp.web import AppRunner, SockSite
 
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
-from trcvtui.cli import main
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.snapshots import Answer
+from trcvtui.cli.main import main
+from trcvtui.commands.snapshots import Answer
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.tui.served import (
     MOST_SCREENS,
     Entrance,

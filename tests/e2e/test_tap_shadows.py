@@ -16,10 +16,10 @@ import pytest
 
 from tests.e2e.tapping import Tap, calling, end_of, exactly, joined, listening
 from tests.e2e.test_tap_recording import children_of
-from tests.rig.watch.test_without_connection import SERIAL
+from tests.line.test_without_connection import SERIAL
+from trcvtui.bench.bench import Bench
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.scenario.command import LivePace
+from trcvtui.scenario.command import LivePace
 
 pytestmark = pytest.mark.live
 

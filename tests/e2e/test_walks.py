@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.terminal import TRCVTUI, Terminal
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 
 PASSIVE = CONFIGS / "passive.toml"
 Opener = Callable[..., Terminal]

@@ -13,19 +13,19 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.test_cli import ENVIRONMENT
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
-from tests.test_cli import ENVIRONMENT
 from tests.waiting import until
-from trcvtui.cli import main
+from trcvtui.cli.main import main
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.publisher import EVENT, FIGURES, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
 PROJECT = ROOT / "configs" / "active.toml"

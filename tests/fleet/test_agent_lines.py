@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from tests.waiting import until
-from trcvtui.cli import main
+from trcvtui.cli.main import main
+from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.fleet.lines import SeenBench
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_bench
-from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.rig.tap.command import SERVES
-from trcvtui.rig.tap.screen import TapDriver
-from trcvtui.rig.watch.live_screen import CaptureDriver
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.line.live_screen import CaptureDriver
+from trcvtui.line.tap_command import SERVES
+from trcvtui.line.tap_screen import TapDriver
+from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
 LINE = """

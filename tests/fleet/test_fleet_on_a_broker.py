@@ -11,6 +11,7 @@ import pytest
 from tests.fleet.fakes import status
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
+from trcvtui import clock
 from trcvtui.fleet import publisher, reader
 from trcvtui.fleet.broker import Broker, BrokerConnection, Will
 from trcvtui.fleet.lines import SeenInstance
@@ -18,7 +19,6 @@ from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.reader import FleetReader, topics_of
 from trcvtui.fleet.seen_fleet import FleetLine, SeenFleet
 from trcvtui.fleet.topics import StateMessage, Topic
-from trcvtui.rig import clock
 
 pytestmark = [needs_mosquitto, pytest.mark.live, pytest.mark.slow]
 SECOND = 1_000_000_000

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import reader, seen_fleet
 from trcvtui.fleet.broker import (

@@ -10,14 +10,14 @@ import pytest
 
 import trcvtui.net.layers.iso_on_tcp as cotp
 from tests.certificates import NEEDS_OPENSSL
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, Work
 from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES, Code, Connect, Data, encode
 from trcvtui.net.layers.tls import Tls
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 GOOD = 8
 SCANS = 120

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.rig.scenarios import Played, failures, play
+from tests.scenario.scenarios import Played, failures, play
 
 T4: Final = 32
 STATIC: Final = 4

@@ -7,11 +7,11 @@ import socket
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 
 def connected(kernel: str, seconds: int) -> Bench:

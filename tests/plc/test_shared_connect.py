@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 
 def bench_with(*instances: tuple[str, str, str], active: bool = False, **options: str) -> Bench:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.net.events import BytesDropped, ConnectionChanged, What
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 KERNELS = ("sim", "live")
 SIZE = 8

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from trcvtui.bench.bench import Bench
 from trcvtui.plc.call_order import CallOrder
 from trcvtui.plc.commands import SetInput
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
 
 
 def calls(scans: int, *tasks: dict[str, Any]) -> list[tuple[int, str]]:

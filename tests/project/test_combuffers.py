@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.commands.table import parse_line, to_line
 from trcvtui.errors import UserError
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.project.project import ComBufferDecl, Project
-from trcvtui.rig.commands.table import parse_line, to_line
 
 DATA = """
 dialect = "twincat"

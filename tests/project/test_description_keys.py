@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import Add
+from trcvtui.engine.project_edits import save_project
 from trcvtui.project.edit import adding
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.commands.words import Add
-from trcvtui.rig.engine.project_edits import save_project
 
 HEAD = 'dialect = "s7-1500"\n'
 NAMED = 'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "a.b."\nRemotePort = 2000'

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 
+from tests.engine.test_project_save import driven, say
 from tests.properties.drawn_projects import projects
-from tests.rig.test_project_save import driven, say
 from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import UdpConfig

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.connection.description_check import Flaw

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.promises import FramesKept
+from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.commands.table import parse_line
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, Line, PeerSent, StatusEdge
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 INSTANCES = ("A", "B", "C")
 LEVELS = dict.fromkeys(INSTANCES, 1)  # all tasks have the default priority

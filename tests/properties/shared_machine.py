@@ -19,15 +19,15 @@ from tests.properties.promises import (
     check_owners,
 )
 from tests.properties.witness import Witness
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.table import block_row
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import Create, Resize, Write
 from trcvtui.net.kernel import CALLS
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.project.project import InstanceDecl
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.commands.words import Create, Resize, Write
-from trcvtui.rig.peers.peer import Peer
 
 MOST_INSTANCES: Final = 8
 SMALL_WINDOW: Final = 2000  # bytes: as long as no more are on the way, no window of this bench has closed

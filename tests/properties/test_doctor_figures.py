@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.rig.diagnosis.doctor_cases import LATE, Built, faults, healthy, in_noise, in_the_middle, two_faults
-from trcvtui.rig.diagnosis.doctor import DoctorQuestion, judge
+from tests.diagnosis.doctor_cases import LATE, Built, faults, healthy, in_noise, in_the_middle, two_faults
+from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ
 OF_THREE = 0.99 if IS_SOAK else 0.96  # of few captures one is two percent

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from trcvtui import LANE
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.plc.fast_lane import Answer, Lane
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 SIZES: Final = {"A": 8, "B": 5, "C": 24}
 NAMES: Final = tuple(SIZES)

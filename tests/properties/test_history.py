@@ -13,13 +13,13 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
+from trcvtui.history.reader import HistoryReader
+from trcvtui.history.received import JobHistory
+from trcvtui.history.records import HistoryRequest, HistoryWindow, JobSpan
+from trcvtui.history.stream_index import StreamIndex
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.history.reader import HistoryReader
-from trcvtui.rig.history.received import JobHistory
-from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, JobSpan
-from trcvtui.rig.history.stream_index import StreamIndex
 
 DATA = 24
 

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import ACK, PLC, SYN, capture, handshake, tcp
-from tests.rig.scenarios import CONFIGS
-from tests.rig.watch.test_watch import project, stream
-from tests.test_cli import ENVIRONMENT
-from trcvtui.cli import main
+from tests.cli.test_cli import ENVIRONMENT
+from tests.line.test_watch import project, stream
+from tests.recording.wire import ACK, PLC, SYN, capture, handshake, tcp
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.cli.main import main
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ
 FILES = 20_000 if IS_SOAK else 300
@@ -132,7 +132,7 @@ def test_a_flood_of_conversations_stays_in_256_mib(
     file = tmp_path / "flood.pcapng"
     file.write_bytes(capture([*flood()], step_ns=100_000))
     words = [{"FILE": str(file), "OUT": str(tmp_path / "out")}.get(word, word) for word in command]
-    program = "import resource, sys; from trcvtui.cli import main; main(sys.argv[1:]); "
+    program = "import resource, sys; from trcvtui.cli.main import main; main(sys.argv[1:]); "
     program += "sys.stderr.write(f'\\npeak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}')"
     ran = subprocess.run(
         [sys.executable, "-c", program, *words], env=ENVIRONMENT, capture_output=True, text=True, check=False

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_cli import ENVIRONMENT
+from tests.cli.test_cli import ENVIRONMENT
 from tests.waiting import until
-from trcvtui.capture.journal import Answered, RunBegins
-from trcvtui.capture.recording import Recording
+from trcvtui.recording.journal import Answered, RunBegins
+from trcvtui.recording.recording import Recording
 
 KILLS = 200 if os.environ.get("TRCVTUI_SOAK") else 3
 VICTIMS = ("engine", "writer", "both")
@@ -27,9 +27,9 @@ NS_AN_ENTRY = 6_000_000  # of the run: a block is written each second of it
 ENGINE = f"""
 import sys
 from pathlib import Path
-from trcvtui.capture.journal import Answered, RunBegins
-from trcvtui.rig.recording.files import RecordTo
-from trcvtui.rig.recording.writer import WriterProcess
+from trcvtui.recording.journal import Answered, RunBegins
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.writer import WriterProcess
 path = Path(sys.argv[1])
 sink = WriterProcess(path, RecordTo(path))
 sink.take([RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())])

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_cli import ENVIRONMENT
+from tests.cli.test_cli import ENVIRONMENT
 from tests.waiting import until, until_size
-from trcvtui.capture.journal import STEP, Answered, RunBegins
-from trcvtui.capture.recording import Recording
-from trcvtui.rig.replay.command import check
-from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.recording.journal import STEP, Answered, RunBegins
+from trcvtui.recording.recording import Recording
+from trcvtui.replay.command import check
+from trcvtui.replay.run_again import RunAgain
 
 KILLS = 200 if os.environ.get("TRCVTUI_SOAK") else 3
 VICTIMS = ("engine", "writer", "both")

@@ -12,19 +12,19 @@ from operator import attrgetter, itemgetter
 
 import pytest
 
-from tests.rig.history.waveform_runs import LINES, MENDED, RECEIVER, SENDER
-from tests.rig.scenarios import CONFIGS
+from tests.history.waveform_runs import LINES, MENDED, RECEIVER, SENDER
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.commands.table import parse_line
+from trcvtui.engine.controller import Controller
+from trcvtui.history import received
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.history.pin_waveform import Waveform
+from trcvtui.history.records import HistoryRequest
 from trcvtui.plc.ledger import Ledger
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.commands.patterns import ANY, Run, TracePattern, matches, parse_pattern
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.engine.controller import Controller
-from trcvtui.rig.history import received
-from trcvtui.rig.history.pin_waveform import Waveform
-from trcvtui.rig.history.records import HistoryRequest
-from trcvtui.rig.snapshots import EngineTiming
 
 SCANS = 240
 TRAFFIC = "peer P1 send random 8 seed=1", "peer P1 send random 3 seed=2", "pulse TSEND_C_1 REQ"

@@ -12,10 +12,10 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.properties.bench_machine import DOCUMENT, INSTANCES
 from tests.properties.drawn_projects import Document
 from tests.properties.shared_machine import SharedMachine
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.table import parse_line
 from trcvtui.plc.instance import Instance
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 EXAMPLES = 250 if "TRCVTUI_SOAK" in os.environ else 30
 LEAST_SCANS = 5_000

@@ -6,13 +6,13 @@ import random
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach
+from trcvtui.commands.table import parse_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.table import parse_line
 
 SCANS = 250
 PROJECTS = ("s7-pair.toml", "s7-sender.toml", "s7-receiver.toml", "s7-single-active.toml", "s7-udp.toml")

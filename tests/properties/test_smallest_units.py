@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.iso_desk import PASSIVE, Desk
-from tests.rig.scenarios import CONFIGS
-from tests.rig.test_iso_unruly import connect_by_hand
+from tests.bench.iso_desk import PASSIVE, Desk
+from tests.bench.test_iso_unruly import connect_by_hand
+from tests.scenario.scenarios import CONFIGS
 from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Endpoint, Fault

@@ -14,12 +14,12 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from tests.properties.drawn_projects import DATA
 from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
+from trcvtui.bench.bench import Bench
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.timing import Punctuality
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.kernel import CALLS
 from trcvtui.project.file import read_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Controller, fresh_bench
-from trcvtui.rig.engine.timing import Punctuality
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
 EXAMPLES = 150  # of one round; Hypothesis forgets them after it

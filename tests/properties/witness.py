@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tests.properties.byte_model import ByteModel, Ends
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.peers.peer import Peer
+from trcvtui.bench.peers.queues import Inbox
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.peers.peer import Peer
-from trcvtui.rig.peers.queues import Inbox
 
 
 class Ear(Inbox):

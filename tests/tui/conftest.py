@@ -18,7 +18,7 @@ from textual.css.stylesheet import Stylesheet
 from textual.message_pump import MessagePump
 from textual.pilot import Pilot, WaitForScreenTimeout
 
-from trcvtui.rig.scenario import scenario as scenario_files
+from trcvtui.scenario import scenario as scenario_files
 from trcvtui.tui import app, prompt, terminal_app
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.commands.snapshots import Answer, EngineTiming, PeerSnapshot
+from trcvtui.engine.driver import EngineStopped
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.records import replace
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.driver import EngineStopped
-from trcvtui.rig.snapshots import Answer, EngineTiming, PeerSnapshot
 
 HERE = Path(__file__).parent
 MS = 1_000_000

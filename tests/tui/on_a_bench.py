@@ -9,9 +9,9 @@ from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import Controller, fresh_bench
-from trcvtui.rig.snapshots import EngineTiming
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.tui.app import BenchApp
 
 MOST_PAUSES = 500

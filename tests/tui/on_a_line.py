@@ -9,11 +9,11 @@ from contextlib import asynccontextmanager
 from rich.style import Style
 from textual.pilot import Pilot
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import SMALL, follow, screen_text
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 LINE, STREAM = "twincat-line.toml", "twincat-stream.toml"

@@ -12,8 +12,8 @@ import pytest
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
+from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.records import replace
-from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.tui.doctor import DoctorScreen, FindingList
 
 
@@ -111,8 +111,8 @@ async def test_the_card_has_the_findings_of_the_instance_the_surest_first(size: 
 async def test_the_first_line_tells_how_far_it_is_at_every_look(
     size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.AGAIN_NS", 0)
-    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.SHARE", 0)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.AGAIN_NS", 0)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.SHARE", 0)
     judge = Looking(FOUND[2])
     async with card(judge, size) as (newcomer, _screen):
         await newcomer.look(1)
@@ -178,7 +178,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
     )  # fmt: skip
     remarks = seen_finding("idle", "TRCV_C_1", title="Nothing for long " * 9), seen_finding("idle", "OTHER")
     seen = DoctorSnapshot(1, 80, 1, (short,), remarks=remarks, qualities=("3 gaps " * 40, "cut"))
-    monkeypatch.setattr("trcvtui.rig.bench.asked_doctor.found", lambda *_: seen)
+    monkeypatch.setattr("trcvtui.bench.doctor_requests.found", lambda *_: seen)
     async with card(Told(), size) as (newcomer, screen):
         told = read(newcomer)
         assert re.search(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from tests.tui.looking import BOTH, SMALL, WIDE
 from tests.tui.test_bench import Stepped
+from trcvtui.bench.bench import Bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 CONFIGS = Path(__file__).parents[2] / "configs"

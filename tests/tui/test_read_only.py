@@ -9,7 +9,7 @@ import pytest
 
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
-from trcvtui.rig.history import waveform_text as wave_files
+from trcvtui.history import waveform_text as wave_files
 from trcvtui.tui import clipboard_and_files
 from trcvtui.tui import clipboard_and_files as keepsake
 from trcvtui.tui.app import READ_ONLY_LINES

@@ -11,11 +11,11 @@ import pytest
 from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
-from tests.rig.test_time_line import ERRORS, LAST, Stood
+from tests.replay.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.snapshots import Position
+from trcvtui.commands.snapshots import Position
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.replay import ReplayScreen, bar

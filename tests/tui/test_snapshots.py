@@ -20,7 +20,7 @@ from tests.tui.fakes import armed, connecting, picture, received, receiving, sto
 from tests.tui.looking import SMALL, SNAPSHOTS, UPDATE, WIDE, looking, same_as_snapshot
 from tests.tui.tour import HERE, SIZES, STOPS, THEMES, Seen, Size, tour
 from trcvtui.records import replace
-from trcvtui.rig.scenario import scenario as scenario_files
+from trcvtui.scenario import scenario as scenario_files
 
 PULSE = written((880, armed()), (902, received(8)), (903, armed()))
 PANES: Final = SNAPSHOTS / "panes"

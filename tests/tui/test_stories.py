@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.engine.controller import Controller, fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 
 Size = tuple[int, int]

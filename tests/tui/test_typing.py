@@ -18,7 +18,7 @@ from tests.tui.looking import WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
-from trcvtui.rig.scenario.scenario import Found
+from trcvtui.scenario.scenario import Found
 from trcvtui.tui.copy_formats import YankScreen, subject_of
 from trcvtui.tui.doctor import DoctorScreen
 from trcvtui.tui.fleet.app import FleetHelpScreen, FleetScreen

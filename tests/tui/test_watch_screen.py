@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.capture.wire import ACK, FIN, RST, answer, capture, handshake, tcp, udp
-from tests.rig.test_time_line import Stood
-from tests.rig.watch.test_watch import project, stream
+from tests.line.test_watch import project, stream
+from tests.recording.wire import ACK, FIN, RST, answer, capture, handshake, tcp, udp
+from tests.replay.test_time_line import Stood
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_replay_screen import MIDDLE, ReplayLooker, on_a_recording
-from trcvtui.rig.watch.on_screen import _played
+from trcvtui.line.on_screen import _played
 
 HOSTILE = b"[red]\x1b[2J[/]\x07\r\n\x9b31m\xe2\x80\xae[@click=app.quit]x"
 

@@ -19,9 +19,9 @@ from textual.app import App
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings

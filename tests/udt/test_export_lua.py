@@ -14,13 +14,13 @@ import pytest
 from tests.udt.capture_file import write_capture
 from tests.udt.export_types import EVERY_LAYOUT, plant, plant_bytes
 from tests.udt.udt_strategies import layout_of, types_of
-from trcvtui import LANE
+from trcvtui import LANE, clock
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import UserError
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.paths import demo_path
 from trcvtui.project.file import load_project
-from trcvtui.rig import clock, demo_path
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.scenario.command import LivePace
+from trcvtui.scenario.command import LivePace
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out, rules_for

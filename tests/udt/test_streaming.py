@@ -20,7 +20,7 @@ MIB = 1024 * 1024
 LIMITED = """import resource, sys
 most = int(sys.argv.pop(1))
 resource.setrlimit(resource.RLIMIT_AS, (most, most))
-from trcvtui.cli import main
+from trcvtui.cli.main import main
 sys.exit(main(sys.argv[1:]))"""
 # Beside the program's 50 MiB a leaf has 150 bytes: half a million in `make soak`, a quarter of them here.
 POINTS_DECODED, ALLOWED = (MOST_LEAVES // 8, 128) if "TRCVTUI_SOAK" in os.environ else (MOST_LEAVES // 32, 68)

@@ -12,7 +12,8 @@ from shutil import which
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui import __version__, paths
+from trcvtui import __version__, clock, paths
+from trcvtui.engine.driver import EngineDriver, EngineStopped
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
@@ -20,15 +21,13 @@ from trcvtui.fleet.fetch import FetchDesk
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.project import Project, TapDecl
+from trcvtui.recording.files import RecordTo
 from trcvtui.records import dataclass
-from trcvtui.rig import clock
-from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.driver import EngineDriver, EngineStopped
-from trcvtui.rig.recording.files import RecordTo
 
 if TYPE_CHECKING:
-    from trcvtui.rig.tap.command import TapInBackground
+    from trcvtui.line.tap_command import TapInBackground
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -180,7 +179,7 @@ class Agent:
             return self._tap.shadows()
         if not settings.packets:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.rig.watch.live_screen import CaptureDriver
+        from trcvtui.line.live_screen import CaptureDriver
 
         return CaptureDriver(settings.packets, (settings.project, None, None))
 
@@ -191,7 +190,7 @@ class Agent:
             self._pause = FIRST_PAUSE_NS
         why = one_line(str(stopped).strip().rpartition("\n")[2])
         if isinstance(stopped, EngineStopped) and stopped.is_internal:
-            from trcvtui.rig.error_report import write_report
+            from trcvtui.bench.error_report import write_report
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
         say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
@@ -274,7 +273,7 @@ class Agent:
 
 
 def _new_tap(settings: AgentSettings, taps: Sequence[TapDecl]) -> TapInBackground:
-    from trcvtui.rig.tap.command import TapInBackground
+    from trcvtui.line.tap_command import TapInBackground
 
     return TapInBackground(settings.project, taps)
 

@@ -14,10 +14,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+from trcvtui import clock
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import write_file
 from trcvtui.fleet.topics import ROOT, encoded
-from trcvtui.rig import clock
 
 PIECE: Final = 1 << 18  # bytes of the recording in one message
 MOST_FETCHED: Final = 64 << 20

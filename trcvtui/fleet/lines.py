@@ -6,12 +6,12 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage, FiguresMessage, RecentMessage, StatusMessage
+from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
-from trcvtui.rig.bench_update import BenchUpdate
-from trcvtui.rig.scenario.runner import cause_record
-from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
+from trcvtui.scenario.runner import cause_record
 
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600

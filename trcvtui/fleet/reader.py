@@ -12,12 +12,12 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
+from trcvtui import clock
 from trcvtui.errors import UserError
 from trcvtui.fleet.broker import BrokerConnection, Came, Connected, Lost, Subscribed, SubscriptionRefused
 from trcvtui.fleet.fetch import Fetch, request_topic
 from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, Topic, encoded, read, topic_of
-from trcvtui.rig import clock
 
 NS: Final = 1_000_000_000
 AT_ONCE: Final = 8  # subscriptions that the broker has not taken yet

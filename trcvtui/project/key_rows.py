@@ -109,7 +109,7 @@ class Key:
     `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
     `default`: the value where the key is missing. `is_said`: it is written though it is the default.
     `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
-    `is_played`: a recording can answer what another value would have done (capture/partners.py): it decides
+    `is_played`: a recording can answer what another value would have done (replay/partners.py): it decides
     what a PLC does with what comes, not what comes. `help`: one sentence.
     """
 

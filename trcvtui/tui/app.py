@@ -13,11 +13,10 @@ from textual.binding import Binding
 from textual.screen import Screen
 from textual.widget import AwaitMount
 
+from trcvtui.engine.driver import Driver, EngineStopped
 from trcvtui.files import close_files
+from trcvtui.history.bench_update import NEVER_SAVED, lines_again
 from trcvtui.project.project import Project
-from trcvtui.rig.bench_update import NEVER_SAVED, lines_again
-from trcvtui.rig.engine.driver import Driver, EngineStopped
-from trcvtui.rig.wording import count
 from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
@@ -25,6 +24,7 @@ from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.theme import OWN_THEMES
+from trcvtui.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
@@ -213,7 +213,7 @@ class BenchApp(TerminalApp):
     def _refuse(self) -> None:
         text = REFUSED
         if self._is_replay:
-            from trcvtui.rig.snapshots import CANNOT as text
+            from trcvtui.commands.snapshots import CANNOT as text
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:
@@ -232,7 +232,7 @@ class BenchApp(TerminalApp):
         self.last_words = words = str(stopped).strip() or "the engine has ended"
         why = words.splitlines()[-1]
         if stopped.is_internal:
-            from trcvtui.rig.error_report import write_report  # read when first needed
+            from trcvtui.bench.error_report import write_report  # read when first needed
 
             view = self.view_model
             report = write_report(words, view.project, [*view.lines], stopped.folder)
@@ -273,7 +273,7 @@ class BenchApp(TerminalApp):
     # -- scenarios ----------------------------------------------------------------------------------
 
     def _open_scenarios(self) -> None:
-        from trcvtui.rig.scenario.scenario import find_files  # read when first asked for
+        from trcvtui.scenario.scenario import find_files  # read when first asked for
         from trcvtui.tui.scenarios.panes import ScenarioListModel
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 

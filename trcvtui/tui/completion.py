@@ -7,9 +7,9 @@ from typing import Final
 
 from textual.suggester import Suggester
 
+from trcvtui.commands.completion import NextWords, after_framing, after_trigger, nothing
+from trcvtui.commands.table import COMMANDS
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.completion import NextWords, after_framing, after_trigger, nothing
-from trcvtui.rig.commands.table import COMMANDS
 
 
 def complete(line: str, project: Project) -> str | None:

@@ -89,7 +89,7 @@ class Format:
 
 
 def _call(of: Subject) -> str:
-    from trcvtui.rig.st_call import st_text  # read when first asked for
+    from trcvtui.project.st_call import st_text  # read when first asked for
 
     if of.instance is None:
         return ""

@@ -7,13 +7,13 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual.binding import Binding
 
-from trcvtui.rig.bench.asked_doctor import HEALTHY, findings_of
-from trcvtui.rig.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.rig.wording import count
+from trcvtui.bench.doctor_requests import HEALTHY, findings_of
+from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.tui.formatting import cells, clip, moment, pad, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+from trcvtui.wording import count
 
 LABEL: Final = 9
 SURE: Final = 0.85

@@ -11,9 +11,9 @@ from typing import Final
 from rich.cells import cell_len
 
 from trcvtui.errors import one_line
-from trcvtui.rig.wording import IN_SECONDS
-from trcvtui.rig.wording import age as age
-from trcvtui.rig.wording import count as count
+from trcvtui.wording import IN_SECONDS
+from trcvtui.wording import age as age
+from trcvtui.wording import count as count
 
 US: Final = 1_000
 MS: Final = 1_000_000

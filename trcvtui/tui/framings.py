@@ -7,13 +7,13 @@ from typing import ClassVar, Final
 
 from textual.binding import Binding
 
+from trcvtui.commands.table import parse_script
+from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.readings.framing_command import lines_for
+from trcvtui.diagnosis.readings.proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.table import parse_script
-from trcvtui.rig.framing_advice.advice import advise
-from trcvtui.rig.framing_advice.command import lines_for
-from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.tui.formatting import clip, pad, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog

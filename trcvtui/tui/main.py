@@ -460,7 +460,7 @@ class MainScreen(FullScreen[None]):
 
     def action_theirs(self) -> None:
         """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
-        from trcvtui.rig.diagnosis.data_view import own_line, view_line  # read when first asked for
+        from trcvtui.diagnosis.data_view import own_line, view_line  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
         line = "" if decl is None else view_line(decl, offer.choice) if offer else own_line(decl)

@@ -16,9 +16,9 @@ from textual.keys import format_key
 from textual.system_commands import SystemCommandsProvider
 from textual.widget import Widget
 
+from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
 from trcvtui.records import NamedTuple
-from trcvtui.rig import demo_path
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen

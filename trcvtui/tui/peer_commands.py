@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable
 from typing import Final
 
+from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
 from trcvtui.records import dataclass
-from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"

@@ -11,14 +11,14 @@ from textual.binding import Binding
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.rig.snapshots import CANNOT, Position
-from trcvtui.rig.wording import utc_text
+from trcvtui.commands.snapshots import CANNOT, Position
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
 from trcvtui.udt.literals import format_time
+from trcvtui.wording import utc_text
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import EvidencePlace

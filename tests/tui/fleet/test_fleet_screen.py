@@ -14,10 +14,10 @@ from textual.pilot import Pilot
 
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
 from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
+from trcvtui import clock
 from trcvtui.fleet.broker import Broker, Came, Connected, Lost
 from trcvtui.fleet.topics import StatusMessage
 from trcvtui.records import replace
-from trcvtui.rig import clock
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
 from trcvtui.tui.widgets.line_view import Row

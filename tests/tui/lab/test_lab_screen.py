@@ -11,11 +11,11 @@ from typing import cast
 
 from textual.pilot import Pilot
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.lab.lab import DATA, JOB, LabBytes
 from trcvtui.tui.lab.screen import LabScreen

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
+from trcvtui.commands.snapshots import CheckSnapshot, CheckTally, ReplySnapshot
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import PeerSend
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
 from trcvtui.project.project import MessageDecl, SequenceDecl
 from trcvtui.records import replace
-from trcvtui.rig.bench_update import BenchUpdate
-from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.commands.words import PeerSend
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, ReplySnapshot
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of

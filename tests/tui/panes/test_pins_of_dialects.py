@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
+from trcvtui.project.st_call import st_call
 from trcvtui.records import replace
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_scenario
-from trcvtui.rig.st_call import st_call
+from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.forms.description import DescriptionScreen
 

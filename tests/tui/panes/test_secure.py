@@ -11,9 +11,9 @@ import pytest
 from tests.certificates import NEEDS_OPENSSL
 from tests.tui.looking import BOTH
 from tests.tui.panes.test_pins_of_dialects import Bench
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 
 pytestmark = NEEDS_OPENSSL

@@ -6,14 +6,14 @@ import tomllib
 
 import pytest
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import bench_project, connections, peers, picture, receiving
 from tests.tui.looking import BOTH, WIDE, looking
+from trcvtui.bench.bench import Bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import read_project
 from trcvtui.records import replace
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench_update import BenchUpdate
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.panes.function_block import LATE_S
 
 

@@ -265,8 +265,8 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
         await connected(looker)
         jobs = looker.bench.console._received
         stream = jobs._stream("C1")
-        from trcvtui.rig.history.received import ReceivedChunk
-        from trcvtui.rig.history.records import JobSpan, RecvSpan
+        from trcvtui.history.received import ReceivedChunk
+        from trcvtui.history.records import JobSpan, RecvSpan
 
         size = 65_536
         content = random.Random(1).randbytes(size)

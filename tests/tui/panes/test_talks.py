@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from tests.capture.wire import NS, PARTNER, PLC
+from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind, WireDirection
+from trcvtui.commands.snapshots import ARMED_TAP, TAP, TalkSnapshot
+from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.line.conversations import SECONDS, Talks
 from trcvtui.records import replace
-from trcvtui.rig.bench_update import BenchUpdate
-from trcvtui.rig.snapshots import ARMED_TAP, TAP, TalkSnapshot
-from trcvtui.rig.watch.talks import SECONDS, Talks
 from trcvtui.tui.prompt import PromptInput
 
 SECOND = 1_000_000_000

@@ -11,11 +11,11 @@ from textual import events
 from textual.app import App
 from textual.pilot import Pilot
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.bench.bench import Bench
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
 from trcvtui.tui.panes.timing import LABEL, Timing
@@ -309,7 +309,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
 
 @pytest.fixture(autouse=True)
 def _files_stay_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.rig.history.waveform_text.target_folder", lambda project: tmp_path)
+    monkeypatch.setattr("trcvtui.history.waveform_text.target_folder", lambda project: tmp_path)
 
 
 async def test_e_asks_for_the_format_and_says_where_the_file_is(tmp_path: Path) -> None:

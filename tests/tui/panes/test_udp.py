@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving
 from tests.tui.looking import BOTH, looking
+from trcvtui.bench.bench import Bench
+from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.plc.snapshot import AddrSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.records import replace
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.tui.completion import complete
 
 

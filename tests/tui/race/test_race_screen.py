@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from tests.rig.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.scenario import scenario as scenario_files
-from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.scenario import scenario as scenario_files
+from trcvtui.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.race.screen import RaceScreen
 

@@ -10,13 +10,13 @@ import pytest
 
 from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.commands.snapshots import Fired
+from trcvtui.diagnosis import advice
+from trcvtui.engine.engine import LocalDriver
 from trcvtui.records import replace
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.diagnosis import advice
-from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.snapshots import Fired
 from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])

@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.looking import BOTH, WIDE
 from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
-from trcvtui.rig.history import waveform_recorder as waves
+from trcvtui.history import waveform_recorder as waves
 
 LARGE = (200, 60)  # pane 8 is in sight
 OTHER = ("set TRCV_C_2 CONT=1 EN_R=1", "run 3")

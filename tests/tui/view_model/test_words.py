@@ -7,7 +7,7 @@ import pytest
 from tests.tui.fakes import MS, SECOND, bench_project, edge
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
-from trcvtui.rig.commands.table import COMMANDS
+from trcvtui.commands.table import COMMANDS
 from trcvtui.tui.completion import complete, verbs
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
 from trcvtui.tui.peer_commands import send_line

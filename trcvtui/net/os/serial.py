@@ -20,8 +20,8 @@ from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, LineErrors, Opening, SerialSettings
 
-# Rule: these are the only threads below the rig: pyserial opens and closes with calls that wait, and a scan
-# must not. They hold nothing but their port.
+# Rule: the only threads below `tui`: pyserial opens and closes with calls that wait, and a scan must
+# not. They hold nothing but their port.
 
 
 class OpenAttempt:

@@ -13,11 +13,11 @@ from textual.containers import Vertical
 from textual.screen import Screen
 from textual.widget import Widget
 
+from trcvtui import clock
 from trcvtui.fleet.broker import Broker, BrokerConnection
 from trcvtui.fleet.fleet_list import GROUPS, Entry, FleetGroup, filtered, grouped
 from trcvtui.fleet.reader import FleetReader, topics_of
 from trcvtui.fleet.seen_fleet import ERROR, OFFLINE, FleetLine, SeenFleet
-from trcvtui.rig import clock
 from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
 from trcvtui.tui.formatting import count, plain

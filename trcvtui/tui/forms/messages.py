@@ -138,7 +138,7 @@ class MemberField(TypedField):
     @property
     def written(self) -> str:
         """Return `path=value` as the payload has it, "" where the field is empty."""
-        from trcvtui.rig.commands.tokens import quoted  # read when first asked for
+        from trcvtui.commands.tokens import quoted  # read when first asked for
 
         text = self.value.strip()
         if not text:
@@ -236,7 +236,7 @@ def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
 
 def _values(text: str, view_model: ViewModel) -> dict[str, str]:
     """Return the members that a payload sets, as it writes them; none where it cannot be read."""
-    from trcvtui.rig.commands.tokens import members_of  # read when first asked for
+    from trcvtui.commands.tokens import members_of  # read when first asked for
 
     try:
         return dict(members_of(text[text.index("{") :].strip(), "form"))

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from textual.binding import Binding
 
-from trcvtui.rig.snapshots import Answer, SplitRow, TrialSnapshot
+from trcvtui.commands.snapshots import Answer, SplitRow, TrialSnapshot
 from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
@@ -163,7 +163,7 @@ class TrialScreen(ListDialog[int]):
 
     def action_yank(self) -> None:
         """Copy the table as text."""
-        from trcvtui.rig.bench.split_test import trial_text  # read when first asked for
+        from trcvtui.bench.split_test import trial_text  # read when first asked for
 
         if self.table.trial is not None:
             self.app.copy_to_clipboard(trial_text(self.table.trial))

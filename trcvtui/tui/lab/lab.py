@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.records import NamedTuple, replace
-from trcvtui.rig.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree, twin_of
 from trcvtui.tui.view_model.view_model import ViewModel

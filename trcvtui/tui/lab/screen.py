@@ -442,7 +442,7 @@ class LabScreen(SideScreen[None]):
 
     def action_data_as_theirs(self) -> None:
         """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
-        from trcvtui.rig.diagnosis.data_view import chosen, view_line
+        from trcvtui.diagnosis.data_view import chosen, view_line
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]
         if self.lab.opened is not None or declared is None:

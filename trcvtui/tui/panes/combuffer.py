@@ -7,11 +7,11 @@ from typing import ClassVar, Final
 
 from textual.binding import Binding
 
+from trcvtui.commands.words import FeedLine
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.records import NamedTuple
-from trcvtui.rig.commands.words import FeedLine
 from trcvtui.tui.formatting import MS, bar, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -262,7 +262,7 @@ class LineFeed(LineView):
     def _hear(self, line: str) -> None:
         if not line.startswith(f"{FEED} "):
             return
-        from trcvtui.rig.commands.table import parse_line  # read when the first line is fed
+        from trcvtui.commands.table import parse_line  # read when the first line is fed
 
         try:
             command = parse_line(line, self._view_model.project, FEED)

@@ -24,7 +24,7 @@ from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import format_time
 
 if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
-    from trcvtui.rig.commands.words import PeerSend
+    from trcvtui.commands.words import PeerSend
 
 PAUSES: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
 FIRST_PAUSE: Final = 20 * MS
@@ -316,10 +316,10 @@ class Composer(Vertical):
             option.set_class(bad_options and bool(option.value.strip()) and self._is_bad(option), "-bad")
 
     def _draw(self, line: str) -> None:
-        from trcvtui.rig.commands.table import (
+        from trcvtui.commands.table import (
             parse_line,
         )  # read at the first line, not before the first screen
-        from trcvtui.rig.commands.words import PeerSend
+        from trcvtui.commands.words import PeerSend
 
         send = parse_line(line, self._view_model.project, "message") if line else None
         if isinstance(send, PeerSend):

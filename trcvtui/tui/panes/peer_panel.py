@@ -12,7 +12,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, PeerSnapshot
+from trcvtui.commands.snapshots import CheckSnapshot, CheckTally, PeerSnapshot
 from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed

@@ -13,10 +13,10 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
+from trcvtui.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
-from trcvtui.rig.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.tui.formatting import bar, clip, moment, plain, wrapped
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts

@@ -201,8 +201,8 @@ def _lamp(edge: StatusEdge) -> str:
 
 
 if TYPE_CHECKING:
-    from trcvtui.rig.diagnosis.advice import Advice
-    from trcvtui.rig.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.advice import Advice
+    from trcvtui.diagnosis.data_view import Offer
 
 LABEL: Final = 7
 MARK: Final = "`"  # around keys and commands: they get the accent colour, and the mark goes
@@ -267,7 +267,7 @@ class StatusCard(LineView):
         """Return what will go wrong with the framing of a block on a ComBuffer."""
         if instance.framer is None or self._view_model.snapshot is None:
             return ()
-        from trcvtui.rig.diagnosis.serial import warnings_of  # read when the first framer is here
+        from trcvtui.diagnosis.serial import warnings_of  # read when the first framer is here
 
         return warnings_of(self._view_model.snapshot, self._view_model.project, instance.name)
 

@@ -13,9 +13,7 @@ from typing import ClassVar, Final, Protocol, TypeVar
 
 from textual import events
 
-from trcvtui.plc.ledger import A_HOLE, A_PACKET
-from trcvtui.records import NamedTuple
-from trcvtui.rig.history.records import (
+from trcvtui.history.records import (
     END,
     MOST_WINDOW,
     HistoryRequest,
@@ -25,6 +23,8 @@ from trcvtui.rig.history.records import (
     RecvSpan,
     Seek,
 )
+from trcvtui.plc.ledger import A_HOLE, A_PACKET
+from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, moment, plain, short_time
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import (

@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.commands.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
 from trcvtui.records import NamedTuple
-from trcvtui.rig.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
 from trcvtui.tui.formatting import clip, pad, plain, short_time
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

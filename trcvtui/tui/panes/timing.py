@@ -8,10 +8,9 @@ from typing import ClassVar, Final
 
 from textual import events
 
-from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import NamedTuple
-from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
-from trcvtui.rig.history.waveform_text import (
+from trcvtui.commands.snapshots import BESIDE
+from trcvtui.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
+from trcvtui.history.waveform_text import (
     CODES,
     WATCH,
     Mark,
@@ -23,7 +22,8 @@ from trcvtui.rig.history.waveform_text import (
     split_at,
     value_text,
 )
-from trcvtui.rig.snapshots import BESIDE
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -494,7 +494,7 @@ class Timing(LineView):
 
     def write(self, format: str, path: Path | None) -> tuple[Path, int]:
         """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
-        from trcvtui.rig.history.waveform_text import (  # read when asked for
+        from trcvtui.history.waveform_text import (  # read when asked for
             ScanRange,
             free_path,
             target_folder,

@@ -21,9 +21,9 @@ from textual.widget import Widget
 
 from trcvtui.errors import UserError
 from trcvtui.records import replace
-from trcvtui.rig.scenario.race import DIALECT_NAMES, InstanceRace, Race, ScanRow, race_file
-from trcvtui.rig.scenario.recorded_session import marked_scan
-from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.scenario.race import DIALECT_NAMES, InstanceRace, Race, ScanRow, race_file
+from trcvtui.scenario.recorded_session import marked_scan
+from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.race.table import (
@@ -334,7 +334,7 @@ class RaceScreen(SideScreen[None]):
 
     def action_yank(self) -> None:
         """Take the whole race as text."""
-        from trcvtui.rig.scenario.race import race_text  # read when first asked for
+        from trcvtui.scenario.race import race_text  # read when first asked for
         from trcvtui.tui.clipboard_and_files import take
         from trcvtui.tui.copy_formats import Format
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Final
 from textual import events
 from textual.binding import BindingType
 
-from trcvtui.rig.scenario.race import (
+from trcvtui.scenario.race import (
     CALLED,
     DIALECT_NAMES,
     InstanceRace,

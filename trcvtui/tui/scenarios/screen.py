@@ -14,7 +14,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
-from trcvtui.rig.snapshots import PlayerSnapshot
+from trcvtui.commands.snapshots import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, count, plain
 from trcvtui.tui.messages import PaneActions

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from trcvtui.diagnosis.advice import Advice, advice_on, because
+from trcvtui.diagnosis.card import Card, DataBytes
+from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.records import replace
-from trcvtui.rig.diagnosis.advice import Advice, advice_on, because
-from trcvtui.rig.diagnosis.card import Card, DataBytes
-from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.tui.view_model.view_model import ViewModel
 
 if TYPE_CHECKING:
-    from trcvtui.rig.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.data_view import Offer
 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
@@ -44,8 +44,8 @@ class Explainer:
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
             return "", ""
-        from trcvtui.rig.bench.asked_doctor import findings_of  # read when the doctor has looked
-        from trcvtui.rig.diagnosis.cause_words import CAUSES
+        from trcvtui.bench.doctor_requests import findings_of  # read when the doctor has looked
+        from trcvtui.diagnosis.cause_words import CAUSES
 
         for one in findings_of(name, picture.doctor.findings, self._view_model.project):
             remedy = f"{one.mends[0][0]}. " if one.mends else ""
@@ -79,7 +79,7 @@ class Explainer:
         return self._edge[2]
 
     def _explained(self, line: Line, edge: StatusEdge) -> Advice:
-        from trcvtui.rig.history.link_statistics import facts_while  # read when the past is first asked about
+        from trcvtui.history.link_statistics import facts_while  # read when the past is first asked about
 
         project = self._view_model.project
         decl = project.instance(edge.instance)

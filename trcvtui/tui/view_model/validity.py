@@ -11,7 +11,7 @@ PROMPT = "prompt"
 
 def fault_of(line: str, project: Project) -> str:
     """Return what is wrong with a line, "" when it would be taken."""
-    from trcvtui.rig.commands.table import parse_line  # read at the first line, not before the first screen
+    from trcvtui.commands.table import parse_line  # read at the first line, not before the first screen
 
     if line.strip() in SCAN_CONTROL:
         return ""
@@ -26,9 +26,9 @@ def fault_of(line: str, project: Project) -> str:
 
 def said_before(line: str, project: Project) -> str:
     """Return what a line that edits the project would do: what changes, what is made, who begins anew."""
-    from trcvtui.rig.commands.edit import told
-    from trcvtui.rig.commands.table import parse_line  # as above
-    from trcvtui.rig.commands.words import MENDS
+    from trcvtui.commands.edit import told
+    from trcvtui.commands.table import parse_line  # as above
+    from trcvtui.commands.words import MENDS
 
     try:
         command = parse_line(line, project, "prompt")

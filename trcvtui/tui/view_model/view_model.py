@@ -11,16 +11,16 @@ from functools import partial
 from itertools import takewhile
 from typing import Final
 
+from trcvtui.commands.snapshots import BESIDE, Answer, Fired, PeerSnapshot, TalkSnapshot
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.history.pin_waveform import WaveformCache
+from trcvtui.history.records import HistoryRequest, HistoryWindow
+from trcvtui.history.stream_index import StreamIndex
 from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.records import NamedTuple, dataclass
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.history.pin_waveform import WaveformCache
-from trcvtui.rig.history.records import HistoryRequest, HistoryWindow
-from trcvtui.rig.history.stream_index import StreamIndex
-from trcvtui.rig.snapshots import BESIDE, Answer, Fired, PeerSnapshot, TalkSnapshot
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND
@@ -218,7 +218,7 @@ class ViewModel:
             self.answers[0] = Answer(0, "", internal)
 
     def _report(self, error: BaseException) -> ExceptionNote:
-        from trcvtui.rig.error_report import report_of  # read when first needed
+        from trcvtui.bench.error_report import report_of  # read when first needed
 
         return report_of(error, self.project, [*self.lines], None)
 

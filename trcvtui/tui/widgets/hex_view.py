@@ -8,9 +8,9 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.history.records import Before, JobSpan
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.records import NamedTuple
-from trcvtui.rig.history.records import Before, JobSpan
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in

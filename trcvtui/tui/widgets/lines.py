@@ -10,8 +10,8 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui import lane_note
+from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.records import NamedTuple
-from trcvtui.rig.snapshots import ARMED_TAP, TAP
 from trcvtui.tui.formatting import SECOND, clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -1,0 +1,123 @@
+"""`add combuffer`: one more line of a running bench, with the blocks on it, as good as one of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.commands.table import parse_line, to_line
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.errors import UserError
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.project.file import load_project
+
+EMPTY = 'dialect = "twincat"\n'
+
+
+def desk(folder: Path) -> Controller:
+    """Return a console on a project with nothing in it."""
+    file = folder / "empty.toml"
+    file.write_text(EMPTY, encoding="utf-8")
+    return Controller(fresh_bench(load_project(file), "sim"))
+
+
+def do(console: Controller, *lines: str) -> None:
+    """Carry lines out and let one scan pass."""
+    for number, line in enumerate(lines):
+        console.take(number, line)
+    answers = console.picture(UpdateRequest(), EngineTiming(), 0).answers
+    assert [each.error for each in answers] == [""] * len(lines)
+    console.scan()
+
+
+def test_a_line_that_is_added_is_fed_and_read(tmp_path: Path) -> None:
+    console = desk(tmp_path)
+    do(
+        console,
+        "add combuffer RX",
+        "add data rx ARRAY[0..15] OF BYTE",
+        "add instance RD block=ReceiveData RxBuffer=RX data=rx SizeReceiveData=4",
+    )
+    do(console, "feed RX hex 01 02 03 04 05")
+    assert console.bench.runtime.outputs("RD").done
+    assert console.bench.runtime.data("rx", 5) == b"\1\2\3\4\0"
+
+
+def test_a_cable_that_is_added_carries_what_an_added_block_sends(tmp_path: Path) -> None:
+    console = desk(tmp_path)
+    do(
+        console,
+        "add combuffer TX per_cycle=1",
+        "add combuffer RX source=TX",
+        "add instance SB block=SendByte TxBuffer=TX SendByte=65",
+        "add instance RB block=ReceiveByte RxBuffer=RX",
+    )
+    do(console, "pulse SB EN")
+    console.scan()
+    assert console.bench.runtime.outputs("RB").byte == 65
+
+
+def test_a_stream_can_be_added_after_blocks_that_run(tmp_path: Path) -> None:
+    console = desk(tmp_path)
+    do(
+        console,
+        "add connect C1 LocalAddress=127.0.0.1",
+        "add data piece ARRAY[0..7] OF BYTE",
+        "add data out ARRAY[0..7] OF BYTE",
+        "add data text STRING[20]",
+        "add instance T block=TRCV_C connect=C1 data=piece ADHOC=1 CONT=1 EN_R=1",
+        "add instance S block=TSEND_C connect=C1 data=out CONT=1",
+        "add peer P remote=@C1",
+    )
+    do(console, "add combuffer RX source=T", "add combuffer TX line=S")
+    do(console, "add instance SS block=SendString TxBuffer=TX data=text", "write text 'hello there'")
+    for _ in range(5):
+        console.scan()
+    do(console, "peer P connect")
+    do(console, "pulse SS EN", 'peer P send text "hi"')
+    for _ in range(12):
+        console.scan()
+    assert console.bench.peers["P"].has_received(b"hello there")
+    recording = console.bench.runtime.recording("RX")
+    assert (recording.source, [chunk.payload for chunk in recording.chunks]) == ("tcp", [b"hi"])
+
+
+def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
+    console = desk(tmp_path)
+    lines = (
+        "add combuffer RX source=serial port=/dev/ttyUSB0 baud=19200 parity=even stop_bits=2",
+        "add combuffer TX size=500 per_cycle=2 line=RX",
+        "add instance SB block=SendByte TxBuffer=TX task=MAIN SendByte=7",
+    )
+    do(console, *lines, f"save project {tmp_path / 'saved.toml'}")
+    saved = load_project(tmp_path / "saved.toml")
+    assert saved.combuffers == console.bench.project.combuffers
+    assert [buffer.is_written for buffer in saved.combuffers] == [False, True]
+    project = load_project(tmp_path / "empty.toml")
+    command = parse_line(lines[0], project, "w")
+    assert command is not None and to_line(command) == lines[0]
+
+
+MISTAKES = [
+    ("add combuffer", "w: found nothing more, expected a name for the new combuffer"),
+    ("add combuffer RX source=TT", "w: combuffer RX: source: found 'TT', expected one of sim, serial"),
+    (
+        "add combuffer RX source=serial",
+        "w: combuffer RX: port: found nothing, expected the name of a port, such as /dev/ttyUSB0",
+    ),
+    (
+        "add combuffer C9 size=0",
+        "w: combuffer C9: name: found 'C9', the name of another connect, expected a name of its own",
+    ),
+]
+
+
+@pytest.mark.parametrize(("line", "wrong"), MISTAKES, ids=[line for line, _ in MISTAKES])
+def test_a_mistake_is_one_line(tmp_path: Path, line: str, wrong: str) -> None:
+    console = desk(tmp_path)
+    do(console, "add connect C9")
+    with pytest.raises(UserError) as caught:
+        parse_line(line, console.bench.project, "w")
+    assert caught.value.lines()[0] == wrong

@@ -1,0 +1,148 @@
+"""Try every split: on a static job all splits end alike, ad hoc none does; what is in the way is said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.bench.split_test import trial_text
+from trcvtui.commands.snapshots import TrialSnapshot
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.project.file import load_project
+
+TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
+
+
+@pytest.fixture
+def driver() -> Iterator[LocalDriver]:
+    """Return TRCV_C_1 connected with P1 and armed for 8 bytes."""
+    driver = LocalDriver(fresh_bench(load_project(CONFIGS / "passive.toml"), "sim"))
+    say(driver, "set TRCV_C_1 CONT=1 EN_R=1")
+    driver.scan(3)
+    say(driver, "peer P1 connect")
+    driver.scan(3)
+    yield driver
+    driver.close()
+
+
+def picture(driver: LocalDriver) -> BenchUpdate:
+    driver.request(UpdateRequest())
+    found = driver.picture()
+    assert found is not None
+    return found
+
+
+def say(driver: LocalDriver, line: str) -> str:
+    number = driver.submit(line)
+    return next(answer.error for answer in picture(driver).answers if answer.number == number)
+
+
+def tried(driver: LocalDriver) -> TrialSnapshot:
+    trial = picture(driver).trial
+    assert trial is not None
+    return trial
+
+
+def test_on_a_static_job_every_split_ends_as_the_whole_message_does(driver: LocalDriver) -> None:
+    assert say(driver, TRY) == ""
+    driver.scan(80)
+    trial = tried(driver)
+    assert (trial.state, trial.runs, trial.differing) == ("finished", 8, 0)
+    assert trial_text(trial) == (
+        "P1: 8 bytes to TRCV_C_1, every split · all 7 splits end as the whole message does\n"
+        "    whole  same     7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
+        "      1-7  same     7006+ 7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
+    )
+
+
+def test_ad_hoc_takes_each_piece_as_a_frame(driver: LocalDriver) -> None:
+    say(driver, "set TRCV_C_1 EN_R=0")
+    driver.scan(3)
+    say(driver, "set TRCV_C_1 ADHOC=1 EN_R=1")
+    driver.scan(3)
+    say(driver, TRY)
+    driver.scan(80)
+    trial = tried(driver)
+    assert (trial.state, trial.differing) == ("finished", 7)
+    assert [(row.span(), row.done, row.lengths, row.data_equal, row.same) for row in trial.rows[:3]] == [
+        ("whole", 1, "8", True, True),
+        ("1", 2, "1, 7", False, False),
+        ("2", 2, "2, 6", False, False),
+    ]
+    assert len(trial.rows) == 8
+
+
+def test_scans_go_on_while_it_runs_and_it_can_be_cancelled(driver: LocalDriver) -> None:
+    say(driver, TRY)
+    driver.scan(10)
+    assert tried(driver).state == "running"
+    assert "a trial is running" in say(driver, TRY)
+    before = picture(driver).snapshot.scan
+    assert say(driver, "peer P1 try-splits stop") == ""
+    driver.scan(10)
+    trial = tried(driver)
+    assert trial.state == "cancelled" and 0 < trial.runs < 8
+    assert picture(driver).snapshot.scan == before + 10
+    say(driver, "peer P1 try-splits stop")
+    assert picture(driver).trial is None
+
+
+def test_a_held_bench_waits_with_it(driver: LocalDriver) -> None:
+    say(driver, "hold")
+    say(driver, TRY)
+    driver.scan(100)
+    assert tried(driver).runs == 0
+    say(driver, "go")
+    driver.scan(80)
+    assert tried(driver).state == "finished"
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        (["set TRCV_C_1 EN_R=0"], "EN_R of TRCV_C_1 is 0: it receives nothing"),
+        (["peer P1 close"], "P1 is closed, not connected"),
+        (["peer P1 send hex 01 02"], "the job of TRCV_C_1 already holds 2 bytes"),
+    ],
+)
+def test_what_is_in_the_way_is_said(driver: LocalDriver, lines: list[str], problem: str) -> None:
+    for line in lines:
+        say(driver, line)
+    driver.scan(2)
+    say(driver, TRY)
+    driver.scan(300)
+    assert (tried(driver).state, tried(driver).problem) == ("failed", problem)
+
+
+def test_a_message_that_leaves_a_rest_in_the_job_ends_the_trial(driver: LocalDriver) -> None:
+    say(driver, "peer P1 try-splits hex 01 02 03 on TRCV_C_1")
+    driver.scan(300)
+    problem = "after a message of 3 bytes the job of TRCV_C_1 holds 3: it waits for more"
+    assert (tried(driver).runs, tried(driver).problem) == (1, problem)
+
+
+def test_two_frames_in_one_message_are_two_dones_wherever_it_is_cut(driver: LocalDriver) -> None:
+    message = "01 02 03 04 05 06 07 08 11 12 13 14 15 16 17 18"
+    say(driver, f"peer P1 try-splits hex {message} on TRCV_C_1")
+    driver.scan(200)
+    trial = tried(driver)
+    assert (trial.state, trial.runs, trial.differing) == ("finished", 16, 0)
+    assert {row.lengths for row in trial.rows} == {"8×2"}
+    assert {row.data_equal for row in trial.rows} == {False}
+
+
+def test_a_fresh_bench_forgets_the_table(driver: LocalDriver) -> None:
+    say(driver, TRY)
+    driver.scan(80)
+    story = CONFIGS / "scenarios" / "stories" / "every-split.toml"
+    assert say(driver, f"scenario load {story} sim") == ""
+    assert picture(driver).trial is None
+    say(driver, "scenario run")
+    driver.scan(400)
+    trial, player = tried(driver), picture(driver).player
+    assert player is not None and not player.failed and player.finished
+    assert (trial.state, trial.differing) == ("finished", 7)

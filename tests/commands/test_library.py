@@ -1,0 +1,112 @@
+"""Named messages and sequences of a project: as commands, on the wire, and what is wrong with them."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.bench.bench_project import bench_project
+from trcvtui.bench.peers.queues import Outbox
+from trcvtui.commands.counters_and_checksums import filled
+from trcvtui.commands.peer import check_library
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import PeerPlay, PeerSend
+from trcvtui.errors import UserError
+from trcvtui.project.file import read_project
+from trcvtui.project.project import Project
+
+MS = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Return the project of these tests."""
+    return bench_project(tmp_path_factory.mktemp("bench"))
+
+
+def test_a_named_message_is_sent_as_its_text_says(project: Project) -> None:
+    send = parse_line("peer P1 send message hello", project, "w")
+    assert isinstance(send, PeerSend)
+    assert (send.payload, send.split, send.gap_ns) == (b"hello", (2,), 20 * MS)
+
+
+def test_a_message_of_one_peer_is_not_that_of_another(project: Project) -> None:
+    numbered = parse_line("peer P1 send message numbered", project, "w")
+    assert isinstance(numbered, PeerSend) and filled(numbered.payload, numbered.fills, 7) == b"\x01\x00\x07"
+    with pytest.raises(UserError) as caught:
+        parse_line("peer P2 send message numbered", project, "w")
+    assert caught.value.lines() == ["w: found 'numbered', expected hello"]
+
+
+def test_a_sequence_keeps_its_pauses(project: Project) -> None:
+    play = parse_line("peer P1 play start_up", project, "w")
+    assert isinstance(play, PeerPlay)
+    outbox = Outbox()
+    for pause, send in play.steps:
+        outbox.put(send, 0, pause_ns=pause)
+    gone = []
+    for now in range(0, 200 * MS, 10 * MS):
+        while (chunk := outbox.due(now)) is not None:
+            gone.append((now // MS, bytes(chunk)))
+            outbox.taken(len(chunk), now)
+    assert gone == [(0, b"he"), (20, b"llo"), (120, b"\x01\x00\x00")]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("peer P1 send message", "w: found nothing more, expected the name of a message"),
+        ("peer P1 send message helo", "w: found 'helo', expected hello"),
+        ("peer P1 send message hello twice", "w: found 'twice', expected the end of the command"),
+        ("peer P1 play", "w: found nothing more, expected the name of a sequence"),
+        ("peer P1 play startup", "w: found 'startup', expected start_up"),
+    ],
+)
+def test_a_wrong_name_is_one_line(project: Project, line: str, expected: str) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_line(line, project, "w")
+    assert caught.value.lines() == [expected]
+
+
+HEAD = 'dialect = "baosky"\n[[connect]]\nname = "C1"\n[[peer]]\nname = "P1"\nremote = "@C1"\n'
+
+
+def mistakes(folder: Path, text: str) -> list[str]:
+    with pytest.raises(UserError) as caught:
+        check_library(read_project(tomllib.loads(HEAD + text), "b.toml", folder))
+    return caught.value.lines()
+
+
+def test_a_message_that_is_none_is_told_with_its_name(tmp_path: Path) -> None:
+    text = '[[message]]\nname = "m"\ntext = "hex zz"\n'
+    assert mistakes(tmp_path, text) == [
+        "b.toml: message m: hex, position 1: found 'z', expected hex bytes such as 01 02 0A"
+    ]
+
+
+def test_a_sequence_of_an_unknown_message_is_told_with_its_step(tmp_path: Path) -> None:
+    text = '[[message]]\nname = "m"\ntext = "hex 01"\n[[sequence]]\nname = "s"\nsteps = ["m", "mm", "T#x"]\n'
+    assert mistakes(tmp_path, text) == [
+        "b.toml: sequence s: steps #2: found 'mm', expected m, or a pause such as T#100ms",
+        "b.toml: sequence s: steps #3: found 'T#x', expected a duration from T#0s on, such as T#5ms",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('[[message]]\nname = "m"\n', "b.toml: message m: text: found nothing, expected a text in quotes"),
+        (
+            '[[message]]\nname = "m"\ntext = "hex 01"\npeer = "P2"\n',
+            "b.toml: message m: peer: found 'P2', expected P1",
+        ),
+        (
+            '[[message]]\nname = "m"\ntext = "hex 01"\n[[message]]\nname = "m"\ntext = "hex 02"\n',
+            "b.toml: message m: name: found 'm', the name of another message, expected a name of its own",
+        ),
+    ],
+)
+def test_a_table_that_is_none_is_refused_by_the_loader(tmp_path: Path, text: str, expected: str) -> None:
+    assert mistakes(tmp_path, text) == [expected]

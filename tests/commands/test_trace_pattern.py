@@ -1,0 +1,167 @@
+"""The pattern of `expect X trace`: the whole trace, scan by scan."""
+
+from __future__ import annotations
+
+import re
+import time
+from itertools import groupby
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trcvtui.commands.patterns import (
+    ANY,
+    Atom,
+    Run,
+    Scan,
+    TracePattern,
+    collapse,
+    matches,
+    parse_pattern,
+)
+from trcvtui.errors import UserError
+
+
+def trace(text: str) -> list[Run]:
+    """Return runs from words such as `7002` and `80A1!`, each one scan or `{n}` scans."""
+    runs: list[Run] = []
+    for word in text.split():
+        found = re.fullmatch(r"(\w{4})(!?)(?:\{(\d+)\})?", word)
+        assert found
+        runs.append(((int(found[1], 16), bool(found[2])), int(found[3] or 1)))
+    return runs
+
+
+def runs_of(scans: list[Scan]) -> list[Run]:
+    return [(scan, len(list(same))) for scan, same in groupby(scans)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "scans"),
+    [
+        ("0001 7001 7002 80A1! 7002+ 7004 7006+", "0001 7001 7002 80A1! 7002{7} 7004 7006"),
+        ("7006", "7006"),
+        ("7006+", "7006{5}"),
+        ("7006*", ""),
+        ("7006* 7008", "7008"),
+        ("7006{3}", "7006{3}"),
+        ("80C3!+", "80C3!{4}"),
+        ("80C3!{2} 7004", "80C3!{2} 7004"),
+        ("80C3!* 7004", "7004"),
+        ("...", ""),
+        ("...", "0001 7001"),
+        ("0001 ... 7006", "0001 7006"),
+        ("0001 ... 7006", "0001 7001 7002{9} 7004 7006"),
+        ("... 7008 ...", "7006 7008 7006"),
+        ("7002+ 7002", "7002{2}"),
+        ("7002* 7002+ 7002{2}", "7002{3}"),
+        ("16#7002 700a", "7002 700A"),
+        ("... ... 7002 ...", "7002"),
+        ("0000", "0000"),
+    ],
+)
+def test_a_pattern_describes_a_trace(pattern: str, scans: str) -> None:
+    assert matches(parse_pattern(pattern), trace(scans))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "scans"),
+    [
+        ("7006", ""),
+        ("7006", "7006{2}"),
+        ("7006", "7008"),
+        ("7006+", ""),
+        ("7006+", "7006 7008"),
+        ("7006+", "7008 7006"),
+        ("7006{3}", "7006{2}"),
+        ("7006{3}", "7006{4}"),
+        ("80A1", "80A1!"),
+        ("80A1!", "80A1"),
+        ("80A1", "80A0"),
+        ("0001 ... 7006", "0001"),
+        ("... 7008", "7008 7006"),
+        ("7002+ 7002", "7002"),
+        ("7002* 7002+ 7002{2}", "7002{2}"),
+    ],
+)
+def test_a_pattern_refuses_a_trace(pattern: str, scans: str) -> None:
+    assert not matches(parse_pattern(pattern), trace(scans))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("", "no pattern"),
+        ("706", "'706'"),
+        ("70060", "'70060'"),
+        ("7006++", "'7006++'"),
+        ("7006+!", "'7006+!'"),
+        ("7006{}", "'7006{}'"),
+        ("7006 {3}", "'{3}'"),
+        ("..", "'..'"),
+        ("STATUS=7006", "'STATUS=7006'"),
+    ],
+)
+def test_a_wrong_word_is_named(text: str, found: str) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_pattern(text, "t")
+    assert caught.value.lines()[0].startswith(f"t: found {found}, expected ")
+
+
+@pytest.mark.parametrize("text", ["7006{0}", "7006{1000001}"])
+def test_a_count_has_limits(text: str) -> None:
+    with pytest.raises(UserError, match=re.escape(f"t: found '{text}', expected a count from {{1}}")):
+        parse_pattern(text, "t")
+
+
+def test_a_trace_is_told_in_the_notation_of_patterns() -> None:
+    assert collapse(trace("0001 7001 7002{25} 80A1! 7002{3} 80C3!{2}")) == (
+        "0001 7001 7002{25} 80A1! 7002{3} 80C3!{2}"
+    )
+    assert collapse([]) == "no scan"
+
+
+SCANS = st.lists(st.sampled_from([(0x7002, False), (0x7006, False), (0x80A1, True)]), max_size=12)
+ATOMS = st.one_of(
+    st.just(ANY),
+    st.builds(
+        lambda scan, shape: Atom(scan, *shape),
+        st.sampled_from([(0x7002, False), (0x7006, False), (0x80A1, True)]),
+        st.sampled_from([(1, False), (1, True), (0, True), (2, False), (3, False)]),
+    ),
+)
+PATTERNS = st.lists(ATOMS, min_size=1, max_size=6).map(lambda atoms: TracePattern(tuple(atoms)))
+
+
+def as_regex(pattern: TracePattern) -> str:
+    parts = []
+    for atom in pattern.atoms:
+        one = "." if atom.scan is None else chr(atom.scan[0])
+        parts.append(one + f"{{{atom.least},}}" if atom.more else one + f"{{{atom.least}}}")
+    return "".join(parts)
+
+
+@given(PATTERNS, SCANS)
+def test_it_agrees_with_an_anchored_regular_expression(pattern: TracePattern, scans: list[Scan]) -> None:
+    text = "".join(chr(status) for status, _ in scans)
+    assert matches(pattern, runs_of(scans)) == bool(re.fullmatch(as_regex(pattern), text, re.DOTALL))
+
+
+@given(PATTERNS)
+def test_a_pattern_is_read_back_from_its_text(pattern: TracePattern) -> None:
+    assert parse_pattern(str(pattern)) == pattern
+
+
+@given(SCANS.filter(bool))
+def test_a_collapsed_trace_is_a_pattern_of_itself(scans: list[Scan]) -> None:
+    assert matches(parse_pattern(collapse(runs_of(scans))), runs_of(scans))
+
+
+def test_no_pattern_makes_a_long_trace_slow() -> None:
+    scans = trace("7002{100000}")
+    pattern = parse_pattern("... 7002* ... 7002+ " * 10 + "7006")
+    began = time.perf_counter()
+    assert not matches(pattern, scans)
+    # A backtracking matcher would need longer than the universe; this one needs some 0.02 s.
+    assert time.perf_counter() - began < 5

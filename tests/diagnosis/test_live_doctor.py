@@ -1,0 +1,479 @@
+"""The doctor on a bench that runs: causes within 10 s of traffic, the stories' verdicts, answers to lines."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.scenario.scenarios import CONFIGS
+from trcvtui import clock
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.doctor_requests import found
+from trcvtui.cli.main import main
+from trcvtui.commands.table import parse_line
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.files import noting_reads
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.net.serial_line import SimSerialPort
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.recorder import recorder_of
+from trcvtui.recording.worker_process import AnswerOnItsWay, FilesJudge
+from trcvtui.recording.writer import JUDGE_FILES
+from trcvtui.replay.doctor_process import _ToBeJudged, found_in_run
+from trcvtui.replay.driver import SLICE_NS, opened
+from trcvtui.scenario.scenario import load_bench
+
+RECEIVER = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..{last}] OF BYTE"
+[[connect]]
+name = "C1"
+LocalAddress = "127.0.0.1"
+LocalPort = 2000
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+{pins}
+[[peer]]
+name = "P1"
+active = true
+remote = "@C1"
+reconnect = "T#200ms"
+{peer}
+"""
+SENDER = """
+[[data]]
+name = "tx"
+type = "ARRAY[0..{last}] OF BYTE"
+[[connect]]
+name = "C1"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+RemotePort = 2000
+[[instance]]
+name = "S"
+block = "TSEND_C"
+connect = "C1"
+data = "tx"
+CONT = true
+{pins}
+"""
+EIGHT = 'every = "T#100ms"\nsays = ["hex 01 02 03 04 05 06 07 08"]'
+# A length field, and four REALs.
+REALS = """every = "T#200ms"
+says = [
+    "hex 00 10 00 00 A4 41 00 00 A0 3F 00 00 96 43 00 00 00 3F",
+    "hex 00 10 00 00 A8 41 00 00 A0 3F 00 80 96 43 00 00 00 3F",
+    "hex 00 10 00 00 AC 41 00 00 A0 3F 00 00 97 43 00 00 00 3F",
+]"""
+STREAM = (CONFIGS / "twincat-stream.toml").read_text(encoding="utf-8")  # cut at LF
+LISTENER = '[[peer]]\nname = "P1"\nlocal = "127.0.0.1:2000"\n'
+
+
+def received(last: int, peer: str, pins: str = "") -> str:
+    return RECEIVER.format(last=last, peer=peer, pins=pins)
+
+
+def sent(last: int, pins: str = "", peer: str = "") -> str:
+    return 'dialect = "baosky"\n' + SENDER.format(last=last, pins=pins) + peer
+
+
+STORIES = {"four_bytes_short": "frame-short", "byte_order_swapped": "byte-order", "en_r_dropped": "shifted"}
+ISO = """
+dialect = "s7-1500"
+[[data]]
+name = "rx"
+type = "ARRAY[0..7] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+ActiveEstablished = false
+LocalTSelector = "16#E002"
+RemoteTSelector = "16#E001"
+IsoPort = 10200
+[[instance]]
+name = "R"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+iso = true
+active = true
+remote = "@C1"
+reconnect = "T#500ms"
+local_tsap = "16#E001"
+remote_tsap = "16#E077"
+"""
+UDP = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..3] OF BYTE"
+[[udp_config]]
+name = "U1"
+LocalAddress = "127.0.0.1"
+LocalPort = 2000
+[[addr]]
+name = "FROM"
+[[instance]]
+name = "R"
+block = "URECV_C"
+config = "U1"
+addr = "FROM"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+udp = true
+remote = "@U1"
+every = "T#200ms"
+says = ["hex 01 02 03 04 05 06 07 08"]
+"""
+
+
+def each(times: int, *steps: tuple[int, str]) -> list[tuple[int, str]]:
+    """Return the steps, so often."""
+    return list(steps) * times
+
+
+# Cause, project, lines and the scans that pass before each.
+CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
+    ("frame-short", received(11, EIGHT), []),
+    ("frame-long", received(4, EIGHT), []),
+    (
+        "adhoc-missing",
+        received(39, 'every = "T#100ms"\nsays = ["random 7 seed=1", "random 12 seed=2", "random 31 seed=3"]'),
+        [],
+    ),
+    (
+        "adhoc-splits",
+        received(39, 'every = "T#300ms"\nsays = ["random 30 seed=1 split=11 gap=T#30ms"]', "ADHOC = true"),
+        [],
+    ),
+    (
+        "merged",
+        received(
+            99, 'every = "T#300ms"\nsays = ["hex 0201020304", "hex 0201020304 0201020304"]', "ADHOC = true"
+        ),
+        [],
+    ),
+    (
+        "shifted",
+        received(7, EIGHT),
+        [(300, "peer P1 send hex 01 02 03")],
+    ),
+    ("flood", received(3, ""), [(60, "peer P1 send hex 01 02 03 04 repeat=9000 every=T#2ms")]),
+    ("refused", sent(7), []),
+    ("filtered", sent(7), [(0, "link C1 down")]),
+    (
+        "request-too-fast",
+        sent(59999, "", LISTENER).replace("[[data]]", "[options]\nsmall_buffers = true\n[[data]]"),
+        [(50, "peer P1 stall"), *each(9, (9, "pulse S REQ"))],
+    ),
+    (
+        "not-connected-request",
+        sent(7).replace("ActiveEstablished = true", ""),
+        [(50, "pulse S REQ"), (50, "pulse S REQ")],
+    ),
+    (
+        "closes-each-message",
+        received(7, ""),
+        each(20, (30, "peer P1 send hex 01 02 03 04 05 06 07 08"), (5, "peer P1 close")),
+    ),
+    (
+        "reconnect-storm",
+        received(7, ""),
+        each(20, (30, "peer P1 rst")),
+    ),
+    ("resets", received(7, EIGHT), [(300, "peer P1 send hex 01 02 03"), (5, "peer P1 rst")]),
+    (
+        "second-client",
+        received(7, EIGHT) + '[[peer]]\nname = "P2"\nactive = true\nremote = "@C1"\nreconnect = "T#1s"\n',
+        [],
+    ),
+    ("plc-not-reading", received(7, EIGHT), [(300, "set R EN_R=0")]),
+    (
+        "partner-not-reading",
+        sent(59999, "", LISTENER).replace("[[data]]", "[options]\nsmall_buffers = true\n[[data]]"),
+        [(50, "peer P1 stall"), (9, "pulse S REQ")],
+    ),
+    ("dead-link", sent(7, "", LISTENER), [(50, "pulse S REQ"), (50, "link C1 down"), (9, "pulse S REQ")]),
+    ("header", received(15, REALS).replace("ARRAY[0..15] OF BYTE", "ARRAY[0..3] OF REAL"), []),
+    (
+        "framing",
+        STREAM,
+        [
+            (20, "peer P1 connect"),
+            (20, "peer P1 send hex 3132333B"),
+            *each(9, (30, "peer P1 send hex 35363B")),
+        ],
+    ),
+    ("wrong-tsap", ISO, []),
+    ("datagram-size", UDP, []),
+]
+
+
+def after_ten_seconds(
+    text: str, lines: list[tuple[int, str]], folder: Path, scans: int = 1000
+) -> dict[str, Any]:
+    """Return what is found in a run of 10 s on the simulated network."""
+    project_file, file = folder / "p.toml", folder / "run.pcapng"
+    project_file.write_text(text)
+    recorder = recorder_of(RecordTo(file), file, waits=True)
+    with noting_reads(recorder.reads):
+        project = load_bench(project_file)
+    with recorder:
+        bench = fresh_bench(project, "sim", recorder.seam)
+        recorder.begin(bench, project_file, (), is_scenario=False)
+        for wait, line in lines:
+            _pass(bench, recorder, wait)
+            command = parse_line(line, bench.project, "test")
+            assert command is not None and bench.do(command) == ""
+        _pass(bench, recorder, scans - bench.runtime.scans)
+        recorder.close()  # as a box has it: the run goes on
+        bench.close()
+    return found_in_run(str(file))
+
+
+def _pass(bench: Bench, recorder: Any, scans: int) -> None:
+    for _ in range(scans):
+        bench.step()
+        recorder.gap(bench)
+
+
+@pytest.mark.parametrize(("cause", "text", "lines"), CASES, ids=[case[0] for case in CASES])
+def test_ten_seconds_of_traffic_name_the_cause(
+    cause: str, text: str, lines: list[tuple[int, str]], tmp_path: Path
+) -> None:
+    found = after_ten_seconds(text, lines, tmp_path)["findings"]
+    assert [one["cause"] for one in found][:1] == [cause], found
+
+
+def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = count(1)
+    monkeypatch.setattr(SimSerialPort, "line_errors", lambda port: (0, 3 * next(asked), 0, 1))
+    line = (CONFIGS / "twincat-line.toml").read_text(encoding="utf-8")
+    text = line.replace('source = "sim"', 'source = "serial"\nport = "/dev/ttyS0"')
+    found = after_ten_seconds(text, [(100, "feed RX hex 02 41 42")], tmp_path)["findings"]
+    assert [one["cause"] for one in found] == ["line-errors"]
+    assert found[0]["evidence"] == ["27 errors of the line in 3 bytes: parity 27"]
+
+
+def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_path: Path) -> None:
+    peer = '[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\nreconnect = "T#1s"\n'
+    found = after_ten_seconds(sent(7, "", peer), [], tmp_path)["findings"]
+    assert {"refused", "address"} <= {one["cause"] for one in found}
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [(received(7, EIGHT), []), (sent(7, "", LISTENER), [(50, "pulse S REQ")] * 9)],
+    ids=["receives", "sends"],
+)
+def test_a_right_line_has_no_finding(text: str, lines: list[tuple[int, str]], tmp_path: Path) -> None:
+    found = after_ten_seconds(text, lines, tmp_path)
+    assert (found["conversations"], found["findings"]) == (1, [])
+
+
+def test_a_bench_that_runs_is_judged_by_its_pins_of_now(tmp_path: Path) -> None:
+    """Its device sends in pieces: two messages after the remedy it accuses nothing any more."""
+    says = 'every = "T#300ms"\nsays = ["hex 0100 0200 0300 0400 0500 0600 split=5 gap=T#40ms"]'
+    text = received(5, says, "ADHOC = true").replace("OF BYTE", "OF INT")
+    (tmp_path / "before").mkdir()
+    before = after_ten_seconds(text, [], tmp_path / "before", 500)["findings"]
+    assert [one["cause"] for one in before] == ["adhoc-splits"]
+    remedy = str(before[0]["mend"][0]["command"])
+    assert after_ten_seconds(text, [(500, remedy)], tmp_path, 575)["findings"] == []
+
+
+@pytest.mark.parametrize(("story", "cause"), STORIES.items())
+def test_the_first_finding_of_a_story_is_its_verdict(story: str, cause: str, tmp_path: Path) -> None:
+    text = (CONFIGS / "stories" / f"{story}.toml").read_text(encoding="utf-8")
+    found = after_ten_seconds(text.replace('"../types', f'"{CONFIGS}/types'), [], tmp_path)["findings"]
+    assert found[0]["cause"] == cause and found[0]["where"]["instance"] == "TRCV_C_1"
+
+
+def test_the_checkweigher_of_the_readme_is_found_to_pack_its_struct(tmp_path: Path) -> None:
+    text = (CONFIGS / "checkweigher.toml").read_text(encoding="utf-8")
+    report = "peer Device send hex 01 00 00 00 20 40 64 00 00 00"
+    lines = [(10, "set TRCV_C_1 CONT=1 EN_R=1"), (10, "peer Device connect"), *[(50, report)] * 8]
+    found = after_ten_seconds(text.replace('"types', f'"{CONFIGS}/types'), lines, tmp_path)["findings"]
+    assert found[0]["cause"] == "padding"
+
+
+def scenario(folder: Path, *steps: str) -> Path:
+    """Return a scenario on the first story."""
+    path = folder / "asked.toml"
+    lines = "\n".join(steps)
+    path.write_text(
+        f'project = "{CONFIGS}/stories/four_bytes_short.toml"\n[scenario]\nname = "asked"\n'
+        f'steps = """\n{lines}\n"""\n'
+    )
+    return path
+
+
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_scenario_asks_the_doctor(kernel: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenario(
+        tmp_path,
+        "wait TRCV_C_1 STATUS=7006",
+        "run T#1200ms",
+        "doctor TRCV_C_1 frame-short",
+        "doctor C1 healthy",
+    )
+    assert main(["scenario", str(path), "--kernel", kernel]) == 1
+    told = capsys.readouterr().out
+    assert "step 3: doctor TRCV_C_1 frame-short\n        frame-short (70% sure), TRCV_C_1\n" in told
+    assert "[set TRCV_C_1 LEN=20]" in told
+    assert "step 4: doctor C1 healthy\n        found: frame-short, expected healthy\n" in told
+
+
+def test_a_recorded_scenario_that_asks_runs_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, file = scenario(tmp_path, "doctor healthy", "run 9"), tmp_path / "asked.pcapng"
+    assert main(["scenario", str(path), "--record", str(file), "--format", "jsonl"]) == 0
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert last["told"] == [
+        {"step": 1, "line": "doctor healthy", "told": ["healthy: 0 conversations looked at"]}
+    ]
+    assert main(["replay", str(file), "--check"]) == 0
+
+
+def test_what_is_asked_wrongly_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenario", str(scenario(tmp_path, "doctor TRCV_C_1 4"))]) == 2
+    assert "found '4', expected an instance, a CONNECT, a cause such as" in capsys.readouterr().err
+
+
+MOST_LOOKS = 200
+LOOKS = "the doctor looks …"
+
+
+def told_by(ask: Callable[[int], object], picture: Callable[[], BenchUpdate | None], wanted: str) -> str:
+    """Ask the doctor again and again until he tells it; return that."""
+    for number in range(1, MOST_LOOKS):
+        ask(number)
+        while True:
+            seen = picture()
+            told = [each for each in seen.answers if each.told != LOOKS] if seen is not None else []
+            if told:
+                break
+        assert told[0].error == "", told
+        if wanted in told[0].told:
+            return told[0].told
+    raise AssertionError(f"{wanted} was never told")
+
+
+@pytest.mark.parametrize("is_recorded", [False, True], ids=["black box", "--record"])
+def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
+    is_recorded: bool, tmp_path: Path
+) -> None:
+    path, file = tmp_path / "live.toml", tmp_path / "run.pcapng"
+    path.write_text(received(11, EIGHT).replace("LocalPort = 2000", "LocalPort = 0"))
+    driver = EngineDriver(path, "live", record=RecordTo(file) if is_recorded else None)
+    try:
+
+        def picture() -> BenchUpdate | None:
+            driver.request(UpdateRequest())
+            return driver.picture()
+
+        told = told_by(lambda _: driver.submit("doctor R"), picture, "frame-short (95% sure), R")
+        assert "have 8 bytes, a job wants 12" in told
+    finally:
+        driver.close()
+
+
+def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp_path: Path) -> None:
+    file = tmp_path / "run.pcapng"
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    line = opened(file, None)
+
+    def picture() -> BenchUpdate | None:
+        line.work(clock.now_ns() + SLICE_NS)
+        return line.collect(UpdateRequest()).update
+
+    for name, cause in (("R", "frame-short"), ("C1", "frame-short"), ("", "frame-short")):
+        told = told_by(lambda number, name=name: line.take(number, f"doctor {name}"), picture, cause)  # type: ignore[misc]
+        assert told.startswith("frame-short (95% sure), R\n")
+    assert line.controller._doctor.snapshot.looks == 1
+    [scan] = line.survey.findings
+    for number, (asked, there, note) in enumerate(
+        (
+            ("", line.survey.errors[0], line.survey.trouble),
+            ("at error +1", scan, "finding: frame-short (J)"),
+            ("at error +1", scan, "no later ERROR, no finding"),
+            ("at end", line.survey.last, line.survey.trouble),
+            ("at error -1", scan, "finding: frame-short (J)"),
+        )
+    ):
+        if asked:
+            line.take(number, asked)
+        while line.work(clock.now_ns() + SLICE_NS):
+            pass
+        seen = picture()
+        assert seen is not None and seen.position is not None
+        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (there, note, line.survey.last)
+    line.close()
+
+
+def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> None:
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    judge = FilesJudge(lambda: [str(tmp_path / "run.pcapng")], "127.0.0.1:2000", tmp_path / "p.toml")
+    judge.judge()
+    while judge.is_judging:
+        judge.go_on()
+    assert json.loads(judge.judged)["findings"][0]["cause"] == "frame-short"
+
+
+def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    after_ten_seconds(received(11, EIGHT), [], tmp_path)
+    told: list[str] = []
+    monkeypatch.setattr(_ToBeJudged, "_tell", lambda _, text, at_once=False: told.append(text))
+    judged = _ToBeJudged(str(tmp_path / "answer"))
+    judged.take_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
+    judged.close()
+    assert told[0].startswith("runs it again, scan 0 of ")
+    assert told.index("reads run.pcapng: 0%") < told.index("judges run.pcapng")
+
+
+def test_a_process_that_ends_half_way_has_found_nothing() -> None:
+    answer = AnswerOnItsWay(JUDGE_FILES)
+    line = "reads a.pcap: 4%"
+    for written, told in (
+        (line.encode()[:9], ""),
+        (line.encode() + b"\n", line),
+        (b'{"conversations"', line),
+    ):
+        os.ftruncate(answer._file, 0)
+        os.pwrite(answer._file, written, 0)
+        assert answer.go_on() is None and answer.progress == told
+    answer.process._process.kill()
+    answer.process.finish()
+    while (content := answer.go_on()) is None:
+        pass
+    project = load_bench(CONFIGS / "stories" / "four_bytes_short.toml")
+    assert found(content, project, (), 1, 9).trouble == "the doctor's process has ended"
+
+
+def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
+    judge = FilesJudge(lambda: [str(tmp_path / "none.pcapng")])
+    judge.judge()
+    while judge.is_judging:
+        judge.go_on()
+    assert "none.pcapng: found No such file" in json.loads(judge.judged)["trouble"]

@@ -1,0 +1,225 @@
+"""`save project [FILE] [!]`: what was added comes into the file; nothing else changes, nothing is lost."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.scenario.scenarios import CONFIGS, failures, play
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.engine import LocalDriver
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.paths import demo_path
+from trcvtui.project.file import load_project
+from trcvtui.scenario.scenario import load_bench
+
+ADD = (
+    "add connect C7 LocalAddress=127.0.0.1",
+    "add data rx7 Weight",
+    "add instance R7 block=TRCV_C connect=C7 data=rx7 CONT=1 EN_R=1",
+    "add peer P7 remote=@C7 reconnect=T#100ms",
+    "add message hello peer=P7 text \"hello\" split=2",
+    "add sequence twice hello T#1s hello",
+)  # fmt: skip
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """Return a project of the user's own, with a UDT beside it."""
+    shutil.copytree(CONFIGS / "types", tmp_path / "types")
+    shutil.copy(CONFIGS / "checkweigher.toml", tmp_path / "mine.toml")
+    return tmp_path / "mine.toml"
+
+
+@pytest.fixture
+def driver(own: Path) -> Iterator[LocalDriver]:
+    yield from driven(own)
+
+
+def driven(path: Path) -> Iterator[LocalDriver]:
+    driver = LocalDriver(fresh_bench(load_bench(path), "sim"))
+    yield driver
+    driver.close()
+
+
+def say(driver: LocalDriver, *lines: str) -> BenchUpdate:
+    """Say lines, a scan after each; return the last picture."""
+    for line in lines:
+        driver.submit(line)
+        driver.scan()
+    driver.request(UpdateRequest())
+    picture = driver.picture()
+    assert picture is not None
+    return picture
+
+
+def answer(driver: LocalDriver, *lines: str) -> str:
+    """Return what was told of the last line, or what was wrong with it."""
+    last = say(driver, *lines).answers[-1]
+    return last.error or last.told
+
+
+def test_what_was_added_loads_again_and_runs(driver: LocalDriver, own: Path) -> None:
+    before = own.read_text()
+    assert say(driver, *ADD).unsaved == 6
+    assert own.read_text() == before
+    assert answer(driver, "save project") == f"the project with 6 additions in {own}"
+    assert say(driver).unsaved == 0
+    project = load_bench(own)
+    assert project.instances[-1] == driver.console.bench.project.instances[-1]
+    assert (project.connects, project.peers) == (
+        driver.console.bench.project.connects,
+        driver.console.bench.project.peers,
+    )
+    text = own.read_text()
+    assert text.startswith(before[: before.index('[[connect]]\nname = "C1"')])
+    assert before[before.index("# The device as it really is") :] in text
+    assert 'split=2\'\npeer = "P7"\n' in text
+
+
+def test_experiments_are_not_saved(driver: LocalDriver, own: Path) -> None:
+    before = own.read_bytes()
+    lines = "create TRCV_C X connect=C1", "delete TRCV_C_1", "resize report INT", "set X CONT=1"
+    assert answer(driver, *lines, "save project") == f"nothing was added to {own}"
+    assert own.read_bytes() == before
+
+
+def test_what_the_running_program_has_lost_the_project_still_has(driver: LocalDriver) -> None:
+    again = "add instance TRCV_C_1 block=TRCV_C connect=C1 data=report"
+    assert "'TRCV_C_1', the name of another instance" in answer(driver, "delete TRCV_C_1", again)
+
+
+def test_another_file_gets_the_whole_project_and_finds_its_types(driver: LocalDriver, own: Path) -> None:
+    before = own.read_bytes()
+    other = own.parent / "saved" / "other.toml"
+    other.parent.mkdir()
+    picture = say(driver, *ADD, f"save project {other}")
+    assert own.read_bytes() == before
+    assert picture.project is not None and picture.project.path == other
+    assert load_bench(other).data[0].size == load_bench(own).data[0].size
+    assert 'file = "../types/weight.st"' in other.read_text()
+    assert (
+        answer(driver, "add message bye hex 01", "save project") == f"the project with 1 addition in {other}"
+    )
+
+
+def test_somebody_elses_file_is_written_over_only_when_that_is_said(driver: LocalDriver, own: Path) -> None:
+    other = own.parent / "theirs.toml"
+    other.write_text("# theirs\n")
+    told = answer(driver, *ADD, f"save project {other}")
+    assert told.startswith(f"prompt: found {other}, which is there already, expected the name of a new file")
+    assert other.read_text() == "# theirs\n"
+    assert answer(driver, f"save project {other} !") == f"the project with 6 additions in {other}"
+    assert load_bench(other).connect("C7") is not None
+
+
+def test_the_demo_is_saved_under_a_name_of_its_own(tmp_path: Path) -> None:
+    for driver in driven(demo_path()):
+        before = demo_path().read_bytes()
+        told = answer(driver, "add connect C77", "save project")
+        assert told.startswith("prompt: found demo.toml, which came with trcvtui, expected save project FILE")
+        assert answer(driver, f"save project {demo_path()}") == told
+        assert answer(driver, f"save project {tmp_path / 'd.toml'}").startswith("the project with 1 addition")
+        assert load_bench(tmp_path / "d.toml").connect("C77") is not None
+        assert demo_path().read_bytes() == before
+
+
+def test_what_was_written_into_the_file_meanwhile_stays(driver: LocalDriver, own: Path) -> None:
+    say(driver, *ADD)
+    own.write_text(own.read_text() + "\n# written meanwhile\n[[connect]]\nname = 'C50'\n")
+    assert answer(driver, "save project").startswith("the project with 6 additions")
+    assert {c.name for c in load_bench(own).connects} == {"C1", "C7", "C50"}
+    assert "# written meanwhile" in own.read_text()
+
+
+def test_a_name_that_was_taken_meanwhile_is_one_line_and_nothing_is_lost(
+    driver: LocalDriver, own: Path
+) -> None:
+    say(driver, *ADD)
+    own.write_text(own.read_text() + "\n[[connect]]\nname = 'C7'\n")
+    taken = own.read_bytes()
+    told = answer(driver, "save project")
+    assert (
+        told
+        == f"{own}: connect C7: name: found 'C7', the name of another connect, expected a name of its own"
+    )
+    assert own.read_bytes() == taken
+    assert say(driver).unsaved == 6
+    assert sorted(os.listdir(own.parent)) == ["mine.toml", "types"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no modes there")
+def test_the_file_keeps_its_mode_and_a_link_its_target(driver: LocalDriver, own: Path) -> None:
+    own.chmod(0o640)
+    link = own.parent / "link.toml"
+    link.symlink_to(own)
+    answer(driver, *ADD, f"save project {link}")
+    assert link.is_symlink() and own.stat().st_mode & 0o777 == 0o640
+    assert load_bench(own).connect("C7") is not None
+
+
+def test_a_folder_that_is_not_there_is_one_line(driver: LocalDriver, own: Path) -> None:
+    told = answer(driver, *ADD, f"save project {own.parent}/nowhere/x.toml")
+    assert told == (
+        f"prompt: found {own.parent}/nowhere/x.toml: no folder {own.parent}/nowhere, "
+        "expected a file that can be written"
+    )
+    assert say(driver).unsaved == 6
+
+
+def test_a_scenario_on_the_bench_ends_without_losing_what_was_added(driver: LocalDriver, own: Path) -> None:
+    scenario = CONFIGS / "scenarios" / "baosky" / "passive-static.toml"
+    scenario = scenario if scenario.exists() else next((CONFIGS / "scenarios" / "baosky").glob("*.toml"))
+    say(driver, *ADD, f"scenario load {scenario} sim")
+    assert "leave the scenario first" in answer(driver, "save project")
+    picture = say(driver, "scenario stop")
+    assert [c.name for c in picture.snapshot.connections] == ["C1", "C7"]
+    assert picture.unsaved == 6
+    assert answer(driver, "save project") == f"the project with 6 additions in {own}"
+
+
+def test_a_session_with_additions_is_a_scenario_on_the_old_project(driver: LocalDriver, own: Path) -> None:
+    file = own.parent / "session.toml"
+    assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
+    played = play(file, "sim")
+    assert played.verdict.passed, failures(played.verdict)
+    late = own.parent / "late.toml"
+    assert "commands" in answer(driver, "save project", f"save scenario {late}")
+    assert 'project = "' not in late.read_text(), "the file says more by now than the session began with"
+    again = play(late, "sim")
+    assert again.verdict.passed, failures(again.verdict)
+
+
+@pytest.mark.parametrize("name", ["passwd", "a.txt", "mine.toml.bak"])
+def test_a_project_is_saved_under_the_name_that_was_given_or_not_at_all(
+    driver: LocalDriver, own: Path, name: str
+) -> None:
+    (own.parent / "passwd").write_text("theirs")
+    before = sorted(own.parent.iterdir())
+    assert "expected a name that ends in .toml" in answer(driver, *ADD, f"save project {own.parent / name}")
+    assert sorted(own.parent.iterdir()) == before
+    assert answer(driver, "save project") == f"the project with 6 additions in {own}"
+
+
+def test_a_session_of_the_demo_names_no_file_of_the_installation(tmp_path: Path) -> None:
+    for driver in driven(demo_path()):
+        driver.scan(60)
+        assert "scans in" in answer(driver, f"save scenario {tmp_path / 'demo.toml'}")
+    text = (tmp_path / "demo.toml").read_text()
+    assert "project = " not in text and 'name = "Sensor"' in text
+    played = play(tmp_path / "demo.toml", "sim")
+    assert played.verdict.passed, failures(played.verdict)
+
+
+def test_an_order_mark_of_windows_stays_at_the_beginning(own: Path) -> None:
+    own.write_bytes(b"\xef\xbb\xbf" + own.read_bytes().replace(b"\n", b"\r\n"))
+    for driver in driven(own):
+        assert answer(driver, *ADD, "save project").startswith("the project with 6 additions")
+    saved = own.read_bytes()
+    assert saved.startswith(b"\xef\xbb\xbf# A passive TRCV_C") and saved.count(b"\n") == saved.count(b"\r\n")
+    assert load_project(own).connect("C7") is not None

@@ -1,0 +1,82 @@
+"""The frames of a ComBuffer as one stream: each byte that came stands in it, with what became of it."""
+
+from __future__ import annotations
+
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.project.file import load_project
+
+MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
+
+
+def line(*lines: str) -> Controller:
+    """Return a simulated line with ReceiveData on it."""
+    console = Controller(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
+    for text in lines:
+        fed(console, text, scans=0)
+    return console
+
+
+def fed(console: Controller, text: str, scans: int = 1) -> None:
+    """Carry out a command and let scans pass."""
+    console.take(0, text)
+    for _ in range(scans):
+        console.scan()
+
+
+def seen(console: Controller, seek: Seek | None = None) -> HistoryWindow:
+    """Return the stream of the line."""
+    asked = HistoryRequest("RX", 0, 8192, seek=seek)
+    picture = console.picture(UpdateRequest(history=asked), EngineTiming(), 100)
+    console.bench.close()
+    assert picture.history is not None
+    assert not [answer.error for answer in picture.answers if answer.error]
+    return picture.history
+
+
+def test_noise_frames_and_dropped_parts_stand_in_the_order_in_which_they_came() -> None:
+    console = line(*MARKS)
+    for text, scans in (("FF EE 02 41 0D", 1), ("0A 01 02 55", 8), ("02 66", 1)):
+        fed(console, f"feed RX hex {text}", scans)
+    fed(console, "set RD Reset=1")
+    window = seen(console)
+    assert window.content == bytes.fromhex("FFEE 02410D0A 01 0255 0266")
+    told = [(span.size, span.done, span.prefix, span.suffix, span.reason) for span in window.jobs]
+    assert told == [
+        (2, False, 0, 0, "noise before the prefix"),
+        (4, True, 1, 2, ""),
+        (1, False, 0, 0, "noise before the prefix"),
+        (2, True, 1, 0, "ended by a gap"),
+        (2, False, 0, 0, "incomplete, Reset"),
+    ]
+    assert [(span.position, span.size, span.number) for span in window.recvs] == [
+        (0, 5, 1),
+        (5, 4, 2),
+        (9, 2, 3),
+    ]
+
+
+def test_of_much_noise_the_last_bytes_are_kept_and_all_are_counted() -> None:
+    console = line("prefix RD hex 02", "suffix RD hex 0A")
+    fed(console, f"feed RX hex {'FF ' * 200} {'EE ' * 99}")
+    window = seen(console)
+    (noise,) = window.jobs
+    assert (noise.whole, noise.size, noise.is_kept) == (299, 256, True)
+    assert window.content == b"\xff" * 157 + b"\xee" * 99
+
+
+def test_what_never_had_room_is_told_without_its_bytes() -> None:
+    console = line("set RD SizeReceiveData=0")
+    fed(console, "feed RX random 310")
+    (lost,) = seen(console).jobs
+    assert (lost.whole, lost.is_kept, lost.reason) == (10, False, "the ComBuffer is full")
+
+
+def test_thrown_away_bytes_are_found_from_the_newest_back() -> None:
+    console = line(*MARKS)
+    fed(console, "feed RX hex FF 02 41 0D 0A EE 02 42 0D 0A", 3)
+    window = seen(console, Seek(1, 1 << 62, False, dropped=True))
+    assert window.sought is not None and window.sought.position == 5

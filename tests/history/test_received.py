@@ -1,0 +1,127 @@
+"""The history of received bytes: what is kept, what is forgotten, what is said of what is not kept."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.properties.test_history import Generator, all_of, history_bench, labels
+from trcvtui.history import reader as history_reader
+from trcvtui.history import received as job_history
+from trcvtui.history.reader import HistoryReader
+from trcvtui.history.received import JobHistory
+from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.history.stream_index import StreamIndex
+from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.plc.ledger import PeerSent
+
+
+def talking() -> tuple[Generator, HistoryReader]:
+    """Return a connected bench with its history."""
+    bench = history_bench()
+    told = Generator(bench, JobHistory(bench, StreamIndex()))
+    told.do("set X CONT=1 EN_R=1")
+    told.scan(3)
+    told.do("peer P1 connect")
+    told.scan(4)
+    return told, HistoryReader(told.history)
+
+
+def frames(told: Generator, count: int) -> bytes:
+    """Let so many random frames arrive; return their bytes."""
+    draw = random.Random(count)
+    sent = b"".join(draw.randbytes(24) for _ in range(count))
+    for place in range(0, len(sent), 24):
+        told.send(sent[place : place + 24], [])
+        told.scan(3)
+    return sent
+
+
+def sought(reader: HistoryReader, seek: Seek) -> tuple[int | None, int]:
+    """Return where something was found, and how many pictures that took."""
+    for pictures in range(1, 1000):
+        answer = reader.window(HistoryRequest("C1", seek=seek)).sought
+        assert answer is not None
+        if answer.share >= 1:
+            return answer.position, pictures
+    raise AssertionError("never found, never given up")
+
+
+def test_the_oldest_job_is_forgotten_first_and_positions_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_history, "MOST_BYTES", 240)
+    told, reader = talking()
+    sent = frames(told, 50)
+    windows = all_of(reader)
+    assert (windows[0].begin, windows[0].end) == (40 * 24, 50 * 24)
+    assert b"".join(window.content for window in windows) == sent[40 * 24 :]
+    assert labels(windows)[0][2:4] == (41, 0), "the first byte that is kept is the first of message 41"
+
+
+def test_jobs_and_recv_calls_are_bounded_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_history, "MOST_JOBS", 7)
+    told, reader = talking()
+    frames(told, 20)
+    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 7
+    monkeypatch.setattr(job_history, "MOST_RECVS", 3)
+    frames(told, 1)
+    assert len(reader.window(HistoryRequest("C1", 0, 8192)).jobs) == 3
+
+
+def test_a_flood_keeps_its_labels_without_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_history, "COPY_A_SCAN", 23)
+    told, reader = talking()
+    frames(told, 1)
+    (job,) = reader.window(HistoryRequest("C1", 0, 24)).jobs
+    assert (job.is_kept, job.reason) == (False, job_history.NOT_KEPT)
+    frames(told, 1)
+    assert reader.window(HistoryRequest("C1", 0, 48)).jobs[1].is_kept, "what is looked at is always kept"
+
+
+def test_a_window_is_bounded_whatever_is_asked_for() -> None:
+    told, reader = talking()
+    told.do("set X LEN=1")
+    told.send(bytes(700), [])
+    told.scan(1500)
+    window = reader.window(HistoryRequest("C1", 0, 1 << 30))
+    assert window.end == 700
+    assert len(window.jobs) == 512
+    assert window.stop == 24 + 511, "the first job had begun before LEN was 1"
+    assert reader.window(HistoryRequest("C1", 1 << 40, 10)).content == b""
+    assert reader.window(HistoryRequest("nowhere", 5, 10)) == HistoryWindow("nowhere", 0, 0)
+
+
+def test_bytes_are_found_forward_and_back_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history_reader, "STRETCH", 64)
+    told, reader = talking()
+    sent = frames(told, 40)
+    pattern = sent[500:506]  # over the border of two jobs
+    assert sought(reader, Seek(1, 0, True, (pattern, b"\0" * 40))) == (500, 15)
+    assert sought(reader, Seek(2, 501, True, (pattern,)))[0] is None
+    assert sought(reader, Seek(3, 960, False, (pattern,)))[0] == 500
+    assert sought(reader, Seek(4, 500, False, (pattern,)))[0] is None
+
+
+def test_the_next_and_the_previous_done_are_found() -> None:
+    told, reader = talking()
+    frames(told, 5)
+    assert sought(reader, Seek(1, 24, True))[0] == 48
+    assert sought(reader, Seek(2, 24, False))[0] == 0
+    assert sought(reader, Seek(3, 30, False))[0] == 24
+    assert sought(reader, Seek(4, 96, True))[0] is None
+
+
+def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
+    index = StreamIndex()
+    plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"
+    for incarnation in (1, 2):
+        if incarnation == 1:
+            index.take([(1, 0, ConnectionChanged("C1", incarnation, What.CONNECTED, plc, peer))])
+        index.take([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
+        index.take([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
+    index.take([(3, 0, ConnectionChanged("C1", 2, What.CONNECTED, plc, peer))])
+    for incarnation, numbers in ((1, [2, 3]), (2, [4, 5])):
+        found = index.messages_within(("C1", incarnation), 5, 10, 100)
+        assert [span.number for span in found] == numbers
+        assert [(span.position, span.size, span.first) for span in found] == [(100, 5, 5), (105, 5, 0)]
+    assert index.messages_within(("C1", 3), 0, 10, 0) == []

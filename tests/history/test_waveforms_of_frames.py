@@ -1,0 +1,85 @@
+"""The waves of blocks on a ComBuffer: their own pins, numbers as buses, in the pane and in every file."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.history.pin_waveform import Waveform, WaveformCache, Window
+from trcvtui.history.waveform_text import ScanRange, drawn, plain_text, row_names, svg_text, vcd_text
+from trcvtui.project.file import load_project
+
+INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}
+OUTPUTS = {"DataReceived": 1, "busy": 1, "Error": 16, "RxTimeout": 1, "LenReceiveData": 32}
+
+
+@pytest.fixture
+def wave() -> Waveform:
+    """Return the wave of an RD: a frame of 4 bytes, one that ends by a gap, one with no end in 16 bytes."""
+    console = Controller(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
+    said = {
+        1: ["prefix RD hex 02", "suffix RD hex 03", "set RD Timeout=50"],
+        3: ["feed RX hex 02 41"],
+        5: ["feed RX hex 42 03"],
+        9: ["feed RX hex 02 41 42"],
+        19: ["feed RX hex 02 " + "41 " * 15],
+        21: ["create ReceiveByte RB RxBuffer=RX"],
+        22: ["feed RX hex 99"],
+    }
+    for scan in range(1, 24):
+        for line in said.get(scan, []):
+            console.take(scan, line)
+        console.scan()
+    shelf = WaveformCache()
+    picture = console.picture(UpdateRequest(waves=(("RD", 0),)), EngineTiming(), 0)
+    shelf.take(picture.waves, picture.snapshot.interval_ns)
+    return shelf.of("RD")
+
+
+def row(wave: Waveform, name: str) -> str:
+    """Return one row of 23 scans."""
+    return "".join(text for text, _ in drawn(wave, name, Window(0, 23, 1)))
+
+
+def test_the_rows_of_receivedata_are_its_own_pins_what_it_delivers_first(wave: Waveform) -> None:
+    ghosts = {"watch DataReceived", "watch Error"}
+    assert set(row_names(wave)) == INPUTS.keys() | OUTPUTS.keys() | ghosts
+    assert row_names(wave)[:3] == ["DataReceived", "Error", "busy"]
+
+
+def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Waveform) -> None:
+    assert row(wave, "DataReceived") == "▁▁▁▁█▁▁▁▁▁▁▁▁█▁▁▁▁█▁▁▁▁"
+    assert row(wave, "busy") == "▁▁▔▔▁▁▁▁▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁"
+    assert row(wave, "RxTimeout") == "▁▁▁▁▁▁▁▁▁▁▁▁▁▔▔▔▔▔▁▁▁▁▁"
+    assert row(wave, "LenReceiveData") == "│0──│4──│0───│3───│16──"
+    assert row(wave, "Error") == "│0────────────────│23──"
+    assert [wave.lane("Error").at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
+
+
+def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Waveform) -> None:
+    text = vcd_text([wave], ScanRange(1, 23))
+    declared = {pin: (kind, int(bits)) for kind, bits, pin in re.findall(r"\$var (\w+) (\d+) . (\w+) ", text)}
+    assert declared == {
+        pin: ("reg" if bits > 1 else "wire", bits) for pin, bits in (INPUTS | OUTPUTS).items()
+    }
+    assert "b10111 " in text  # Error 23
+
+
+def test_the_drawing_labels_its_numbers_and_no_pin_that_the_block_does_not_have(wave: Waveform) -> None:
+    drawing = svg_text([wave], ScanRange(1, 23))
+    for label in ("DataReceived", "LenReceiveData", "SizeReceiveData", ">23<", ">16<"):
+        assert label in drawing
+    assert "STATUS" not in drawing and "RCVD_LEN" not in drawing
+
+
+def test_the_text_lists_each_frame_with_its_error_as_a_decimal(wave: Waveform) -> None:
+    text = plain_text([wave], ScanRange(1, 23), 1)
+    assert "LenReceiveData     │0" in text
+    frames = [line for line in text.splitlines() if "DataReceived " in line and "  scan " in line]
+    assert [line.split()[4] for line in frames] == ["0", "0", "23"]
+    assert "16#" not in text

@@ -1,0 +1,167 @@
+"""`watch FILE` on the screen: the run that `watch --format jsonl` prints, to go to and fro in."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.line.test_watch import Watch, project, stream, watch
+from tests.recording.wire import ACK, FIN, NS, RST, answer, handshake, tcp
+from trcvtui import clock
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.line.on_screen import WatchDriver, _played
+from trcvtui.plc.ledger import PeerSent
+from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.what_if import WhatIf
+
+__all__ = ["watch"]
+
+
+def work(line: TimeLine) -> None:
+    while line.work(clock.now_ns() + 10_000_000):
+        pass
+
+
+def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
+    """Go there; return the scan, what the instances show, and what is told beside."""
+    line.take(1, f"at {text}")
+    work(line)
+    update = line.collect(UpdateRequest()).update
+    position = update.position
+    assert position is not None
+    shows = [f"{one.outputs.status:04X}" for one in line.controller.bench.runtime.snapshot().instances]
+    return position.scan, shows, position.beside
+
+
+@pytest.mark.parametrize("by_plc", [False, True])
+def test_each_edge_of_the_screen_is_a_line_of_watch(watch: Watch, tmp_path: Path, by_plc: bool) -> None:
+    end = [tcp(seq=120, ack=501, flags=FIN | ACK), answer(seq=501, ack=121, flags=FIN | ACK)]
+    end = [answer(seq=501, ack=120, flags=RST | ACK)] if by_plc else end
+    bench = project(tmp_path)
+    seen = watch([*handshake(), *stream(12, 7), *end], "--project", str(bench), step_ms=700)
+    line = shown(watch.path, bench)
+    work(line)
+    assert [*line.survey.edges["R1"]] == [r["scan"] for r in seen.of("R1")]
+    assert line.survey.trouble == ""
+    for record in seen.of("R1"):
+        scan, shows, _ = at(line, str(record["scan"]))
+        assert (scan, shows) == (record["scan"], [record["STATUS"]])
+        assert line.survey.time_of(scan) == round(record["t_ms"] * 1e6)
+
+
+def test_scans_in_which_nothing_happened_can_be_gone_to(watch: Watch, tmp_path: Path) -> None:
+    bench = project(tmp_path)
+    seen = watch([*handshake(), *stream(12, 12)], "--project", str(bench), step_ms=60_000)
+    line = shown(watch.path, bench)
+    work(line)
+    first, second = [r["scan"] for r in seen.of("R1") if r["DONE"]]
+    assert second - first > 5000
+    for scan in (second - 3000, first + 7, second - 1, first, second):
+        assert at(line, str(scan))[0] == scan
+        jobs = line.controller.bench.runtime.snapshot().instances[0].jobs_done
+        assert jobs == (2 if scan == second else 1)
+    assert at(line, "T#2m10s")[0] == 13_001
+
+
+def test_a_month_of_silence_is_as_short_to_keep_as_a_second(watch: Watch, tmp_path: Path) -> None:
+    bench, month_ms = project(tmp_path), 30 * 86_400_000
+    watch([*handshake(), *stream(12, 12)], "--project", str(bench), step_ms=month_ms)
+    line = shown(watch.path, bench)
+    work(line)
+    assert len(line.survey.times) < 1000 and line.survey.last > 4 * month_ms // 10
+    for scan in (1, 2, 1_000_000, month_ms // 10, 3 * month_ms // 10 + 77):
+        ns = line.survey.time_of(scan)
+        assert ns == (scan - 1) * 10_000_000
+        assert line.survey.scan_at(ns) == scan == line.survey.scan_at(ns - 1)
+        assert at(line, str(scan))[0] == scan
+
+
+def test_missing_bytes_are_told_from_their_scan_on(watch: Watch, tmp_path: Path) -> None:
+    first, _, _, *rest = stream(12, 5, 7, 12)
+    packets = [*handshake(), first, *rest, answer(seq=501, ack=137)]
+    seen = watch(packets, "--project", str(project(tmp_path)))
+    line = shown(watch.path, project(tmp_path))
+    work(line)
+    missing = next(r["scan"] for r in seen.records if "missing" in str(r.get("note")))
+    assert not any("missing" in text for text in at(line, str(missing - 2))[2])
+    hole, job = at(line, "end")[2]
+    lines = [one.event for one in line.controller.bench.runtime.ledger]
+    sent = [(one.peer, one.offset, one.size) for one in lines if isinstance(one, PeerSent)]
+    assert sent == [("packet:", 0, 12), ("missing:", 12, 5), ("packet:", 17, 7), ("packet:", 24, 12)]
+    assert hole.endswith("C1: ? 5 bytes missing in the capture, to the PLC end, from byte 12")
+    assert job.endswith("R1: ? missing in the capture")
+
+
+def test_the_time_of_a_capture_is_that_of_its_packets(watch: Watch, tmp_path: Path) -> None:
+    watch([*handshake(), *stream(12)], "--project", str(project(tmp_path)))
+    line = shown(watch.path, project(tmp_path))
+    update = line.collect(UpdateRequest()).update
+    assert update.kernel == "capture" and update.position is not None and update.position.first_ns == NS
+
+
+def test_nothing_changed_in_a_what_if_on_a_capture_is_its_run(watch: Watch, tmp_path: Path) -> None:
+    watch([*handshake(), *stream(12, 12, 5, 7)], "--project", str(project(tmp_path)), step_ms=60_000)
+    line = shown(watch.path, project(tmp_path))
+    assert line._capture is not None
+    run = WhatIf(line._keyframes, [], None, line._capture.change)
+    run.play()
+    was, now = run.sums()
+    assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
+    assert run.at == run.recorded.runtime.scans > 10_000 and was.jobs == 3
+
+
+def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Path) -> None:
+    bench = project(tmp_path)
+    seen = watch([*handshake(), *stream(6, 6, 6, 6)], "--project", str(bench), step_ms=60_000)
+    assert next(r["scan"] for r in seen.of("R1") if r["DONE"]) > 18_001
+    line = shown(watch.path, bench)
+    line.take(1, "if instance.R1.LEN=6")
+    work(line)
+    position = line.collect(UpdateRequest()).update.position
+    assert position is not None
+    first, *_ = position.what_if
+    assert first.startswith("what if instance.R1.LEN=6: they part at scan ")
+    assert position.scan == position.parts_at == 18_001
+
+
+def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(
+    watch: Watch, tmp_path: Path
+) -> None:
+    watch([*handshake(), *stream(6, 6)])
+    line = _played([str(watch.path)], (None, None, None), tmp_path / "shadows.pcapng")
+    line.take(1, "if instance.C1_TO_PLC.LEN=4")
+    work(line)
+    assert line._beside is not None and line._beside.run.parts_at
+    line.take(1, "if instance.NOBODY.LEN=4")
+    assert "C1_TO_PLC, C1_FROM_PLC" in line.controller._answers[-1].error
+    line.take(1, "if dialect s7-1500")
+    work(line)
+    assert line._beside.run.parts_at
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="needs /proc")
+def test_nothing_is_left_in_the_folder_for_such_while_a_capture_is_shown(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch([*handshake(), *stream(12)])
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    driver = WatchDriver([str(watch.path)], (None, None, None))
+    assert driver.project().instances
+    assert not [*(tmp_path / "tmp").iterdir()]
+    driver.close()
+
+
+def shown(path: Path, bench: Path) -> TimeLine:
+    return _played([str(path)], (bench, None, None), path.parent / "shadows.pcapng")
+
+
+def test_what_is_no_capture_is_told_before_there_is_a_screen(tmp_path: Path) -> None:
+    (tmp_path / "no.pcapng").write_bytes(b"no capture at all")
+    driver = WatchDriver([str(tmp_path / "no.pcapng")], (None, None, None))
+    with pytest.raises(Exception, match="a capture"):
+        driver.project()
+    driver.close()

@@ -1,0 +1,130 @@
+"""Events of a tap as packets: right sums, right places, our own remarks, what is missing."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import pytest
+
+from trcvtui.capture import pcap
+from trcvtui.capture.packets import Carried, carried_by
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
+from trcvtui.line.tapped import TapPacket, TapPackets
+from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
+from trcvtui.recording.wire import checksum
+
+OPENS = {
+    "v4": b"tcp|10.0.0.9|50000|10.0.0.5|2000",
+    "v6": b"tcp|fd00::9|50000|fd00::5|2000",
+    "both": b"tcp|127.0.0.1|50000|fd00::5|2000",
+    "udp": b"udp|10.0.0.9|50000|10.0.0.5|2000",
+}
+
+
+def event(kind: TapEventKind, way: int = TO, at: int = 0, data: bytes = b"", number: int = 1) -> TapEvent:
+    return TapEvent(kind, way, 0, number, at, 1_000_000_000, data)
+
+
+def packets_of(*events: TapEvent) -> list[TapPacket]:
+    packets = TapPackets()
+    return [packet for each in events for packet in packets.of(each)]
+
+
+def told_of(packets: Sequence[TapPacket]) -> list[ConversationEvent]:
+    """Return what reassembly says of packets."""
+    told: list[ConversationEvent] = []
+    conversations = Conversations(told.append)
+    for n, each in enumerate(packets):
+        packet = pcap.Packet(each.ns, 0, each.data, len(each.data), each.comments, n)
+        conversations.take(packet, pcap.RAW_IP)
+    conversations.close()
+    return told
+
+
+@pytest.mark.parametrize("size", [0, 1, 2, 1459, 1460, 1461, 10_001])
+@pytest.mark.parametrize("opens", OPENS)
+def test_every_sum_is_right(opens: str, size: int) -> None:
+    data = (bytes(range(256)) * 40)[:size]
+    packets = packets_of(
+        event(TapEventKind.OPEN, data=OPENS[opens]),
+        event(TapEventKind.STANDS, BACK),
+        event(TapEventKind.BYTES, data=data),
+        event(TapEventKind.BYTES, BACK, data=b"\xff" * size),
+        event(TapEventKind.FIN, at=size),
+        event(TapEventKind.RST, BACK, at=size),
+        event(TapEventKind.OVER),
+    )
+    for packet in packets:
+        carried = carried_by(pcap.RAW_IP, packet.data, len(packet.data))
+        assert isinstance(carried, Carried)
+        inner = packet.data[carried.at : carried.end]
+        ends = carried.source + carried.target + bytes((0, carried.protocol)) + len(inner).to_bytes(2, "big")
+        assert checksum(ends + inner) == 0
+        assert len(carried.source) == 16 or checksum(packet.data[:20]) == 0
+
+
+def test_a_conversation_is_read_back_as_it_was() -> None:
+    told = told_of(
+        packets_of(
+            event(TapEventKind.OPEN, data=OPENS["v4"]),
+            event(TapEventKind.STANDS, BACK),
+            event(TapEventKind.BYTES, data=b"question"),
+            event(TapEventKind.BYTES, BACK, data=b"answer"),
+            event(TapEventKind.FIN, at=8),
+            event(TapEventKind.RST, BACK, at=6),
+            event(TapEventKind.OVER),
+        )
+    )
+    kinds = [each.kind for each in told]
+    assert kinds[-4:] == [EventKind.BYTES, EventKind.BYTES, EventKind.FIN, EventKind.RST]
+    assert [each.data for each in told if each.kind is EventKind.BYTES] == [b"question", b"answer"]
+    assert told[0].conversation.begins_with_syn
+
+
+def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
+    alive = (1).to_bytes(4, "little")
+    packets = packets_of(
+        event(TapEventKind.OPEN, data=OPENS["v4"]),
+        event(TapEventKind.STANDS, BACK),
+        event(TapEventKind.OPEN, data=OPENS["v4"].replace(b"50000", b"50001"), number=2),
+        event(TapEventKind.BYTES, data=b"one"),
+        event(TapEventKind.LOST, data=LOSS.pack(2, 100) + alive),
+        event(TapEventKind.OPEN, at=1, data=OPENS["v4"]),
+        event(TapEventKind.BYTES, at=103, data=b"two"),
+        event(TapEventKind.BYTES, BACK, data=b"seen"),
+        event(TapEventKind.FIN, at=106),
+    )
+    assert [p.comments for p in packets if p.comments] == 2 * [
+        ("trcvtui: 100 bytes before this are not in the recording (2 events)",)
+    ]
+    told = told_of(packets)
+    sizes = [each.size for each in told if each.kind is EventKind.MISSING]
+    assert sizes == [100]
+
+
+def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
+    packets = packets_of(
+        event(TapEventKind.OPEN, data=OPENS["v4"]),
+        event(TapEventKind.STANDS, BACK),
+        event(TapEventKind.OURS, data=b"hold"),
+        event(TapEventKind.BYTES, BACK, data=b"other way"),
+        event(TapEventKind.OURS, data=b"edit byte 2 aa"),
+        event(TapEventKind.BYTES, data=b"edited"),
+        event(TapEventKind.OURS, BACK, data=b"delay 5 ms"),
+        event(TapEventKind.OVER),
+    )
+    assert [p.comments for p in packets[4:]] == [
+        ("trcvtui: hold", "trcvtui: edit byte 2 aa"),
+        ("trcvtui: delay 5 ms",),
+    ]
+
+
+def test_a_serial_line_has_an_interface_of_its_own() -> None:
+    packets = TapPackets()
+    assert list(packets.of(event(TapEventKind.OPEN, data=b"serial|/dev/a|0|/dev/b|0"))) == []
+    (one,) = packets.of(event(TapEventKind.BYTES, BACK, data=b"\x02x\x03"))
+    assert (one.interface, one.data[12:], packets.lines) == (1, b"\x02x\x03", ["/dev/a - /dev/b"])
+    whole = pcap.section_block("x") + pcap.interface_block(pcap.RAW_IP, "tap")
+    whole += pcap.interface_block(pcap.RTAC_SERIAL, packets.lines[0]) + pcap.packet_block(*one)
+    assert [p.data for p in pcap.CaptureReader(io.BytesIO(whole).read, "x")] == [one.data]

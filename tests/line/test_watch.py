@@ -1,0 +1,810 @@
+"""`trcvtui watch`: a capture shows in shadows what a live block showed."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.recording.wire import (
+    ACK,
+    FIN,
+    NS,
+    PARTNER,
+    PLC,
+    RST,
+    SYN,
+    answer,
+    capture,
+    handshake,
+    tcp,
+    udp,
+)  # fmt: skip
+from trcvtui import clock
+from trcvtui.bench.bench import Bench
+from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.cli.main import main
+from trcvtui.commands.words import Set
+from trcvtui.line.capture_player import CapturePlayer, plan_capture
+from trcvtui.line.packet_partners import PlayedEnd
+from trcvtui.line.watch_command import MISSING
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.file import load_project
+from trcvtui.recording.recorder import RunRecorder
+from trcvtui.recording.recording import RecordingWriter
+
+Record = dict[str, Any]
+COOKED = 113
+STATIC = """
+dialect = "baosky"
+[[connect]]
+name = "C1"
+ActiveEstablished = {active}
+LocalAddress = "127.0.0.1"
+LocalPort = {local}
+RemoteAddress = "{remote}"
+RemotePort = {port}
+[[data]]
+name = "d"
+type = "ARRAY[0..11] OF BYTE"
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+data = "d"
+{more}
+"""
+
+
+def project(tmp_path: Path, more: str = "", **keys: object) -> Path:
+    path = tmp_path / "bench.toml"
+    defaults = {"active": "false", "local": 2000, "remote": "0.0.0.0", "port": 0}
+    path.write_text(STATIC.format(more=more, **(defaults | keys)), encoding="utf-8")
+    return path
+
+
+class Watched:
+    """What one run of `watch` has printed."""
+
+    def __init__(self, printed: str) -> None:
+        self.records: list[Record] = [json.loads(line) for line in printed.splitlines()]
+        self.last = self.records[-1]
+        self.notes = [r["note"] for r in self.records if "conversation" in r]
+
+    def of(self, instance: str) -> list[Record]:
+        return [r for r in self.records if r.get("instance") == instance]
+
+    def jobs(self, instance: str) -> list[tuple[str, int]]:
+        return [(r["STATUS"], r["RCVD_LEN"]) for r in self.of(instance) if r["DONE"] or r["ERROR"]]
+
+
+class Watch:
+    """Runs `watch` on packets."""
+
+    def __init__(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.path = tmp_path / "c.pcapng"
+        self._capsys = capsys
+
+    def __call__(self, packets: list[bytes], *words: str, step_ms: int = 60) -> Watched:
+        self.path.write_bytes(capture(packets, step_ns=step_ms * 1_000_000))
+        return self.file(self.path, *words)
+
+    def refused(self, packets: list[bytes], *words: str) -> str:
+        """Return the one line of stderr."""
+        self.path.write_bytes(capture(packets))
+        self._capsys.readouterr()
+        assert main(["watch", str(self.path), *words]) == 2
+        (line,) = self._capsys.readouterr().err.splitlines()
+        return line
+
+    def file(self, path: Path, *words: str) -> Watched:
+        self._capsys.readouterr()
+        assert main(["watch", str(path), *words, "--format", "jsonl"]) == 0
+        return Watched(self._capsys.readouterr().out)
+
+
+@pytest.fixture
+def watch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Watch:
+    return Watch(tmp_path, capsys)
+
+
+def stream(*sizes: int, seq: int = 101) -> Iterator[bytes]:
+    """Yield the segments of a partner, each answered by the PLC."""
+    for size in sizes:
+        yield tcp(bytes(range(size)), seq, 501)
+        seq += size
+        yield answer(seq=501, ack=seq)
+
+
+def test_fin_after_7_of_12_bytes_shows_80a6_then_80c5(watch: Watch, tmp_path: Path) -> None:
+    end = [tcp(seq=120, ack=501, flags=FIN | ACK), answer(seq=501, ack=121, flags=FIN | ACK)]
+    seen = watch([*handshake(), *stream(12, 7), *end], "--project", str(project(tmp_path)))
+    assert [each for each in seen.jobs("R1") if each[0] != "80A1"] == [("7008", 12), ("80A6", 0), ("80C5", 0)]
+
+
+def test_scan_1_is_the_first_packet_and_each_record_has_its_time(watch: Watch) -> None:
+    seen = watch([*handshake(), *stream(12)], step_ms=100)
+    done = next(r for r in seen.of("C1_TO_PLC") if r["DONE"])
+    assert (done["scan"], done["t_ms"]) == (31, 300.0)  # the bytes are the fourth packet
+    assert (NS, done["time"]) == (1_700_000_000_000_000_000, "2023-11-14T22:13:20.300000Z")
+
+
+def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -> None:
+    said = [tcp(b"hello", 101, 501), answer(b"yes", 501, 106), tcp(seq=106, ack=504)]
+    seen = watch([*handshake(), *said])
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 5)
+    assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
+
+
+def test_a_connection_is_built_on_ethernet_as_on_any_link(watch: Watch) -> None:
+    packets = [*handshake(), *stream(12)]
+    on_ip = watch(packets)
+    watch.path.write_bytes(
+        capture([bytes(12) + b"\x08\x00" + each for each in packets], ETHERNET, 60_000_000)
+    )
+    assert watch.file(watch.path).records == on_ip.records
+    assert on_ip.jobs("C1_TO_PLC")[-1] == ("7008", 12)
+
+
+def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
+    packets = [*handshake(), *stream(12), answer(bytes(12), 501, 113), tcp(seq=113, ack=513)]
+    seen = watch(packets, "--plc", "10.0.0.9")
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 12)
+    bench = project(tmp_path, active="true", local=0, remote="10.0.0.5", port=2000)
+    seen = watch(packets, "--plc", "10.0.0.9", "--project", str(bench))
+    assert [r["STATUS"] for r in seen.of("R1")][-3:] == ["7006", "7008", "7006"]
+    assert not any(r["ERROR"] and r["STATUS"] != "80A1" for r in seen.of("R1"))
+
+
+def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
+    refused = [tcp(seq=100, flags=SYN), answer(ack=101, flags=RST | ACK)]
+    late = [tcp(seq=700, flags=SYN), answer(seq=800, ack=701, flags=SYN | ACK), tcp(seq=701, ack=801)]
+    seen = watch([*refused, *late, answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500)
+    assert [word for word, _ in seen.jobs("C1_TO_PLC")][-2:] == ["80A0", "7008"]
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
+
+
+def test_missing_bytes_are_a_hole_that_is_told_before_the_shadow_goes_on(
+    watch: Watch, tmp_path: Path
+) -> None:
+    first, _, _, *rest = stream(12, 5, 7, 12)
+    packets = [*handshake(), first, *rest, answer(seq=501, ack=137)]
+    seen = watch(packets, "--project", str(project(tmp_path)))
+    dones = [(r["RCVD_LEN"], r.get("note")) for r in seen.of("R1") if r["DONE"]]
+    assert dones == [(12, None), (12, "? missing in the capture"), (12, None)]
+    at = seen.records.index(next(r for r in seen.records if "conversation" in r))
+    assert "? 5 bytes missing in the capture, to the PLC end, from byte 12" in seen.notes
+    assert at < seen.records.index(next(r for r in seen.of("R1") if "note" in r))
+
+
+def test_a_conversation_that_begins_in_the_middle_is_said_to(watch: Watch) -> None:
+    seen = watch([*stream(12, 12)], "--plc", "10.0.0.5")
+    assert seen.notes == ["begins in the middle"]
+    assert [size for _, size in seen.jobs("C1_TO_PLC")][-1] in (12, 24)
+
+
+def two_calls(second_at: int) -> list[bytes]:
+    """Return a conversation, and one of another port of the partner before the packet of that number."""
+    other = (PARTNER[0], PARTNER[1] + 1)
+    first = [*handshake(), *stream(12), tcp(seq=113, ack=501, flags=FIN | ACK), answer(seq=501, ack=114)]
+    second = [
+        tcp(seq=900, flags=SYN, source=other),
+        tcp(seq=300, ack=901, flags=SYN | ACK, source=PLC, target=other),
+        tcp(seq=901, ack=301, source=other),
+        tcp(b"abcd", seq=901, ack=301, source=other),
+    ]
+    return [*first[:second_at], *second, *first[second_at:]]
+
+
+def test_the_next_conversation_of_a_plc_end_goes_to_the_same_shadow(watch: Watch) -> None:
+    seen = watch(two_calls(7))
+    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12, 4]
+    assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
+
+
+def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
+    watch: Watch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    connect = PlayedEnd._connect
+
+    def counted(end: PlayedEnd) -> None:
+        asked.append(end._shadows.bench.runtime.scans)
+        connect(end)
+
+    monkeypatch.setattr(PlayedEnd, "_connect", counted)
+    many = [
+        packet
+        for port in range(20_000, 20_300)
+        for packet in (
+            tcp(seq=100, flags=SYN, source=("10.0.0.9", port)),
+            tcp(seq=500, ack=101, flags=SYN | ACK, source=PLC, target=("10.0.0.9", port)),
+            tcp(b"x" * 12, seq=101, ack=501, source=("10.0.0.9", port)),
+        )
+    ]
+    watch.path.write_bytes(capture(many, step_ns=100_000))
+    seen = watch.file(watch.path)
+    assert len(seen.last["assigned"]) == 300
+    begun = 600  # each conversation, for a shadow of either end
+    assert len(asked) - begun <= 2 * len({*asked}) + begun
+
+
+def test_a_conversation_that_overlaps_is_listed_as_unassigned(watch: Watch) -> None:
+    seen = watch(two_calls(4))
+    assert seen.last["unassigned"] == [{"id": "C2", "why": "it overlaps C1"}]
+    assert [size for word, size in seen.jobs("C1_TO_PLC") if word == "7008"] == [12]
+
+
+ROW = '[[watch]]\nname = "W1"\nplc = "{}"\nconnect = "C1"\n{}'
+
+
+@pytest.mark.parametrize(
+    ("row", "is_watched"),
+    [
+        (ROW.format("10.0.0.5:2000", ""), True),
+        (ROW.format("10.0.0.5", 'partner = "10.0.0.9"'), True),
+        (ROW.format("10.0.0.5:2001", ""), False),
+        (ROW.format("10.0.0.5", 'partner = "10.0.0.8"'), False),
+    ],
+)
+def test_a_watch_row_says_which_line_a_connect_looks_on(
+    watch: Watch, tmp_path: Path, row: str, is_watched: bool
+) -> None:
+    packets, words = [*handshake(), *stream(12)], ("--project", str(project(tmp_path, row, local=3000)))
+    if is_watched:
+        assert watch(packets, *words).jobs("R1")[-1:] == [("7008", 12)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
+
+
+def test_a_plc_that_no_conversation_has_is_refused_with_the_ends_that_are_there(watch: Watch) -> None:
+    line = watch.refused([*handshake(), *stream(12)], "--plc", "10.0.0.7")
+    assert line.startswith("--plc: found '10.0.0.7', which no conversation has, expected ")
+    assert line.endswith("one of the ends that are there: 10.0.0.5:2000, 10.0.0.9:51000")
+
+
+def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path) -> None:
+    bench = project(tmp_path)
+    text = 'program = """\nrun 21\nset R1 EN_R=1\n"""\n' + bench.read_text()
+    bench.write_text(text, encoding="utf-8")
+    seen = watch([*handshake(), *stream(12)], "--project", str(bench))
+    assert seen.jobs("R1") == [("7008", 12)]
+    assert next(r for r in seen.of("R1") if r["DONE"])["scan"] > 21
+
+
+def test_a_dialect_says_which_block_would_have_looked_on(
+    watch: Watch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packets, bench = [*handshake(), *stream(12)], str(project(tmp_path))
+    assert watch(packets, "--dialect", "s7-1500").jobs("C1_TO_PLC")[-1][0] == "0000"
+    assert watch(packets, "--project", bench, "--dialect", "s7-1500").jobs("R1") == [("0000", 12)]
+    assert main(["watch", str(watch.path), "--project", bench, "--dialect", "s7-1501"]) == 2
+    assert "--dialect: found 's7-1501'" in capsys.readouterr().err
+
+
+def test_hours_of_silence_cost_no_scans_and_change_nothing(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Keep-alive is on; the shadow that waits for the next partner waits as well."""
+    scans: list[int] = []
+    usual = Bench.step
+    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
+    end = [tcp(seq=125, ack=501, flags=FIN | ACK), answer(seq=501, ack=126, flags=FIN | ACK)]
+    seen = watch([*handshake(), *stream(12, 12), *end], step_ms=3_600_000)
+    assert len(scans) < 100
+    dones = [(r["scan"], r["RCVD_LEN"]) for r in seen.of("C1_TO_PLC") if r["DONE"]]
+    assert dones == [(3 * 360_000 + 1, 12), (5 * 360_000 + 1, 12)]
+
+
+def test_skipped_scans_are_as_if_each_had_passed(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = random.Random(5)
+    packets = [*handshake(), *stream(*[chance.randrange(1, 30) for _ in range(40)])]
+    sender = '[[instance]]\nname = "S1"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "d"\n'
+    calls = {"active": "true", "local": 0, "remote": "10.0.0.5", "port": 2000}
+    ways = []
+    for name, more, keys in (("p", "", {}), ("a", "", calls), ("ps", sender, {}), ("as", sender, calls)):
+        (tmp_path / name).mkdir()
+        bench = str(project(tmp_path / name, f"LEN = 5\n{more}", **keys))
+        ways.append(["--project", bench, "--plc", (PARTNER if keys else PLC)[0]])
+    fast = [watch(packets, *way, step_ms=377).records for way in ways]
+    monkeypatch.setattr("trcvtui.bench.bench.Bench.quiet_until", lambda self: self.now)
+    assert [watch(packets, *way, step_ms=377).records for way in ways] == fast
+    assert all(any(record.get("STATUS") == "7006" for record in records) for records in fast)
+
+
+# -- ends --------------------------------------------------------------------------------------------------
+
+FLOOD = [tcp(bytes(120), 101 + 120 * n, 501) for n in range(40)]  # 400 jobs of 12 bytes
+
+
+@pytest.mark.parametrize("flags", [FIN | ACK, RST | ACK])
+def test_a_plc_end_that_leaves_bytes_unread_ends_its_shadow_there(
+    watch: Watch, tmp_path: Path, flags: int
+) -> None:
+    bench = str(project(tmp_path))
+    flood = [*handshake(), *FLOOD, answer(seq=501, ack=4901, window=0)]
+    silence = [answer(seq=501, ack=4901, window=0)] * 20
+    end = [answer(seq=501, ack=4901, flags=flags, window=0), tcp(seq=4901, ack=502, flags=RST)]
+    whole, cut = (watch([*flood, *silence, *more], "--project", bench, step_ms=10) for more in ([], end))
+    assert cut.notes == [f"the PLC end has {'reset' if flags & RST else 'closed'} the connection"]
+    (*jobs, over), at = cut.of("R1"), len(flood) + len(silence) + 1
+    assert (over["STATUS"], over["ERROR"], over["scan"]) == ("7002", False, at + 2)  # it came a scan late
+    assert jobs == whole.of("R1")[: len(jobs)] and (len(dones(cut)), len(dones(whole))) == (31, 400)
+
+
+@pytest.mark.parametrize(("window", "size"), [(8192, 24), (8192 - 12, 12)])
+def test_what_the_window_of_the_plc_end_misses_its_shadow_does_not_read(
+    watch: Watch, window: int, size: int
+) -> None:
+    end = answer(seq=501, ack=125, flags=FIN | ACK, window=window)
+    stands = [answer(seq=501, ack=101)] * 21  # no scan between the bytes and the end
+    seen = watch([*handshake(), *stands, tcp(bytes(24), 101, 501), end], step_ms=3)
+    assert seen.jobs("C1_TO_PLC")[-1] == ("7008", size)
+
+
+@pytest.mark.parametrize(("flags", "jobs"), [(FIN | ACK, 5), (RST | ACK, 3)])
+def test_after_the_partners_end_its_bytes_are_read_as_long_as_the_plc_end_stands(
+    watch: Watch, tmp_path: Path, flags: int, jobs: int
+) -> None:
+    frames = [tcp(bytes(12), 101 + 12 * n, 501) for n in range(5)]
+    fin, waits = tcp(seq=161, ack=501, flags=FIN | ACK), [answer(seq=501, ack=162)] * 5
+    packets = [*handshake(), *frames, fin, *waits, answer(seq=501, ack=162, flags=flags)]
+    seen = watch(packets, "--project", str(project(tmp_path)), step_ms=5)
+    assert len(dones(seen)) == jobs
+    assert seen.jobs("R1")[-1][0] == "80C5" and not seen.notes
+
+
+def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path: Path) -> None:
+    end = answer(seq=501, ack=113, flags=RST | ACK)
+    seen = watch(
+        [*handshake(), tcp(bytes(12), 101, 501), end], "--project", str(project(tmp_path)), step_ms=1
+    )
+    assert dones(seen) == [(12, None)]
+
+
+def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
+    chance = random.Random(11)
+    for _ in range(30):
+        packets = [
+            chance.choice([tcp, answer])(
+                chance.randbytes(chance.randrange(40)),
+                chance.randrange(500),
+                chance.randrange(500),
+                chance.choice([ACK, ACK, SYN, FIN | ACK, RST, SYN | ACK]),
+                chance.choice([0, 8192]),
+            )
+            for _ in range(chance.randrange(1, 60))
+        ]
+        assert set(watch(packets).last) == {"assigned", "unassigned", "left_out"}
+
+
+# -- odd and hostile captures ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that grows by one with each scan that is run."""
+    scans: list[int] = []
+    usual = Bench.step
+    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
+    return scans
+
+
+def dones(seen: Watched, instance: str = "R1") -> list[tuple[int, str | None]]:
+    return [(r["RCVD_LEN"], r.get("note")) for r in seen.of(instance) if r["DONE"]]
+
+
+def test_order_and_copies_of_segments_change_no_job(watch: Watch, tmp_path: Path) -> None:
+    one, two, three = (tcp(bytes([n] * 12), 101 + 12 * n, 501) for n in range(3))
+    all_there = answer(seq=501, ack=137)
+    shared = [*handshake(), one, one, three, two, two, three, all_there, one, all_there]
+    assert dones(watch(shared, "--project", str(project(tmp_path)))) == [(12, None)] * 3
+
+
+def test_a_connection_without_an_end_is_over_when_its_ends_connect_again(
+    watch: Watch, tmp_path: Path
+) -> None:
+    """The second one has the same ports; what the first one had begun is lost with it."""
+    again = [*handshake(7000, 9000), tcp(b"a" * 12, 7001, 9001), answer(seq=9001, ack=7013)]
+    seen = watch([*handshake(), *stream(12, 5), *again], "--project", str(project(tmp_path)))
+    assert dones(seen) == [(12, None)] * 2
+    assert [row["id"] for row in seen.last["assigned"]] == ["C1", "C2"]
+    assert [word for word, _ in seen.jobs("R1")][-2:] == ["80AA", "7008"]
+
+
+def test_a_capture_that_ends_within_a_job_leaves_it_waiting(watch: Watch, tmp_path: Path) -> None:
+    seen = watch([*handshake(), *stream(12, 5)], "--project", str(project(tmp_path)))
+    assert dones(seen) == [(12, None)]
+    assert seen.of("R1")[-1]["STATUS"] == "7006"
+    assert seen.last["left_out"] == {}
+
+
+def test_a_capture_that_begins_and_ends_within_jobs_says_so(watch: Watch, tmp_path: Path) -> None:
+    seen = watch([*stream(7, 12, 12, seq=40)], "--project", str(project(tmp_path)), "--plc", "10.0.0.5")
+    assert seen.notes == ["begins in the middle"]
+    assert dones(seen) == [(12, None)] * 2
+
+
+def test_a_hole_of_two_gigabytes_costs_few_scans_and_frames_begin_where_they_began(
+    watch: Watch, tmp_path: Path, steps: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A place is kept for some of it; whole jobs are left out."""
+    monkeypatch.setattr("trcvtui.line.packet_partners.MOST_FILLED", 12_000)
+    hole = 2**31 - 20_000
+    after = 125 + hole
+    late = [tcp(b"b" * 12, after, 501), answer(seq=501, ack=after + 12), tcp(b"b" * 12, after + 12, 501)]
+    seen = watch([*handshake(), *stream(12, 12), *late], "--project", str(project(tmp_path)))
+    left_out = seen.last["left_out"]["C1"]
+    assert f"? {hole} bytes missing in the capture, to the PLC end, from byte 24" in seen.notes
+    assert left_out % 12 == 0 and hole - 13_000 < left_out < hole
+    kept = (hole - left_out) // 12
+    assert dones(seen) == [(12, None)] * 2 + [(12, MISSING)] * kept + [(12, None)] * 2
+    assert len(steps) < 4 * kept
+
+
+def test_a_connect_that_looks_on_nothing_waits_without_a_word(
+    watch: Watch, tmp_path: Path, steps: list[int]
+) -> None:
+    other = """
+[[connect]]
+name = "C2"
+ActiveEstablished = true
+RemoteAddress = "10.0.0.7"
+RemotePort = 2000
+[[instance]]
+name = "R2"
+block = "TRCV_C"
+connect = "C2"
+data = "d"
+EN_R = true
+CONT = true
+"""
+    path = project(tmp_path, other)
+    seen = watch([*handshake(), *stream(12)], "--project", str(path), step_ms=3_600_000)
+    assert dones(seen) == [(12, None)] and not seen.of("R2")
+    assert len(steps) < 200
+
+
+def test_silence_in_which_a_program_waits_is_run_up_to_a_bound_that_is_told(
+    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trcvtui.line.packet_partners.MOST_QUIET", 500)
+    bench = project(tmp_path)
+    bench.write_text('program = """\nrun 100000000\n"""\n' + bench.read_text(), encoding="utf-8")
+    seen = watch([*handshake(), *stream(12)], "--project", str(bench), step_ms=3_600_000)
+    assert dones(seen) == [(12, None)]
+    done = next(r for r in seen.of("R1") if r["DONE"])
+    assert done["time"].startswith("2023-11-15T01:13:20") and seen.last["not_run"] > 1_000_000
+
+
+def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.CaptureFixture[str]) -> None:
+    packets = [*handshake(), *stream(12), answer(flags=RST, seq=501), udp(b"x")]
+    watch.path.write_bytes(capture(packets, step_ns=60_000_000))
+    assert main(["watch", str(watch.path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(
+        line.startswith("2023-11-14T22:13:20.") and line.endswith("C1_TO_PLC  7008  DONE 12 B")
+        for line in lines
+    )
+    assert any(line.endswith("C1: the PLC end has reset the connection") for line in lines)
+    assert [line.split("  ")[2] for line in lines if "the partner reset" in line] == ["C1_FROM_PLC"]
+    assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 was played to C2, C2_BACK"]
+
+
+def odd_capture(chance: random.Random) -> bytes:
+    """Return a capture of some conversations, with packets lost, doubled, moved, changed, at any time."""
+    packets: list[bytes] = []
+    for _ in range(chance.randrange(1, 4)):
+        source, one, two = (PARTNER[0], PARTNER[1] + chance.randrange(2)), *chance.sample(range(2**32), 2)
+        for flags in (SYN, *chance.choices((ACK, ACK, ACK, ACK, FIN | ACK, RST), k=chance.randrange(12))):
+            data = chance.randbytes(chance.randrange(40)) if flags == ACK else b""
+            packets.append(tcp(data, one, two, flags, source=source))
+            one += len(data) + (flags & (SYN | FIN) > 0)
+            packets.append(tcp(b"", two, one, ACK | flags & (SYN | FIN), source=PLC, target=source))
+            two += flags & (SYN | FIN) > 0
+    for _ in range(chance.randrange(4)):
+        at, other = chance.randrange(len(packets)), chance.randrange(len(packets))
+        match chance.randrange(5):
+            case 0:
+                packets[at], packets[other] = packets[other], packets[at]
+            case 1:
+                packets.insert(at, packets[other])
+            case 2:
+                packets[at] = packets[at][: other + 1]
+            case 3:
+                packets[at] = bytes(byte ^ (chance.random() < 0.02) << 5 for byte in packets[at])
+            case 4:
+                packets[at:] = packets[at + 1 :] or packets[:1]
+    leap = chance.choice((10**6, 10**10, 10**16, 10**17))
+    text = bytearray(capture(packets, step_ns=leap))
+    for _ in range(chance.choice((0, 0, 0, 3))):
+        text[chance.randrange(len(text))] = chance.randrange(256)
+    return bytes(text if chance.random() < 0.8 else text[: chance.randrange(len(text))])
+
+
+def test_odd_captures_end_with_a_last_line_or_with_one_line_of_stderr(
+    watch: Watch, tmp_path: Path, steps: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever they hold: no traceback, and as many scans as there are events, not hours."""
+    benches = tmp_path / "p", tmp_path / "a"
+    for path in benches:
+        path.mkdir()
+    passive = ["--project", str(project(benches[0]))]
+    active = ["--project", str(project(benches[1], active="true", local=0, remote="10.0.0.5", port=2000))]
+    ways = [[], ["--plc", PLC[0]], ["--plc", PARTNER[0], *active], passive, active]
+    for seed in range(60):
+        chance = random.Random(seed)
+        watch.path.write_bytes(odd_capture(chance))
+        del steps[:]
+        code = main(["watch", str(watch.path), *chance.choice(ways), "--format", "jsonl"])
+        printed, told = capsys.readouterr()
+        assert len(steps) < 40_000
+        if code == 0:
+            assert {"assigned", "unassigned", "left_out"} <= json.loads(printed.splitlines()[-1]).keys()
+        else:
+            assert (code, len(told.splitlines())) == (2, 1)
+
+
+# -- real sockets ------------------------------------------------------------------------------------------
+
+SENDER = """
+import socket, sys
+line = socket.create_connection((sys.argv[1], int(sys.argv[2])))
+line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+for word in sys.stdin:
+    line.sendall(bytes.fromhex(word))
+    print("sent", flush=True)
+line.close()
+"""
+PIECES = (5, 7, 12, 24, 3, 4, 17, 7)  # 79 bytes: six jobs of 12, then FIN after 7
+
+
+class Capturing:
+    """dumpcap on loopback, and a sender that is a process of its own."""
+
+    def __init__(self, path: Path, address: str, port: int) -> None:
+        words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", str(path)]
+        self._dump = subprocess.Popen(words, stderr=subprocess.PIPE)
+        assert self._dump.stderr is not None
+        if not any(line.startswith(b"File:") for line in self._dump.stderr):
+            pytest.skip("dumpcap may not capture here")
+        self._path = path
+        self.sender = subprocess.Popen(
+            [sys.executable, "-c", SENDER, address, str(port)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def send(self, data: bytes) -> None:
+        assert self.sender.stdin is not None and self.sender.stdout is not None
+        self.sender.stdin.write(data.hex() + "\n")
+        self.sender.stdin.flush()
+        assert self.sender.stdout.readline() == "sent\n"
+
+    def end(self) -> list[Packet]:
+        """Close the connection; return the packets, FINs of both ends or the RST among them."""
+        self.sender.communicate()
+        while True:
+            packets = self._packets()
+            if sum(bool(packet.data[-1:] and _flags(packet.data) & (FIN | RST)) for packet in packets) >= 1:
+                break
+        self._dump.terminate()
+        self._dump.communicate()
+        return self._packets()
+
+    def _packets(self) -> list[Packet]:
+        if not self._path.exists() or not self._path.stat().st_size:
+            return []
+        with open_capture(str(self._path)) as reader:
+            return list(reader)
+
+
+def _flags(frame: bytes) -> int:
+    return frame[14 + (40 if frame[12:14] == b"\x86\xdd" else 20) + 13]
+
+
+def live_jobs(tmp_path: Path, pieces: tuple[int, ...]) -> tuple[list[tuple[int, int]], list[Packet]]:
+    """Return what a live TRCV_C of 12 bytes showed, and the packets that came to it."""
+    if shutil.which("dumpcap") is None:
+        pytest.skip("dumpcap is not installed")
+    bench = Bench(load_project(project(tmp_path, "EN_R = true\nCONT = true", local=0)), "live")
+    edges: list[StatusEdge] = []
+    began = clock.now_ns()
+
+    def scan() -> None:
+        bench.step(clock.now_ns() - began)
+        bench.runtime.settle()
+        edges.extend(bench.runtime.changed)
+
+    while (port := bench.runtime.listening_port("C1")) is None:
+        scan()
+    wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
+    connection = next(iter(bench.runtime._connections.values()))
+    total, text = 0, random.Random(3).randbytes(sum(pieces))
+    for size in pieces:
+        wire.send(text[total : total + size])
+        total += size
+        while connection.bytes_received < total:
+            scan()
+    packets = wire.end()
+    while not edges or edges[-1].outputs.status != 0x7002:
+        scan()
+    bench.close()
+    return [
+        _job(edge) for edge in edges if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
+    ], packets
+
+
+def _job(edge: StatusEdge) -> tuple[int, int]:
+    return edge.outputs.status, edge.outputs.rcvd_len or 0
+
+
+def _is_said(edge: StatusEdge) -> bool:
+    return edge.outputs.status != 0x80A1  # EN_R is 1 before the connection stands: a matter of some scans
+
+
+def written(path: Path, packets: list[Packet], link_type: int = ETHERNET) -> Path:
+    blocks = [packet_block(0, packet.ns, packet.data) for packet in packets]
+    path.write_bytes(b"".join((section_block("tests"), interface_block(link_type, "t"), *blocks)))
+    return path
+
+
+def tagged(packet: Packet) -> Packet:
+    return packet._replace(data=packet.data[:12] + b"\x81\x00\x00\x07" + packet.data[12:])
+
+
+def cooked(packet: Packet) -> Packet:
+    return packet._replace(data=b"\0\0\0\1\0\6" + packet.data[6:12] + b"\0\0" + packet.data[12:])
+
+
+def reordered(packets: list[Packet]) -> list[Packet]:
+    """Return the packets with each third one after the next."""
+    found = list(packets)
+    for at in range(4, len(found) - 5, 3):
+        found[at], found[at + 1] = (
+            found[at + 1]._replace(ns=found[at].ns), found[at]._replace(ns=found[at + 1].ns),
+        )  # fmt: skip
+    return found
+
+
+def twice(packets: list[Packet]) -> list[Packet]:
+    return [each for packet in packets for each in (packet, packet)]
+
+
+@pytest.mark.live
+def test_a_capture_of_real_sockets_shows_what_the_live_block_showed(watch: Watch, tmp_path: Path) -> None:
+    jobs, packets = live_jobs(tmp_path, PIECES)
+    assert [size for word, size in jobs] == [12] * 6 + [0, 0] and [hex(word) for word, _ in jobs[-2:]] == [
+        "0x80a6", "0x80c5",
+    ]  # fmt: skip
+    bench = str(project(tmp_path))
+    rewritten = {
+        "as it was": (packets, ETHERNET),
+        "vlan": ([*map(tagged, packets)], ETHERNET),
+        "cooked": ([*map(cooked, packets)], COOKED),
+        "reordered": (reordered(packets), ETHERNET),
+        "twice": (twice(packets), ETHERNET),
+    }
+    for name, (changed, link_type) in rewritten.items():
+        path = written(tmp_path / "w.pcapng", changed, link_type)
+        seen = watch.file(path, "--project", bench, "--plc", "127.0.0.1").jobs("R1")
+        assert [(int(word, 16), size) for word, size in seen if word != "80A1"] == jobs, name
+
+
+@pytest.mark.live
+def test_a_packet_that_the_capture_lost_is_a_hole_in_its_job_alone(watch: Watch, tmp_path: Path) -> None:
+    jobs, packets = live_jobs(tmp_path, PIECES)
+    of_data = [n for n, packet in enumerate(packets) if len(packet.data) - 66 == 24]
+    path = written(tmp_path / "w.pcapng", packets[: of_data[0]] + packets[of_data[0] + 1 :])
+    seen = watch.file(path, "--project", str(project(tmp_path)), "--plc", "127.0.0.1")
+    dones = [(r["RCVD_LEN"], "note" in r) for r in seen.of("R1") if r["DONE"]]
+    assert dones == [(12, False)] * 2 + [(12, True)] * 2 + [(12, False)] * 2
+    assert len(jobs) == 8
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
+def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: Path, address: str) -> None:
+    for tool in ("dumpcap", "socat"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    kind = "TCP6-LISTEN:0,bind=[::1]" if ":" in address else "TCP-LISTEN:0,bind=127.0.0.1"
+    listener = subprocess.Popen(
+        ["socat", "-d", "-d", "-u", kind, "-"], stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert listener.stderr is not None
+    said = next(line for line in listener.stderr if b"listening on" in line)
+    wire = Capturing(tmp_path / "real.pcapng", address, int(said.decode().rpartition(":")[2]))
+    for size in PIECES:
+        wire.send(bytes(size))
+    wire.end()
+    listener.communicate()
+    seen = watch.file(tmp_path / "real.pcapng")
+    assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
+    assert seen.last["left_out"] == {}
+
+
+class Frames:
+    """The jobs of shadows: STATUS and bytes, and what is said of conversations."""
+
+    def __init__(self, path: Path, bench: Path, plc: str) -> None:
+        plan, found, _ = plan_capture([str(path)], bench, plc, None)
+        self.jobs, self.notes = list[tuple[int, bytes]](), list[str]()
+        self._player = CapturePlayer(plan, found.all, found.first_ns or 0, self)
+        self._player.play([str(path)])
+        self._player.close()
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        assert not lacking
+        self.jobs += jobs_of(self._player.shadows.bench, changed)
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        self.notes.append(text)
+
+
+def jobs_of(bench: Bench, edges: Sequence[StatusEdge]) -> list[tuple[int, bytes]]:
+    return [
+        (edge.outputs.status, bench.runtime.data("d") if edge.outputs.done else b"")
+        for edge in edges
+        if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
+    ]
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("by_plc", [False, True], ids=["the partner's end", "the PLC's own end"])
+def test_the_recording_and_a_capture_of_one_run_show_the_frames_of_the_run(
+    tmp_path: Path, by_plc: bool
+) -> None:
+    if shutil.which("dumpcap") is None:
+        pytest.skip("dumpcap is not installed")
+    path, jobs, text = tmp_path / "run.pcapng", list[tuple[int, bytes]](), random.Random(5).randbytes(79)
+    bench_file = project(tmp_path, "EN_R = true\nCONT = true", local=0)
+    with RunRecorder(lambda: RecordingWriter(path), path, secrets=False) as recorder:
+        bench = Bench(load_project(bench_file), "live", recorder.seam)
+        recorder.begin(bench, bench_file, (), is_scenario=False)
+        began = due = clock.now_ns()
+
+        def scan() -> None:
+            nonlocal due
+            while clock.now_ns() < due:
+                recorder.gap(bench)
+            due += 10_000_000
+            bench.step(clock.now_ns() - began)
+            bench.runtime.settle()
+            jobs.extend(jobs_of(bench, bench.runtime.changed))
+
+        while (port := bench.runtime.listening_port("C1")) is None:
+            scan()
+        wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
+        for at, size in zip(accumulate(PIECES, initial=0), PIECES, strict=False):
+            wire.send(text[at : at + size])
+            due = max(due, clock.now_ns())  # no scan makes up for the start of those programs
+            scan()
+        while len(bench.runtime.partial("R1")) != 7:  # six jobs of 12 bytes are done, the seventh has begun
+            scan()
+        if by_plc:
+            bench.do(Set("R1", (("COM_RST", True),)))
+        else:
+            wire.sender.communicate()
+        while bench.runtime.outputs("R1").status != 0x7002:
+            scan()
+        bench.close()
+        wire.end()
+    assert [data for _, data in jobs if data] == [text[at : at + 12] for at in range(0, 72, 12)]
+    for seen in (
+        Frames(path, bench_file, f"127.0.0.1:{port}"),
+        Frames(tmp_path / "real.pcapng", bench_file, f"127.0.0.1:{port}"),
+    ):
+        assert seen.jobs == jobs
+        assert seen.notes == ["the PLC end has reset the connection"] * by_plc

@@ -1,0 +1,320 @@
+"""`watch` on what has no connection: datagrams to blocks of UDP, bytes of a serial line to a ComBuffer."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import pytest
+
+from tests.line.test_on_screen import work
+from tests.line.test_watch import Record, Watch, watch
+from tests.recording.wire import NS, PARTNER, PLC, capture, udp
+from trcvtui.capture.command import take_captures
+from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, interface_block, packet_block, section_block
+from trcvtui.capture.reassembly import Conversations
+from trcvtui.cli.main import main
+from trcvtui.line.on_screen import _played
+from trcvtui.line.watch_command import MISSING
+
+__all__ = ["watch"]
+
+SENT, RECEIVED = 1, 2  # events of RTAC serial
+UDP = """
+dialect = "baosky"
+[[data]]
+name = "d"
+type = "ARRAY[0..7] OF BYTE"
+[[udp_config]]
+name = "U1"
+LocalAddress = "127.0.0.1"
+LocalPort = 2000
+[[addr]]
+name = "FROM"
+[[instance]]
+name = "R1"
+block = "URECV_C"
+config = "U1"
+addr = "FROM"
+data = "d"
+"""
+
+
+def project(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def line(*events: tuple[int, bytes], name: str = "RX", step_ms: int = 50) -> bytes:
+    """Return a capture of a serial line, as an RTAC writes it."""
+    blocks = [section_block("tests"), interface_block(RTAC_SERIAL, name)]
+    for n, (event, data) in enumerate(events):
+        head = struct.pack(">IIBBH", NS // 10**9, 0, event, 0, 0)
+        blocks.append(packet_block(0, NS + n * step_ms * 1_000_000, head + data))
+    return b"".join(blocks)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "block", "status"),
+    [("baosky", "URECV_C", "7008"), ("s7-1500", "TRCV_C", "0000"), ("s7-1200-legacy", "TRCV_C", "0000")],
+)
+def test_datagrams_of_both_ends_have_a_shadow_each(
+    watch: Watch, dialect: str, block: str, status: str
+) -> None:
+    seen = watch([udp(b"abc"), udp(b"defgh"), udp(b"no", PLC, PARTNER)], "--dialect", dialect)
+    assert [job for job in seen.jobs("C1_TO_PLC") if job[1]] == [(status, 3), (status, 5)]
+    assert [job for job in seen.jobs("C1_FROM_PLC") if job[1]] == [(status, 2)]
+    assert {record["block"] for record in seen.records[:-1]} == {block}
+    assert seen.last["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]
+
+
+def test_all_who_send_to_one_end_reach_one_shadow_at_the_same_time(watch: Watch) -> None:
+    packets = [udp(b"from %d" % n, ("10.0.0.9", 4000 + n)) for n in (1, 2, 1, 3)]
+    seen = watch(packets)
+    assert [size for _, size in seen.jobs("C1_TO_PLC")] == [6, 6, 6, 6]
+    assert [each["shadows"][0] for each in seen.last["assigned"]] == ["C1", "C1", "C1"]
+
+
+def test_names_and_clocks_of_the_network_have_no_shadow_unless_they_are_asked_for(watch: Watch) -> None:
+    asks = udp(b"who is", target=("10.0.0.5", 53))
+    assert watch([asks, udp(b"abc")]).last["unassigned"] == [{"id": "C1", "why": "UDP: DNS"}]
+    assert watch([asks], "--plc", "10.0.0.5:53").jobs("C1_TO_PLC") == [("7008", 6)]
+
+
+def test_a_dialect_without_datagrams_says_so(watch: Watch) -> None:
+    seen = watch([udp(b"abc")], "--dialect", "twincat")
+    assert seen.last["unassigned"] == [{"id": "C1", "why": "UDP: no block of twincat receives it"}]
+
+
+@pytest.mark.parametrize(
+    ("more", "words", "is_watched"),
+    [
+        ("", (), True),
+        ("", ("--plc", "10.0.0.5"), True),
+        ("", ("--plc", "10.0.0.8"), False),
+        ('[[watch]]\nname = "W"\nplc = "10.0.0.5:2000"\nconnect = "U1"\n', (), True),
+        ('[[watch]]\nname = "W"\nplc = "10.0.0.5:2001"\nconnect = "U1"\n', (), False),
+    ],
+)
+def test_the_udp_config_of_a_project_is_that_of_its_port_or_of_a_watch_row(
+    watch: Watch, tmp_path: Path, more: str, words: tuple[str, ...], is_watched: bool
+) -> None:
+    packets, words = [udp(bytes(8))], ("--project", str(project(tmp_path, UDP + more)), *words)
+    if is_watched:
+        assert watch(packets, *words).jobs("R1") == [("7008", 8)]
+    else:
+        assert watch.refused(packets, *words).endswith(": 10.0.0.5:2000, 10.0.0.9:51000")
+
+
+def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path: Path) -> None:
+    seen = watch([udp(bytes(9)), udp(bytes(8))], "--project", str(project(tmp_path, UDP)))
+    first, second = seen.jobs("R1")
+    assert first[0].startswith("80")
+    assert second == ("7008", 8)
+
+
+SIEMENS = """
+dialect = "s7-1500"
+[[data]]
+name = "d"
+type = "ARRAY[0..7] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_v4"
+ConnectionType = 19
+LocalPort = 2000
+ListenPort = 0
+[[addr]]
+name = "FROM"
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+addr = "FROM"
+data = "d"
+"""
+
+
+@pytest.mark.parametrize(("text", "error", "done"), [(UDP, "80AA", "7008"), (SIEMENS, "80C9", "0000")])
+def test_a_datagram_above_data_is_the_error_also_where_the_capture_has_cut_it_off(
+    watch: Watch, tmp_path: Path, text: str, error: str, done: str
+) -> None:
+    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
+    for n, (size, left_out) in enumerate([(9, 1), (9, 0), (8, 3), (8, 0)]):
+        data = udp(bytes(size))
+        blocks.append(packet_block(0, NS + n * 60_000_000, data[: len(data) - left_out], length=len(data)))
+    watch.path.write_bytes(b"".join(blocks))
+    seen = watch.file(watch.path, "--project", str(project(tmp_path, text)), "--plc", "10.0.0.5")
+    told = [(r["STATUS"], "note" in r) for r in seen.of("R1") if r["ERROR"] or r["RCVD_LEN"]]
+    assert told == [(error, True), (error, False), (done, True), (done, False)]
+
+
+def test_a_datagram_that_the_capture_has_cut_off_is_a_job_that_lacks_bytes(watch: Watch) -> None:
+    whole = udp(bytes(range(40)))
+    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
+    for n, size in enumerate((len(whole), len(whole) - 16, len(whole))):
+        blocks.append(packet_block(0, NS + n * 60_000_000, whole[:size], length=len(whole)))
+    watch.path.write_bytes(b"".join(blocks))
+    seen = watch.file(watch.path)
+    assert seen.jobs("C1_TO_PLC") == [("7008", 40)] * 3
+    told = [record.get("note") for record in seen.of("C1_TO_PLC") if record["DONE"]]
+    assert told == [None, MISSING, None]
+    assert seen.notes == ["? 16 bytes missing in the capture, to the PLC end, from byte 64"]
+
+
+def test_datagrams_that_find_no_room_are_counted(watch: Watch) -> None:
+    seen = watch([udp(bytes(1400), step) for step in [PARTNER] * 500], step_ms=0)
+    got = sum(size for _, size in seen.jobs("C1_TO_PLC"))
+    assert got + seen.last["left_out"]["C1"] == 500 * 1400
+    assert 0 < got < 500 * 1400
+
+
+SERIAL = """
+dialect = "twincat"
+start = "write suffix hex 0a"
+[[data]]
+name = "suffix"
+type = "BYTE"
+[[data]]
+name = "rx"
+type = "ARRAY[0..15] OF BYTE"
+[[combuffer]]
+name = "{}"
+source = "sim"
+[[instance]]
+name = "RD"
+block = "ReceiveData"
+RxBuffer = "{}"
+data = "rx"
+pSuffix = "suffix"
+LenSuffix = 1
+SizeReceiveData = 16
+"""
+
+
+@pytest.mark.parametrize("buffer", ["RX", "OTHER"])
+def test_a_serial_line_fills_the_combuffer_of_its_name_or_the_only_one(
+    watch: Watch, tmp_path: Path, buffer: str
+) -> None:
+    watch.path.write_bytes(
+        line((RECEIVED, b"12"), (RECEIVED, b"3\n4567"), (SENT, b"ok\n"), (RECEIVED, b"\n"))
+    )
+    seen = watch.file(watch.path, "--project", str(project(tmp_path, SERIAL.format(buffer, buffer))))
+    assert [size for _, size in seen.jobs("RD")] == [4, 5]
+    assert seen.last["assigned"] == [{"id": "C1", "shadows": [buffer]}]
+
+
+def test_without_a_project_nobody_knows_how_a_serial_line_is_cut(watch: Watch) -> None:
+    watch.path.write_bytes(line((RECEIVED, b"12")))
+    assert "a ComBuffer of a project" in watch.file(watch.path).last["unassigned"][0]["why"]
+
+
+def test_blocks_on_a_combuffer_that_a_watched_trcv_c_fills_look_on_too(watch: Watch) -> None:
+    from tests.recording.wire import handshake, tcp
+
+    stream = [tcp(b"ab", 101, 501), tcp(b"c\nde\n", 103, 501)]
+    where = ("--project", "configs/twincat-stream.toml", "--plc", "10.0.0.5")
+    assert [size for _, size in watch([*handshake(), *stream], *where).jobs("RD")] == [4, 3]
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial"])
+def test_the_screen_shows_the_run_of_watch(watch: Watch, tmp_path: Path, kind: str) -> None:
+    bench = project(tmp_path, UDP if kind == "udp" else SERIAL.format("RX", "RX"))
+    sent = [udp(bytes(n)) for n in (8, 3, 8)]
+    content = capture(sent, step_ns=70_000_000) if kind == "udp" else line(*[(RECEIVED, b"34\n")] * 3)
+    watch.path.write_bytes(content)
+    name = "R1" if kind == "udp" else "RD"
+    seen = watch.file(watch.path, "--project", str(bench))
+    shown = _played([str(watch.path)], (bench, None, None), tmp_path / "shadows.pcapng")
+    work(shown)
+    assert [*shown.survey.edges[name]] == [record["scan"] for record in seen.of(name)]
+    assert len(seen.jobs(name)) >= 3
+    shown.take(1, "at end")
+    work(shown)
+    assert shown.survey.trouble == ""
+    assert shown.controller.bench.runtime.snapshot().instances[0].jobs_done == 3
+
+
+ISO = """
+dialect = "s7-1500"
+[[data]]
+name = "rx"
+type = "ARRAY[0..15] OF BYTE"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+ActiveEstablished = false
+LocalTSelector = "16#E002"
+RemoteTSelector = "16#E001"
+IsoPort = 0
+[[instance]]
+name = "R1"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+iso = true
+remote = "@C1"
+local_tsap = "16#E001"
+remote_tsap = "16#E002"
+reconnect = "T#100ms"
+says = ["random 16", "random 9"]
+every = "T#30ms"
+"""
+TWO_SENDERS = """
+[[peer]]
+name = "P1"
+udp = true
+remote = "@U1"
+says = ["random 8", "random 5", "random 3"]
+every = "T#30ms"
+[[peer]]
+name = "P2"
+udp = true
+remote = "@U1"
+says = ["random 4"]
+every = "T#20ms"
+"""
+
+
+def recorded(tmp_path: Path, bench: str, steps: str) -> tuple[Path, list[Record]]:
+    """Return the recording of a scenario, and its records."""
+    project(tmp_path, bench)
+    scenario, path, out = tmp_path / "s.toml", tmp_path / "run.pcapng", tmp_path / "run.jsonl"
+    text = f'project = "bench.toml"\n[scenario]\nname = "s"\nsteps = """\n{steps}\n"""\n'
+    scenario.write_text(text, encoding="utf-8")
+    words = ["--record", str(path), "--format", "jsonl", "--out", str(out)]
+    assert main(["scenario", str(scenario), *words]) == 0
+    return path, [json.loads(each) for each in out.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_partner_of_iso_on_tcp_says_nothing_before_its_shadow_has_answered(
+    watch: Watch, tmp_path: Path
+) -> None:
+    path, run = recorded(tmp_path, ISO, "run T#500ms")
+    seen = watch.file(path, "--project", str(tmp_path / "bench.toml"), "--plc", "127.0.0.1:32768")
+    jobs = [("0000", r["RCVD_LEN"]) for r in run if r.get("DONE")]
+    assert jobs[:3] == [("0000", 16), ("0000", 9), ("0000", 16)]
+    assert seen.jobs("R1")[: len(jobs)] == jobs
+    assert seen.last["left_out"] == {}
+
+
+def test_datagrams_that_the_recorded_plc_left_unread_are_left_out_at_the_end_of_the_recording(
+    watch: Watch, tmp_path: Path
+) -> None:
+    steps = "set R1 EN_R=1\nrun T#200ms\nset R1 EN_R=0\nrun T#200ms\nset R1 EN_R=1\nrun T#300ms"
+    bench = UDP + "CONT = true\nLEN = 8\n" + TWO_SENDERS
+    path, run = recorded(tmp_path, bench, steps)
+    seen = watch.file(path, "--project", str(tmp_path / "bench.toml"))
+    done = [each for each in seen.of("R1") if each["DONE"]]
+    assert done[-1]["t_ms"] <= run[-2]["t_ms"] + 30
+    conversations = Conversations()
+    take_captures([str(path)], conversations, [])
+    sent = sum(each.there.bytes + each.back.bytes for each in conversations.all)
+    assert set(seen.last["left_out"]) == {"C1", "C2"}
+    assert sum(each["RCVD_LEN"] for each in done) + sum(seen.last["left_out"].values()) == sent

@@ -1,0 +1,356 @@
+"""`--record` and `replay` from the command line: files, refusals, exit codes, writers that are killed."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_cli import ENVIRONMENT
+from tests.scenario.scenarios import BAOSKY, CONFIGS
+from tests.waiting import until, until_size
+from trcvtui.capture.pcap import open_capture
+from trcvtui.cli.main import main
+from trcvtui.errors import UserError, mistake
+from trcvtui.recording import files, writer
+from trcvtui.recording.files import RecordTo
+from trcvtui.recording.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
+from trcvtui.recording.recording import Recording, RecordingWriter
+from trcvtui.recording.writer import WriterProcess
+
+STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
+
+
+def entries(path: Path) -> list[Entry]:
+    return list(Recording(path).entries())
+
+
+@pytest.mark.parametrize("kernel", ["sim", pytest.param("live", marks=[pytest.mark.live, pytest.mark.slow])])
+def test_a_recorded_scenario_checks_and_prints_the_same(
+    tmp_path: Path, kernel: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "R.pcapng"
+    asked = ["scenario", str(STORY), "--kernel", kernel, "--format", "jsonl", "--record", str(file)]
+    assert main(asked) == 0
+    printed = capsys.readouterr().out
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert main(["replay", str(file), "--check"]) == 0
+    assert capsys.readouterr().out == f"{file}: 20 scans, the same again\n"
+    assert main(["replay", str(file), "--format", "jsonl"]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_two_runs_of_one_seed_give_the_same_bytes(tmp_path: Path) -> None:
+    files = [tmp_path / "A.pcapng", tmp_path / "B.pcapng"]
+    for file in files:
+        main(["scenario", str(STORY), "--record", str(file)])
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_several_scenarios_have_a_file_each(tmp_path: Path) -> None:
+    asked = BAOSKY[:3]
+    assert main(["scenario", *map(str, asked), "--record", str(tmp_path / "new")]) == 0
+    assert sorted(each.name for each in (tmp_path / "new").iterdir()) == [f"{p.stem}.pcapng" for p in asked]
+
+
+def test_a_file_that_is_there_is_refused_and_only_a_recording_is_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, other = tmp_path / "R.pcapng", tmp_path / "other.txt"
+    other.write_text("mine")
+    assert main(["scenario", str(STORY), "--record", str(file)]) == 0
+    before = file.read_bytes()
+    assert main(["scenario", str(STORY), "--record", str(file)]) == 2
+    assert "there already" in capsys.readouterr().err and file.read_bytes() == before
+    assert main(["scenario", str(STORY), "--record", str(file), "--overwrite"]) == 0
+    assert main(["scenario", str(STORY), "--record", str(other), "--overwrite"]) == 2
+    assert other.read_text() == "mine"
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(STORY), "--check"]) == 2
+    assert main(["replay", str(tmp_path / "none"), "--check"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
+def test_a_recording_cut_anywhere_says_where_its_journal_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, part = tmp_path / "R.pcapng", tmp_path / "part.pcapng"
+    main(["scenario", str(STORY), "--record", str(file)])
+    whole = file.read_bytes()
+    for size in range(0, len(whole), 501):
+        part.write_bytes(whole[:size])
+        assert main(["replay", str(part), "--check"]) in (1, 2)
+        told = capsys.readouterr()
+        assert len((told.out + told.err).splitlines()) <= 2 or size == 0
+
+
+# -- the process that writes -------------------------------------------------------------------------------
+
+BEGINS = RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
+
+
+def some(count: int) -> list[Entry]:
+    return [Answered("C1", "recv", (7, 9), (9, number.to_bytes(9, "big"))) for number in range(count)]
+
+
+def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
+    sink.take([BEGINS])
+    for _ in range(20):
+        sink.take(some(1000))
+    sink.close()
+    assert sink.trouble == ""
+    assert entries(tmp_path / "R.pcapng") == [BEGINS, *some(1000) * 20]
+
+
+def test_a_writer_process_refuses_what_the_writer_refuses(tmp_path: Path) -> None:
+    RecordingWriter(tmp_path / "R.pcapng").close()
+    with pytest.raises(UserError) as told:
+        WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
+    assert "there already" in str(told.value)
+
+
+def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path) -> None:
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
+    sink.take([BEGINS])
+    os.kill(sink.pid, signal.SIGKILL)
+    while not sink.trouble:
+        sink.take(some(100_000))
+    sink.take(some(1))
+    sink.close()
+    assert sink.trouble.endswith("the writer has ended; nothing more is recorded")
+    assert Recording(tmp_path / "R.pcapng").stopped == ""
+
+
+def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "MOST_WAITING", 1 << 20)
+    sink = WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
+    sink.take([BEGINS])
+    os.kill(sink.pid, signal.SIGSTOP)
+    for _ in range(40):
+        sink.take(some(10_000))
+        sink.post()
+    os.kill(sink.pid, signal.SIGCONT)
+    while sink.is_behind:
+        sink.go_on()
+    sink.take(some(3))
+    sink.close()
+    found = entries(tmp_path / "R.pcapng")
+    [gap] = [one for one in found if isinstance(one, EntriesLost)]
+    assert gap.number + len(found) == 1 + 40 * 10_000 + 3 + 1
+    assert found[-3:] == some(3)
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_a_run_that_is_killed_leaves_a_file_that_opens(tmp_path: Path) -> None:
+    scenario, file = tmp_path / "long.toml", tmp_path / "R.pcapng"
+    text = STORY.read_text(encoding="utf-8").replace("peer P1 stall", "run 100000")
+    scenario.write_text(text, encoding="utf-8")
+    words = ["scenario", str(scenario), "--kernel", "live", "--record", str(file)]
+    with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
+        until_size(run, file, 30_000)
+        run.kill()
+    found = entries(file)
+    assert isinstance(found[0], RunBegins)
+    assert main(["replay", str(file), "--check"]) == 1
+
+
+# -- `trcvtui record` --------------------------------------------------------------------------------------
+
+PROJECT = """
+dialect = "baosky"
+start = "set TRCV_C_1 CONT=1 EN_R=1"
+[[data]]
+name = "rx"
+type = "ARRAY[1..1000] OF BYTE"
+[[connect]]
+name = "C1"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+RemotePort = "@P1"
+[[instance]]
+name = "TRCV_C_1"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+[[peer]]
+name = "P1"
+active = false
+says = ["random 1000 seed=7 repeat=100000 every=T#1s"]
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    path = tmp_path / "P.toml"
+    path.write_text(PROJECT)
+    return path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(each.name for each in folder.iterdir())
+
+
+def test_record_keeps_a_run_for_its_duration(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), "--duration", "T#3s"]
+    assert main(asked) == 0
+    assert main(asked) == 0
+    assert names(out) == ["P-0001.pcapng", "P-0002.pcapng"]
+    assert main(["replay", str(out / "P-0001.pcapng"), "--check"]) == 0
+    assert main(["replay", str(out / "P-0002.pcapng"), "--check"]) == 0
+
+
+def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    limits = ["--ring", "256KiB", "--split", "64KiB", "--duration", "T#400s"]
+    assert main(["record", str(project), "--kernel", "sim", "--out", str(out), *limits]) == 0
+    files = names(out)
+    assert len(files) > 2 and "P-0001.pcapng" not in files
+    assert sum((out / name).stat().st_size for name in files) < 300 << 10
+    assert main(["replay", str(out / files[-1]), "--check"]) == 0
+    first, last = map(
+        int, re.findall(r": scans (\d+) to (\d+), the same again\n", capsys.readouterr().out)[0]
+    )
+    assert 30_000 < first < last == 40_001
+    for name in files:
+        done = [one for one in entries(out / name) if isinstance(one, Answered) and one.args[3:4] == (True,)]
+        with open_capture(out / name) as capture:
+            came = [packet for packet in capture if packet.data[:1] == b"E" and len(packet.data) > 40]
+        assert sum(len(packet.data) - 40 for packet in came) == 1000 * len(done) > 0
+        assert came[0].comments[0].startswith("begins in the middle: ")
+        assert sum(" DONE 1000 B" in text for packet in came for text in packet.comments) == len(done)
+        assert {packet.data[20:24] for packet in came} == {struct.pack(">HH", 32768, 32769)}
+
+
+def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]
+    assert main(asked) == 0
+    assert len(names(out)) > 1
+    for name in names(out):
+        found = entries(out / name)
+        [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
+        assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
+        at = [one.answer for one in found if isinstance(one, Answered) and one.call == "step"][-1]
+        assert isinstance(at, int)
+        with open_capture(out / name) as capture:
+            times = [p.ns - SIM_WALL_NS for p in capture if p.data[:1] == b"E" and len(p.data) > 40]
+        assert times
+        assert min(times) >= at - 180_000_000  # 100 before, 50 after, and what is rounded to scans
+
+
+def test_a_file_of_a_trigger_runs_again_from_the_beginning_of_its_run(project: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    assert (
+        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
+    )
+    for name in names(out):
+        assert main(["replay", str(out / name), "--check"]) == 0
+
+
+def test_a_file_of_a_trigger_after_too_long_a_run_says_what_it_lacks(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "MOST_OLD_BYTES", 1000)
+    out = tmp_path / "out"
+    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+    assert (
+        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
+    )
+    last = entries(out / names(out)[-1])
+    gaps = [one for one in last if isinstance(one, EntriesLost)]
+    assert gaps[0].why == files.ELSEWHERE
+    assert main(["replay", str(out / names(out)[-1]), "--check"]) != 0
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--before", "T#1s"], "no --on"),
+        (["--ring", "12"], "64KiB or more"),
+        (["--ring", "64KiB", "--split", "64KiB"], "two files"),
+        (["--on", "TRCV_C_9 STATUS=7008"], "TRCV_C_9"),
+        (["--duration", "soon"], "soon"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line(
+    project: Path, tmp_path: Path, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["record", str(project), "--out", str(tmp_path / "out"), *words]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["record", "scenario"])
+def test_a_disk_that_is_full_in_the_midst_of_a_run_is_one_line(
+    project: Path,
+    tmp_path: Path,
+    command: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    target = tmp_path / "out"
+    is_record = command == "record"
+    words = [str(project), "--out", str(target), "--kernel", "sim", "--duration", "T#1m"]
+    story = [str(CONFIGS / "scenarios" / "stories" / "en-r-dropped.toml"), "--record", str(target)]
+    write = RecordingWriter._write
+
+    def full(self: RecordingWriter, data: bytes) -> None:
+        if self.size + len(data) > 10_000:
+            self._file.close()
+            raise mistake("R", "No space left on device", "room for it")
+        write(self, data)
+
+    monkeypatch.setattr(RecordingWriter, "_write", full)
+    assert main([command, *(words if is_record else story)]) == is_record
+    printed = capsys.readouterr()
+    assert printed.err == "R: found No space left on device, expected room for it\n"
+    assert is_record or printed.out.startswith("passed")  # the run goes on without its recording
+
+
+@pytest.mark.parametrize(("out", "told"), [("bench.toml", "a file"), ("no/folder", "No such file")])
+def test_a_folder_that_cannot_be_made_is_one_line(
+    project: Path, tmp_path: Path, out: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bench.toml").touch()
+    assert main(["record", str(project), "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+    two = ["configs/scenarios/stories/en-r-dropped.toml", "configs/scenarios/stories/auto-reply.toml"]
+    assert main(["scenario", *two, "--kernel", "sim", "--record", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert told in said and len(said.splitlines()) == 1
+
+
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_record_ends_cleanly_when_all_its_programs_are_told_to(
+    project: Path, tmp_path: Path, number: int
+) -> None:
+    out = tmp_path / "out"
+    words = ["record", str(project), "--out", str(out)]
+    program = [sys.executable, "-m", "trcvtui", *words]
+    with subprocess.Popen(program, env=ENVIRONMENT, start_new_session=True) as run:
+        until(lambda: run.poll() is not None or (out.exists() and names(out)))
+        until_size(run, out / names(out)[0], 5_000)
+        os.killpg(run.pid, number)
+        assert run.wait() == 0
+    assert main(["replay", str(out / names(out)[0]), "--check"]) == 0

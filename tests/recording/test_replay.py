@@ -1,0 +1,329 @@
+"""A run that was recorded runs again, exactly; what differs is an error; bytes of a journal are data."""
+
+from __future__ import annotations
+
+import io
+import random
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.certificates import NEEDS_OPENSSL
+from tests.net.contract import FACTS, Fact
+from tests.net.net_bench import Bench as Workbench
+from tests.net.sim.net_sim import SimNetwork
+from tests.scenario.scenarios import BAOSKY, CONFIGS, SIEMENS, PatientPace
+from trcvtui.bench.bench import Bench
+from trcvtui.errors import UserError
+from trcvtui.net.kernel import Kernel
+from trcvtui.net.sim.kernel import SimKernel
+from trcvtui.plc.fast_lane import Lane
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.recording.journal import DO, SKIP, Answered, Entry, Note, blocks, entries_of
+from trcvtui.recording.replay import Replay
+from trcvtui.recording.seam import Seam, SeamRecorder, seam_kernel
+from trcvtui.scenario.report import JsonLines
+from trcvtui.scenario.runner import Pace, Runner, VirtualPace
+from trcvtui.scenario.scenario import load_scenario
+
+MUTATIONS = 1000
+BARE = re.compile(r"<TlsError\.\w+: ('\w+')>")  # a word of an enum comes back as the plain word, its equal
+SCENARIOS = [
+    path
+    for path in sorted(CONFIGS.rglob("*.toml"))
+    if "[scenario]" in path.read_text(encoding="utf-8") and path.parent.name != "tls"
+]
+
+
+def run(path: Path, kernel: str, seam: Seam, pace: Pace) -> tuple[str, list[str]]:
+    """Return the jsonl text of a scenario on a seam, and the ledger."""
+    scenario = load_scenario(path, ())
+    bench = Bench(scenario.project, kernel, seam)
+    out = io.StringIO()
+    report = JsonLines(out.write, bench.runtime.interval_ns)
+    verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+    report.verdict(verdict)
+    bench.close()
+    assert bench.leaks() == ()
+    return out.getvalue(), [BARE.sub(r"\1", str(line)) for line in bench.runtime.ledger]
+
+
+def recorded(path: Path, kernel: str = "sim") -> tuple[tuple[str, list[str]], list[Entry]]:
+    entries: list[Entry] = []
+    pace = PatientPace() if kernel == "live" else VirtualPace()
+    return run(path, kernel, SeamRecorder(entries.append), pace), entries
+
+
+def holds(path: Path, kernel: str) -> None:
+    """Record a scenario, and replay it from the bytes of its journal."""
+    seen, entries = recorded(path, kernel)
+    replay = Replay(entries_of(blocks(entries), "R"), "R")
+    assert run(path, kernel, replay, VirtualPace()) == seen
+    replay.end()
+
+
+@pytest.mark.parametrize(
+    ("call", "args"), [(SKIP, ()), (SKIP, ("1",)), (SKIP, (-1,)), (SKIP, (1 << 41,)), (DO, ()), (DO, (1,))]
+)
+def test_a_journal_with_a_strange_command_ends_there(call: str, args: tuple[object, ...]) -> None:
+    with pytest.raises(UserError, match="an answer that this call can give"):
+        list(entries_of(blocks([Answered("bench", call, args, None)]), "R"))
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_scenario_that_was_recorded_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
+    holds(path, "sim")
+
+
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.parametrize("path", (BAOSKY + SIEMENS)[::4], ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_scenario_on_real_sockets_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
+    holds(path, "live")
+
+
+@NEEDS_OPENSSL
+@pytest.mark.slow
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+@pytest.mark.parametrize("name", ["tls-server.toml", "tls-client.toml"])
+def test_a_replay_of_tls_makes_no_tls(
+    secure_bench: Path, name: str, kernel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen, entries = recorded(secure_bench / name, kernel)
+
+    def never(*_: object) -> None:
+        raise AssertionError("a replay has made a session")
+
+    monkeypatch.setattr("trcvtui.net.layers.layer_kernel.LayeredStream.pump", never)
+    monkeypatch.setattr("trcvtui.bench.bench.Bench._with_sessions", never)
+    replay = Replay(entries_of(blocks(entries), "R"), "R")
+    assert run(secure_bench / name, kernel, replay, VirtualPace()) == seen
+
+
+# -- the contract of the seam -----------------------------------------------------------------------------
+
+
+class Timeless:
+    """A network of answers, on which no time passes."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        self.kernel = kernel
+
+    def breathe(self) -> None:
+        """Do nothing."""
+
+
+class Watched(SimNetwork):
+    """A simulated network that is asked through a recorder."""
+
+    def __init__(self, kernel: SimKernel, seam: Seam) -> None:
+        super().__init__(kernel)
+        self.seen: Kernel = seam_kernel(seam, "X", lambda: kernel)
+
+
+ASKED = [fact for fact in FACTS if not fact.__name__.startswith("a_look")]  # a recorder alone looks
+
+
+@pytest.mark.parametrize("fact", ASKED, ids=lambda fact: fact.__name__)
+def test_a_recording_kernel_and_one_that_answers_keep_the_contract(fact: Fact) -> None:
+    entries: list[Entry] = []
+    network = Watched(SimKernel(), SeamRecorder(entries.append))
+    bench = Workbench(network)
+    bench.kernel = network.seen
+    fact(bench)
+    replay = Replay(entries_of(blocks(entries), "R"), "R")
+    fact(Workbench(Timeless(seam_kernel(replay, "X", SimKernel))))
+    replay.end()
+
+
+# -- what differs -----------------------------------------------------------------------------------------
+
+STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
+
+
+def answered(entries: Iterable[Entry]) -> str:
+    """Return what a replay of these entries says is wrong."""
+    with pytest.raises(UserError) as told:
+        replay = Replay(iter(entries), "R")
+        run(STORY, "sim", replay, VirtualPace())
+        replay.end()
+    return str(told.value)
+
+
+def place(entries: Sequence[Entry], call: str) -> int:
+    return next(at for at, one in enumerate(entries) if isinstance(one, Answered) and one.call == call)
+
+
+def test_another_call_is_told_with_scan_owner_and_call() -> None:
+    _, entries = recorded(STORY)
+    at = place(entries, "send")
+    one = entries[at]
+    assert isinstance(one, Answered)
+    scan = sum(isinstance(each, Answered) and each.call == "step" for each in entries[:at])
+    said = answered([*entries[:at], one._replace(call="recv"), *entries[at + 1 :]])
+    assert said.startswith(f"R: scan {scan}: found send (") and f"of {one.owner}, expected recv (" in said
+
+
+def test_other_bytes_are_told_although_they_are_as_many() -> None:
+    _, entries = recorded(STORY)
+    at = place(entries, "send")
+    one = entries[at]
+    assert isinstance(one, Answered)
+    assert "found send (" in answered(
+        [
+            *entries[:at],
+            one._replace(args=(*one.args[:2], 1)),
+            *entries[at + 1 :],
+        ]
+    )
+
+
+def test_other_outputs_are_told_with_the_instance() -> None:
+    _, entries = recorded(STORY)
+    at = place(entries, "shows")
+    one = entries[at]
+    assert isinstance(one, Answered)
+    changed = one._replace(args=(0x80C5, *one.args[1:]))
+    assert f"of {one.owner}" in answered([*entries[:at], changed, *entries[at + 1 :]])
+
+
+@pytest.mark.parametrize(
+    ("call", "answer"), [("socket", "x"), ("recv", 5), ("recv", (3, b"")), ("step", None)]
+)
+def test_an_answer_that_the_call_cannot_give_is_told(call: str, answer: object) -> None:
+    _, entries = recorded(STORY)
+    at = place(entries, call)
+    one = entries[at]
+    assert isinstance(one, Answered)
+    changed = [*entries[:at], one._replace(answer=answer), *entries[at + 1 :]]
+    assert "an answer" in answered(entries_of(blocks(changed), "R"))
+
+
+def test_a_journal_that_ends_too_early_and_one_that_goes_on_are_told() -> None:
+    _, entries = recorded(STORY)
+    assert "the end of the journal" in answered(entries[: len(entries) // 2])
+    assert "nothing more" in answered([*entries, Answered("C1", "poll", (), None)])
+
+
+# -- bytes ------------------------------------------------------------------------------------------------
+
+
+def test_a_newer_version_and_a_missing_block_are_told() -> None:
+    block = bytearray(next(blocks([Answered("C1", "poll", (), None)])))
+    second = bytes(block)
+    assert "block 0, expected block 1" in wrong([second, second])
+    block[16] = 9
+    assert wrong([bytes(block)]).startswith("R: journal: found version 9")
+
+
+def wrong(found: Sequence[bytes]) -> str:
+    with pytest.raises(UserError) as told:
+        list(entries_of(found, "R"))
+    return str(told.value)
+
+
+def mutated(block: bytes, seed: int) -> bytes:
+    dice = random.Random(seed)
+    made = bytearray(block)
+    for _ in range(dice.randint(1, 4)):
+        at = dice.randrange(len(made))
+        match dice.randrange(4):
+            case 0:
+                made[at] = dice.randrange(256)
+            case 1:
+                made[at : at + 4] = dice.choice([b"\xff" * 4, b"\0" * 4, b"\xff\xff\xff\x7f"])
+            case 2:
+                del made[at : at + dice.randint(1, 20)]
+            case _:
+                made[at:at] = made[dice.randrange(len(made)) :][:20]
+    return bytes(made)
+
+
+def read(found: Iterator[Entry]) -> bool:
+    """Return whether a journal was read to its end; a UserError in one line is the other way to end."""
+    try:
+        for entry in found:
+            assert isinstance(entry, Answered | Note)
+    except UserError as told:
+        assert "\n" not in str(told) and len(str(told)) < 400
+        return False
+    return True
+
+
+def test_a_thousand_mutated_journals_are_read_or_refused_in_one_line() -> None:
+    _, entries = recorded(STORY)
+    note = BenchNote("C1", "link up", "\udcff")
+    block = next(blocks([*entries[:200], note]))
+    ended = [read(entries_of([mutated(block, seed)], "R")) for seed in range(MUTATIONS)]
+    assert not all(ended)
+
+
+def test_a_mutated_journal_that_can_be_read_is_a_difference_and_no_crash() -> None:
+    _, entries = recorded(STORY)
+    block = next(blocks(entries))
+    refused = 0
+    for seed in range(100):
+        try:
+            run(STORY, "sim", Replay(entries_of([mutated(block, seed)], "R"), "R"), VirtualPace())
+        except UserError as told:
+            refused += 1
+            assert str(told).startswith("R: ")
+    assert refused > 50
+
+
+def test_tuples_in_tuples_end_at_a_depth() -> None:
+    head = next(blocks([]))[:-4] + b"\x01\0\0\0"
+    assert "deep" in wrong([head + b"\x06\x01\x00" * 5000])
+
+
+STEADY = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..7] OF BYTE"
+[[connect]]
+name = "C1"
+LocalAddress = "127.0.0.1"
+LocalPort = 0
+[[instance]]
+name = "A"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+CONT = true
+EN_R = true
+[[peer]]
+name = "P1"
+active = true
+remote = "@C1"
+reconnect = "T#50ms"
+every = "T#20ms"
+says = ["hex 01 02 03 04 05 06 07 08", "hex 01 02 03", "hex 04 05 06 07 08"]
+[scenario]
+steps = "run 400"
+"""
+
+
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_what_a_fast_lane_reads_is_recorded_as_the_calls_it_stands_for(
+    kernel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "steady.toml"
+    path.write_text(STEADY)
+    laned: list[object] = []
+    scan = Lane.scan
+
+    def counted(*args: Any) -> object:
+        laned.append(scan(*args))
+        return laned[-1]
+
+    monkeypatch.setattr(Lane, "scan", counted)
+    seen, entries = recorded(path, kernel)
+    assert len([answer for answer in laned if answer is not None]) > 100
+    laned.clear()
+    replay = Replay(entries_of(blocks(entries), "R"), "R")
+    assert run(path, kernel, replay, VirtualPace()) == seen
+    assert laned == []

@@ -1,0 +1,261 @@
+"""A file that begins in the middle of its run has keyframes, made by a run beside its writer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.replay.test_keyframes import lines
+from tests.replay.test_time_line import LAST, InMemory, journal
+from trcvtui.cli.main import main
+from trcvtui.errors import UserError
+from trcvtui.plc.ledger import Line
+from trcvtui.recording.files import FileLimits, RecordTo
+from trcvtui.recording.journal import DO, STEP, Answered, BlockWriter, Entry
+from trcvtui.recording.recording import INDEX, KEYFRAME, Recording
+from trcvtui.recording.state import Shared, from_state, state_of
+from trcvtui.replay import follower
+from trcvtui.replay.command import check
+from trcvtui.replay.follower import Followed
+from trcvtui.replay.keyframes import Keyframes
+from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.what_if import WhatIf
+from trcvtui.report.run_notes import RunNotes
+
+SECOND = 1_000_000_000
+
+
+def scans(entries: tuple[Entry, ...]) -> Iterator[list[Entry]]:
+    """Yield the entries of a scan, as a bench hands them over in the gap after it."""
+    some: list[Entry] = []
+    for entry in entries:
+        if isinstance(entry, Answered) and entry.call == STEP:
+            yield some
+            some = []
+        some.append(entry)
+    yield some
+
+
+def written(folder: Path, limits: FileLimits | None, entries: tuple[Entry, ...] | None = None) -> list[Path]:
+    target = folder if limits else folder / "R.pcapng"
+    sink = Followed(RecordTo(target, limits=limits).file_sink(Path("R") if limits else target), "R")
+    for some in scans(entries or journal()):
+        sink.take(some)
+    sink.close()
+    return sorted(folder.iterdir())
+
+
+@cache
+def whole() -> list[Line]:
+    run = Keyframes(InMemory(journal()), "R").begin()
+    assert check(run) == ""
+    return lines(run)
+
+
+def begun(path: Path) -> tuple[RunAgain, int]:
+    keyframes = Keyframes(Recording(path), str(path))
+    return keyframes.begin(), keyframes.first
+
+
+@pytest.mark.parametrize("at", [18, 33], ids=["another scan", "more scans than the journal has"])
+def test_a_keyframe_that_does_not_fit_its_file_is_told_in_one_line(
+    at: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    content = bytearray(path.read_bytes())
+    content[content.index(KEYFRAME) + at] ^= 1
+    path.write_bytes(content)
+    assert main(["replay", str(path), "--check"]) == 2
+    said = capsys.readouterr().err
+    assert "keyframe" in said and said.count("\n") == 1
+
+
+def test_each_file_of_a_ring_runs_from_its_first_scan(tmp_path: Path) -> None:
+    paths = written(tmp_path, FileLimits(21_500, 0, -1, -1))
+    assert len(paths) > 1
+    firsts, last = [], 0
+    for path in paths:
+        run, first = begun(path)
+        assert run.bench.runtime.scans == first <= last + 1
+        assert check(run) == ""
+        firsts.append(first)
+        last = run.bench.runtime.scans
+        assert lines(run) == whole()[: len(lines(run))]
+    assert firsts == sorted(set(firsts)) and last == LAST
+
+
+def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    first = begun(path)[1]
+    assert main(["replay", str(path), "--check"]) == 0
+    assert capsys.readouterr().out == f"{path}: scans {first + 1} to {LAST}, the same again\n"
+    assert main(["replay", str(path), "--format", "jsonl"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("\n") > 1
+
+
+def test_a_file_that_ends_at_once_has_its_keyframe(tmp_path: Path) -> None:
+    sink = Followed(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
+    for some in scans(journal()):
+        block = BlockWriter(0)
+        for entry in some:
+            block.take(entry)
+        sink.take_block(block.block())
+    sink.close()
+    last = sorted(tmp_path.iterdir())[-1]
+    run, first = begun(last)
+    assert first > 0 and check(run) == "" and run.bench.runtime.scans == LAST
+
+
+def test_a_state_that_breaks_later_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, page = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1], tmp_path / "page.html"
+
+    def broken(notes: RunNotes) -> None:
+        raise AttributeError("no such field")
+
+    monkeypatch.setattr(RunNotes, "scanned", broken)
+    assert main(["report", str(path), "--out", str(page)]) == 2
+    assert "found AttributeError no such field, expected a keyframe of this run" in capsys.readouterr().err
+    monkeypatch.setattr(WhatIf, "scan", broken)
+    assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 2
+    assert "expected a keyframe of this run" in capsys.readouterr().err
+    assert not page.exists()
+
+
+def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    first = begun(path)[1]
+    assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"they part at scan \d+", said[0]) and int(said[0].split()[-1]) > first
+    assert said[-1] == f"changed from scan {first + 1} on: the file begins there"
+    for late in (
+        ["--set", "options.retry=T#1s"],
+        ["--dialect", "s7-1500"],
+        ["--set", "task.MAIN.interval=T#20ms"],
+    ):
+        assert main(["replay", str(path), *late]) == 2
+        assert "all else needs the run's beginning" in capsys.readouterr().err
+
+
+def trigger_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
+    entries = []
+    for at, some in enumerate(scans(journal())):
+        entries += some
+        if at == 300:
+            entries.append(Answered("bench", DO, ("trigger X",), None))
+    (path,) = written(folder, FileLimits(0, 0, SECOND // 4, SECOND // 4), tuple(entries))
+    return path
+
+
+def test_a_file_of_a_trigger_has_the_beginning_and_keyframes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = trigger_file(tmp_path, monkeypatch)
+    run, first = begun(path)
+    assert first == 0 and check(run) == "" and 320 < run.bench.runtime.scans < LAST
+    keyframes = Keyframes(Recording(path), "R")
+    for place in Recording(path).keyframes():
+        again = keyframes.run_at(place.scans)
+        assert check(again) == "" and lines(again) == lines(run)
+    assert keyframes.before(LAST) > 300
+
+
+def test_a_file_of_a_trigger_after_a_long_time_begins_in_the_middle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trcvtui.recording.files.MOST_OLD_BYTES", 4000)
+    monkeypatch.setattr("trcvtui.recording.journal.MOST_BLOCK", 600)
+    run, first = begun(trigger_file(tmp_path, monkeypatch))
+    assert 0 < first < 300 and check(run) == "" and 320 < run.bench.runtime.scans < LAST
+
+
+@pytest.mark.parametrize("has_index", [True, False])
+def test_a_long_run_has_a_keyframe_each_half_a_minute(
+    has_index: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
+    (path,) = written(tmp_path, None)
+    if not has_index:
+        path.write_bytes(path.read_bytes().rpartition(INDEX)[0])
+    keyframes = Keyframes(Recording(path), "R")
+    places = Recording(path).keyframes()
+    assert len(places) == (LAST - 1) // 50
+    for place in places:
+        run = keyframes.run_at(place.scans)
+        assert (run.where, run.replay.where) == (
+            "R",
+            "R",
+        )  # and not what the file was called when it was made
+        assert check(run) == "" or not has_index
+        assert lines(run) == whole()
+
+
+def test_keyframes_of_one_seed_are_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(follower, "SPACING_NS", SECOND // 2)
+    (tmp_path / "A").mkdir()
+    (tmp_path / "B").mkdir()
+    (one,), (other,) = written(tmp_path / "A", None), written(tmp_path / "B", None)
+    assert one.read_bytes() == other.read_bytes() and KEYFRAME in one.read_bytes()
+
+
+def test_a_file_without_its_keyframe_says_what_it_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Followed, "go_on", lambda self, until: False)
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    assert main(["replay", str(path), "--check"]) in (1, 2)
+    told = capsys.readouterr()
+    assert "this file begins in the middle" in told.out + told.err
+
+
+def test_of_a_damaged_keyframe_one_line_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
+    content = path.read_bytes()
+    at = content.index(KEYFRAME) + 100
+    path.write_bytes(content[:at] + b"x" + content[at + 1 :])
+    assert main(["replay", str(path), "--check"]) == 2
+    assert (
+        f"{path}: byte {content.rindex(b'trcvtui state', 0, at) - 29}: keyframe: found another checksum"
+        in (capsys.readouterr().err)
+    )
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_what_is_no_state_of_this_run_is_one_user_error(seed: int) -> None:
+    shared, state = a_state()
+    chance = Random(seed)
+    changed = bytearray(state)
+    for _ in range(chance.randint(1, 3)):
+        at = chance.randrange(len(changed))
+        changed[at] = chance.choice((0, 1, 255, chance.randrange(256)))
+    try:
+        run = from_state(bytes(changed), shared, "R")
+        if not isinstance(run, RunAgain):
+            return
+        run.replay.entries = iter(journal()[-300:])
+        run.is_restored = True
+        check(run)
+    except UserError:
+        return
+
+
+@cache
+def a_state() -> tuple[Shared, bytes]:
+    keyframes = Keyframes(InMemory(journal()), "R")
+    run = keyframes.begin()
+    while run.bench.runtime.scans < 250:
+        run.scan()
+    return keyframes._shared, state_of(run, keyframes._shared)

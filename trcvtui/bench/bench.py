@@ -1,0 +1,709 @@
+"""The bench: one PLC, its peers, one kernel and one time. `step` lets one scan pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypeVar, cast
+
+from trcvtui import clock
+from trcvtui.bench.peers.peer import Peer, SelfActing, next_due
+from trcvtui.bench.program import Program, read_program
+from trcvtui.commands import words
+from trcvtui.commands.counters_and_checksums import Checker, frame
+from trcvtui.commands.edit import edits_of
+from trcvtui.commands.peer import read_replies, read_routines
+from trcvtui.commands.reader import after
+from trcvtui.commands.snapshots import CheckSnapshot, PeerSnapshot
+from trcvtui.commands.table import record_row
+from trcvtui.commands.words import CheckOn, Mend, PeerSend
+from trcvtui.errors import mistake
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
+from trcvtui.net.events import What
+from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
+from trcvtui.net.kernel import Kernel
+from trcvtui.net.layers.layer_kernel import LayerKernel, ReadyKernel
+from trcvtui.net.layers.layered_stream import LayerNote
+from trcvtui.net.results import Endpoint, Fault
+from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
+from trcvtui.net.sim.kernel import SimKernel
+from trcvtui.plc import commands
+from trcvtui.plc.containment import COMMAND, EXCEPTION, INTERNAL_ERROR, Containment, ExceptionNote, RunPart
+from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
+from trcvtui.plc.runtime import Runtime
+from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
+from trcvtui.project.tables import LEAST_INTERVAL_NS
+from trcvtui.records import replace
+
+if TYPE_CHECKING:
+    from trcvtui.net.os.kernel import OsKernel
+    from trcvtui.recording.journal import Note
+    from trcvtui.recording.replay import Replay
+    from trcvtui.recording.seam import Seam, SeamKernel
+
+NO_ADDRESSES: Final = SimDecl()
+NEVER: Final = 1 << 62
+
+
+def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
+    """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
+    if kernel != "live":
+        raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
+    from trcvtui.net.os.network import enter
+
+    wrong = enter(sim.addresses, sim.not_ethernet)
+    if wrong:
+        raise mistake("--netns", wrong, "one that lets a program have a network of its own")
+
+
+def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
+    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and by what means it was done."""
+    if isinstance(kernel, SimKernel):
+        return kernel.set_link(connect, up), "simulated wire"
+    from trcvtui.net.os.network import LOOPBACK, is_own_network, set_loopback
+
+    if is_own_network():
+        how = "up" if up else "down: it carries every CONNECT and peer"
+        return set_loopback(up), f"interface {LOOPBACK} {how}"
+    return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"
+
+
+def link_of(peer: PeerDecl, project: Project) -> str:
+    """Return the name that `link NAME down` needs for this peer, "" where no CONNECT leads to it."""
+    end = peer.remote if peer.udp else peer.end
+    if isinstance(end, str):
+        return end.removeprefix("@")
+    for config in project.connects:
+        if config.remote_port == f"@{peer.name}":
+            return config.name
+    for addr in project.addrs:
+        if addr.remote_port == f"@{peer.name}":
+            return next((i.connect for i in project.instances if i.addr == addr.name), "")
+    if end is None:
+        return ""
+    ports = [(c.name, c.local.port if peer.active else c.remote_port) for c in project.connects]
+    return next((name for name, port in ports if port == end.port != 0), "")
+
+
+def _what_each_works_on(project: Project) -> dict[str, str]:
+    return {each.name: each.connect for each in project.instances}
+
+
+class Checking:
+    """One `check on`; it ends with the next one, or with `check off`."""
+
+    def __init__(self, peer: Peer, command: CheckOn) -> None:
+        self._peer = peer
+        self._command = command
+        self._data = Checker(command.size) if command.instance else None
+        self._echo = Checker(command.size)
+        self._sent = 0
+        self._next = 0
+        peer.inbox.checker = self._echo
+
+    @property
+    def instance(self) -> str:
+        """Return the instance whose DATA is judged, "" where none is."""
+        return self._command.instance
+
+    def due(self, now: int) -> int | None:
+        return self._next if self._peer.can_send and not self._peer.unsent else None
+
+    def step(self, now: int) -> None:
+        if self._peer.can_send and now >= self._next and not self._peer.unsent:
+            self._next = next_due(self._next or now, self._command.every_ns, now)
+            self._peer.send(PeerSend(self._command.peer, frame(self._sent, self._command.size)), now)
+            self._sent += 1
+
+    def received(self, data: bytes) -> None:
+        if self._data is not None:
+            self._data.take(data)
+
+    def end(self) -> None:
+        self._peer.inbox.checker = None
+
+    def snapshot(self) -> CheckSnapshot:
+        data = self._data.tally() if self._data is not None else None
+        return CheckSnapshot(self._sent, data, self._echo.tally())
+
+
+T = TypeVar("T")
+KERNELS: Final = ("sim", "live")
+
+
+def _network_of_this_machine() -> OsKernel:
+    from trcvtui.net.os.kernel import OsKernel  # with the sockets' library: a simulated bench waits for none
+
+    return OsKernel()
+
+
+class Bench:
+    """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
+
+    def __init__(self, project: Project, kernel: str, seam: Seam | None = None) -> None:
+        self.project = project
+        self._works_on = _what_each_works_on(project)
+        self.kernel_name = kernel
+        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
+        self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
+        self._seam = seam  # records what is asked, or answers it from a record
+        self._note_arrivals = _nothing
+        self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
+        self.plan = FaultPlan()
+        self.now = 0
+        self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
+        self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
+        self._is_replay = seam is not None and seam.answers
+        self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
+        self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
+        self._faulty = FaultyKernel(self._kernel, self.plan)
+        now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
+        self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
+        self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
+        is_due = getattr(seam, "has_failed", None)  # of a replay
+        self.containment = Containment(self._record_exception, self._report, self._tell, is_due, self._aside)
+        self._has_sessions = any(config.session is not None for config in project.connects)
+        self.runtime = Runtime(
+            project,
+            self._plc_kernel(),
+            self._resources(project),
+            self._peer_port,
+            self._serial_port,
+            self.containment,
+        )
+        if seam is not None:
+            seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
+        self._peers_work.set_interval(self.runtime.interval_ns)
+        self.plan.fired = self._fault_fired
+        self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
+        self._links = [link_of(decl, project) for decl in project.peers]
+        self._down: set[str] = set()
+        self._checks: dict[str, Checking] = {}
+        self._self_acting = {
+            name: SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
+        }
+        self._program = Program(read_program(project), self)
+        for rule in read_replies(project):
+            self.peers[rule.peer].replies.add(rule)
+        for peer in self.peers.values():
+            if not peer.decl.active:
+                self._must_listen(peer)
+        if seam is not None:
+            seam.is_busy = False
+
+    def _new_peer(self, decl: PeerDecl) -> Peer:
+        small = self.project.rules.policy.small_buffers
+        return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
+
+    def _new_work(self, now_ns: Callable[[], int]) -> Work:
+        if self._seam is None:
+            return Work(now_ns)
+        from trcvtui.recording.seam import SeamWork
+
+        return SeamWork(self._seam, now_ns)
+
+    def _time(self) -> int:
+        return self.now
+
+    def _plc_kernel(self) -> ReadyKernel:
+        make = self._with_sessions if self._has_sessions else self._tapped
+        if self._seam is None:
+            return make()
+        kernel = self._on_seam(self._seam, "PLC", make, is_noted=True)
+        self._note_arrivals = kernel.note_arrivals
+        return kernel
+
+    def _tapped(self) -> ReadyKernel:
+        if self._seam is None:
+            return self._faulty
+        from trcvtui.recording.seam import wire_kernel
+
+        return wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
+
+    @staticmethod
+    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+        from trcvtui.recording.seam import seam_kernel  # a bench that nobody records waits for none of it
+
+        return seam_kernel(seam, label, make, is_noted)
+
+    def _with_sessions(self) -> LayerKernel:
+        """Return what stands between the PLC and its kernel where a CONNECT has a session.
+
+        One session of each is made for nothing, so that no scan has to load the library and the certificates.
+        """
+        for config in self.project.connects:
+            if config.session is not None:
+                config.session.new(config.active)
+        return LayerKernel(self._tapped(), self._time, self._of_a_session, self._caught, work=self._work)
+
+    def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+        if self._seam is None:
+            return self._kernel_of(decl)
+        return self._on_seam(self._seam, decl.name, lambda: self._kernel_of(decl))
+
+    def _kernel_of(self, decl: PeerDecl) -> Kernel:
+        if decl.session is None:
+            return self._kernel
+        of, work = self._of_a_session, self._peers_work
+        return LayerKernel(self._kernel, self._time, of, self._caught, polls=False, work=work)
+
+    def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
+        if self._seam is None:
+            return self._port_of(owner, settings)
+        from trcvtui.recording.seam import SeamPort
+
+        return SeamPort(self._seam, owner, lambda: self._port_of(owner, settings))
+
+    def _port_of(self, owner: str, settings: SerialSettings) -> SerialPort:
+        if self._sim is not None:
+            line = self.lines[owner] = SimSerialPort()
+            return FaultyPort(line, self.plan, owner)
+        from trcvtui.net.os.serial import OsSerialPort
+
+        return FaultyPort(OsSerialPort(settings), self.plan, owner)
+
+    def _caught(self, owner: str, error: Exception) -> None:
+        self.containment.note(("session", owner), error)
+
+    def _of_a_session(self, note: LayerNote) -> None:
+        self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
+
+    def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
+        from trcvtui.recording.journal import WorkWaits
+
+        self._tell(WorkWaits(connect, what, partner, why))
+
+    def _tell(self, note: Note) -> None:
+        """Write into the ledger what a call has told."""
+        if self._seam is not None:
+            self._seam.told(note)
+        self._write(note)
+
+    def _write(self, note: Note) -> None:
+        if isinstance(note, BenchNote | PeerSent):
+            if self._is_replay and isinstance(note, BenchNote) and note.what == INTERNAL_ERROR:
+                self.containment.told(f"{note.subject}: {note.detail}")
+            self.runtime.ledger.write(note)
+        else:
+            self._said(note.connect, What(note.what), note.partner, note.why)
+
+    def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
+        return self._ask(part[1], EXCEPTION, part[:1], report)
+
+    def _aside(self, do: Callable[[], object]) -> None:
+        """Let calls be made as between two scans: a replay does not ask them again, and has no answers."""
+        is_busy = self._seam is not None and self._seam.is_busy
+        if self._seam is not None:
+            self._seam.is_busy = False
+        try:
+            do()
+        finally:
+            if self._seam is not None:
+                self._seam.is_busy = is_busy
+
+    def _report(self, error: BaseException) -> ExceptionNote:
+        from trcvtui.bench.error_report import MOST_LINES, report_of  # read when first needed
+
+        lines = self.runtime.ledger.since(0, MOST_LINES)
+        return report_of(error, self.project, lines, self.reports)
+
+    def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        return do() if self._seam is None else self._seam.ask(owner, call, args, do)
+
+    def _must_listen(self, peer: Peer) -> None:
+        """Let a passive peer listen at load; a taken port is the user's to mend."""
+        wrong = peer.listen()
+        if wrong:
+            self.close()
+            raise mistake(f"{self.project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
+
+    def _resources(self, project: Project) -> Resources:
+        return Resources(
+            JobQueue(project.rules.queue, self.plan.take),
+            BufferPool(project.rules.buffers, self.plan.take),
+            ConnectionBudget(project.connection_limit),
+            self._work,
+        )
+
+    def _listening_end(self, connect: str) -> Endpoint | None:
+        port = self.runtime.listening_port(connect)
+        config = self.project.connect(connect) or self.project.udp_config(connect)
+        return Endpoint(config.local.address, port) if config and port is not None else None
+
+    def is_free(self, end: Endpoint) -> bool:
+        return self._ask("bench", "is_free", (end,), lambda: self._is_free(end))
+
+    def _is_free(self, end: Endpoint) -> bool:
+        handle = self._kernel.socket("bench")
+        if isinstance(handle, Fault):
+            return True
+        self._kernel.set_reuse(handle)
+        failed = self._kernel.bind(handle, end)
+        self._kernel.close(handle)
+        return failed is None or failed.error != "EADDRINUSE"
+
+    def _peer_port(self, name: str) -> int | None:
+        peer = self.peers.get(name)
+        return peer.last_port if peer else None
+
+    @property
+    def network(self) -> SimKernel:
+        """Return the simulated network, for who plays partners in it."""
+        assert self._sim is not None
+        return self._sim
+
+    def quiet_until(self) -> int | None:
+        """Return when time alone changes something, as `Runtime.quiet_until`; a program waits for scans."""
+        is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
+        return self.runtime.quiet_until() if is_alone else self.now
+
+    # -- time ---------------------------------------------------------------------------------------
+
+    def step(self, now: int | None = None) -> None:
+        """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
+        due = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        if self.peers and self._sim is not None:
+            while isinstance(at := self._acts_at(due), int):
+                self._outside("rest", at, partial(self._act, at))
+        if self._seam is None:
+            self._pass(due)
+            return
+        self.tell_outputs()
+        self._seam.is_busy = True
+        self._pass(self._seam.ask("bench", "step", (), lambda: due))
+        self._untold = self.runtime.changed
+        self._seam.is_busy = False
+        if self._is_replay:
+            self.tell_outputs()
+
+    def tell_outputs(self) -> None:
+        """Record what has changed in the last scan: in the gap after it, before anything else is done."""
+        if self._seam is not None and self._untold:
+            self._seam.is_busy = True
+            for edge in self._untold:
+                works_on = self._works_on.get(edge.instance, "")
+                self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), _nothing)
+            self._untold = ()
+            self._seam.is_busy = False
+
+    def _pass(self, now: int) -> None:
+        late, interval = now - self._scan_at, self.runtime.interval_ns
+        self.late_ns = late if late > interval // 2 else 0
+        self.late_scans += late > interval // 2
+        self.now, self._scan_at = now, now + interval if self.kernel_name == "live" else NEVER
+        if self._sim is not None and not self._is_replay:
+            self._sim.advance(self.now)
+        self.step_peers()
+        if not self._program.is_over:
+            self.containment.serve(("program", "program"), self._program.go_on)
+        self.runtime.scan(self.now)
+        self._note_arrivals()
+        if self._checks:
+            self.containment.serve(("check", "check"), self._check_data)
+        self.step_peers()
+
+    def _check_data(self) -> None:
+        """Let the self-checking traffic judge every frame that this scan has brought."""
+        for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
+            for check in self._checks.values() if out.outputs.done else ():
+                decl = self.project.instance(out.instance)
+                if check.instance == out.instance and decl is not None and decl.data is not None:
+                    check.received(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
+
+    def step_peers(self) -> None:
+        self._peers_work.begin(self.now)
+        now, contained = self.now, self.containment
+        for steps in (self._self_acting, self._checks, self.peers):
+            for name, each in steps.items():
+                if contained.out and ("peer", name) in contained.out:
+                    continue
+                try:
+                    each.step(now)
+                    if contained.is_due is not None:
+                        contained.check(("peer", name))
+                except Exception as error:
+                    contained.note(("peer", name), error)
+                    contained.attempt(("peer", name), self.peers[name].end)
+                    contained.out.add(("peer", name))
+
+    def rest(self) -> None:
+        self._scan_at = NEVER
+        self._outside("rest", 0, self.step_peers)
+
+    def _acts_at(self, scan: int) -> object:
+        """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
+
+        It is a multiple of the shortest interval that a task can have, so that there are only so many.
+        """
+        if self._is_replay:
+            entry = cast("Replay", self._seam).coming()
+            return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
+        assert self._sim is not None
+        due = min(scan, self._sim.wire.agenda.due or scan, *self._due())
+        at = max(-(-due // LEAST_INTERVAL_NS), self.now // LEAST_INTERVAL_NS + 1) * LEAST_INTERVAL_NS
+        return at if at < scan else None
+
+    def _act(self, at: int) -> None:
+        self.now = at
+        if self._sim is not None and not self._is_replay:
+            self._sim.advance(at)
+        self.step_peers()
+        if any(due <= at for due in self._due()):  # it is connected, or has nothing unsent, only now
+            self.step_peers()
+
+    def _due(self) -> Iterator[int]:
+        """Yield when each peer acts next by its own time."""
+        for steps in (self._self_acting, self._checks, self.peers):
+            for name, each in steps.items():
+                due = each.due(self.now)
+                if due is not None and ("peer", name) not in self.containment.out:
+                    yield due
+
+    def _outside(self, call: str, line: str | int, do: Callable[[], T]) -> T:
+        if self._seam is None or self._seam.is_busy:
+            return do()
+        self.tell_outputs()
+        self._seam.is_busy = True
+        try:
+            self._seam.ask("bench", call, (line,) if line else (), _nothing)
+            return do()
+        finally:
+            self._seam.is_busy = False
+
+    def faults(self) -> tuple[str, ...]:
+        return tuple([str(fault) for fault in self.plan.entries()])
+
+    def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
+        return tuple(
+            replace(
+                peer.snapshot(),
+                link=link,
+                silent=link in self._down,
+                check=self._checks[peer.decl.name].snapshot() if peer.decl.name in self._checks else None,
+            )
+            for peer, link in zip(self.peers.values(), self._links, strict=True)
+        )
+
+    # -- commands -------------------------------------------------------------------------------------
+
+    def do(self, command: words.BenchCommand) -> str:
+        """Carry out a command that lets no scan pass; return what is wrong, or ""."""
+        row = record_row(type(command))
+        act = row.act
+        if act is None:
+            return f"{type(command).__name__} lets scans pass"
+        line = "" if self._seam is None or self._seam.is_busy else row.write(command)
+        self.containment.forget(("peer", getattr(command, "peer", "")))  # it is tried again
+        wrong = self._outside(
+            "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
+        )
+        return INTERNAL_ERROR if wrong is None else wrong
+
+    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+        self._program.leave_out(left_of)
+
+    def skip(self, scans: int) -> None:
+        """Count scans in which nothing happens; they are not run."""
+        if self._seam is not None:
+            self._seam.is_busy = True
+            self._seam.ask("bench", "skip", (scans,), _nothing)
+            self._seam.is_busy = False
+        self.runtime.skip(scans)
+
+    def told(self, line: str) -> None:
+        """Record a line of the screen that is not the bench's to carry out."""
+        self._outside("do", line, _nothing)
+
+    def submit(self, *orders: commands.Command) -> str:
+        for order in orders:
+            self.runtime.submit(order)
+        return ""
+
+    def change(self, command: words.BenchCommand, order: commands.Command) -> str:
+        self.project = after(command, self.project)
+        return self.submit(order)
+
+    def become(self, project: Project) -> None:
+        """Let the project be one with more parts, or other ones: the PLC has them from its next scan on."""
+        orders: list[commands.Command] = []
+        for kind in ("connects", "udp_configs", "addrs", "combuffers", "data"):
+            had = {each.name: each for each in getattr(self.project, kind)}
+            for each in getattr(project, kind):
+                before = had.get(each.name)
+                if before != each:
+                    new = commands.Declare(each)
+                    orders.append(new if before is None else commands.Redeclare(before, each))
+        for decl in project.instances:
+            known = self.project.instance(decl.name)
+            if known != decl:
+                made = commands.CreateInstance(decl)
+                orders.append(made if known is None else commands.Redeclare(known, decl))
+        self.project, self._works_on = project, _what_each_works_on(project)
+        self.submit(*orders)
+
+    def mend(self, command: Mend) -> str:
+        """Let the project be another one, and what runs with it."""
+        edited = after(command, self.project)
+        for edit in edits_of(command, self.project):
+            wrong = self._take(edit, edited)
+            if wrong:
+                return wrong
+        self.project, self._works_on = edited, _what_each_works_on(edited)
+        if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
+            self._say_anew()
+        self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
+        self._links = [link_of(decl, edited) for decl in edited.peers]
+        return ""
+
+    def _take(self, edit: Edit, edited: Project) -> str:
+        if edit.kind == "peer":
+            before, decl = edit.before, edit.after
+            assert isinstance(before, PeerDecl | None) and isinstance(decl, PeerDecl | None)
+            return self._take_peer(before, decl, edited)
+        change = _change_of(edit, edited)
+        if change is None:
+            self.note(*_noted(edit))
+            return ""
+        self._let_sessions_in(edit.after)
+        if edit.after is None:
+            self._down.discard(edit.name)
+        return self.submit(change)
+
+    def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
+        """Let a peer go, come, or be another; a taken port is the user's to mend."""
+        old = self.peers.get(before.name) if before is not None else None
+        if old is not None:
+            old.end()
+        wrong = self._add_peer(decl, edited) if decl is not None else ""
+        if wrong and old is not None:
+            old.listen()
+        if not wrong and before is not None:
+            self.check_off(words.CheckOff(before.name))
+            if decl is None:
+                del self.peers[before.name]
+                self._self_acting.pop(before.name, None)
+                self.note(before.name, "removed")
+        return wrong
+
+    def _say_anew(self) -> None:
+        routines = read_routines(self.project)
+        for decl in self.project.peers:
+            if any(text.startswith("message ") for text in decl.says):
+                self._self_acting[decl.name] = SelfActing(self.peers[decl.name], routines[decl.name])
+
+    def _let_sessions_in(self, decl: object) -> None:
+        if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
+            self._has_sessions = True
+            self.runtime.stand_on(self._plc_kernel())
+
+    def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
+        """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
+        peer = self._new_peer(decl)
+        wrong = "" if decl.active else peer.listen()
+        if wrong:
+            peer.end()
+            return wrong
+        alone = replace(edited, peers=(decl,))
+        for rule in read_replies(alone):
+            peer.replies.add(rule)
+        self._self_acting.pop(decl.name, None)
+        self._self_acting |= {n: SelfActing(peer, routine) for n, routine in read_routines(alone).items()}
+        self.peers[decl.name] = peer
+        return ""
+
+    def check_on(self, command: words.CheckOn) -> str:
+        self._checks[command.peer] = Checking(self.peers[command.peer], command)
+        return ""
+
+    def check_off(self, command: words.CheckOff) -> str:
+        check = self._checks.pop(command.peer, None)
+        if check is not None:
+            check.end()
+        return ""
+
+    def set_link(self, command: words.Link) -> str:
+        wrong, how = self._ask(
+            command.connect,
+            "link",
+            (command.up,),
+            lambda: set_link(self._kernel, command.connect, command.up),
+        )
+        if not wrong:
+            (self._down.discard if command.up else self._down.add)(command.connect)
+            self.note(command.connect, "link up" if command.up else "link down", how)
+        return wrong
+
+    def tap(self, command: words.Intervene) -> str:
+        """Hand it to the tap that feeds this bench; what it did, it tells."""
+        return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
+
+    def arm_fault(self, command: words.FaultOn) -> str:
+        times = None if command.times == words.FOREVER else command.times
+        self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
+        self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
+        return ""
+
+    def clear_faults(self) -> str:
+        self.plan.clear()
+        self.note("bench", "faults cleared")
+        return ""
+
+    def _fault_fired(self, owner: str, fault: Fault) -> None:
+        self._tell(BenchNote(owner, "fault fired", str(fault)))
+
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger what came from outside of the PLC."""
+        self.runtime.ledger.write(BenchNote(subject, what, detail))
+
+    def close(self) -> None:
+        self._outside("close", "", self._close)
+
+    def _close(self) -> None:
+        self.runtime.close()
+        for name, peer in self.peers.items():
+            self.containment.attempt(("peer", name), peer.end)
+        if not isinstance(self._kernel, SimKernel):
+            self._kernel.close_all()
+
+    def leaks(self) -> tuple[str, ...]:
+        return self._kernel.leaks()
+
+
+def _nothing() -> None:
+    """Do nothing: what is recorded is that it was told."""
+
+
+def _simulated(project: Project) -> SimKernel:
+    sim = project.sim
+    names = None if sim.names is None else dict(sim.names)
+    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)
+
+
+def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
+    """Return what an edit changes in the PLC; None: nothing, it is of the library."""
+    before, decl = edit.before, edit.after
+    if isinstance(decl, ComBufferDecl):
+        decl = edited.combuffer(decl.name)  # who writes and feeds it, its neighbours tell
+    match before, decl:
+        case (None, InstanceDecl()):
+            return commands.CreateInstance(decl, edit.place)
+        case (InstanceDecl(), None):
+            return commands.DeleteInstance(edit.name)
+        case (InstanceDecl(), InstanceDecl()):
+            return commands.Redeclare(before, decl)
+    was, now = (each if isinstance(each, commands.Part) else None for each in (before, decl))
+    if now is None:
+        return commands.Withdraw(was) if was is not None else None
+    return commands.Declare(now) if was is None else commands.Redeclare(was, now)
+
+
+def _noted(edit: Edit) -> tuple[str, str]:
+    is_certificate = edit.kind == "certificate"
+    subject = f"certificate {edit.name}" if is_certificate else edit.name
+    if edit.after is None:
+        return subject, "removed"
+    if edit.before is not None:
+        return subject, "declared anew"
+    return subject, "added" if is_certificate else "in the library"

@@ -1,0 +1,104 @@
+"""What `wait` and `expect` look at: whether a condition holds now, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from trcvtui.bench.peers.peer import Peer
+from trcvtui.blocks.pins import PinValue
+from trcvtui.blocks.table import is_time, shown_by
+from trcvtui.commands import words
+from trcvtui.plc.port_hints import port_away
+from trcvtui.plc.runtime import Runtime
+from trcvtui.project.project import Project
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.values import decode_leaves
+from trcvtui.udt.literals import format_time
+
+
+class Watched(Protocol):
+    """What a condition looks at of a bench."""
+
+    @property
+    def project(self) -> Project:
+        """Return what stands on it."""
+        ...
+
+    @property
+    def runtime(self) -> Runtime:
+        """Return its PLC."""
+        ...
+
+    @property
+    def peers(self) -> Mapping[str, Peer]:
+        """Return its peers by name."""
+        ...
+
+
+def holds(bench: Watched, condition: words.Condition) -> bool:
+    """Return whether a condition holds after the last finished scan."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return all(pin_now(bench, instance, pin) == value for pin, value in pins)
+        case words.PeerIs(peer, state):
+            return bench.peers[peer].is_in(state)
+        case words.PeerReceived(peer, payload):
+            return bench.peers[peer].has_received(payload)
+        case words.DataIs(data, offset, payload):
+            return bench.runtime.data(data)[offset : offset + len(payload)] == payload
+        case words.MemberIs(data, path, value):
+            return _same(_member(bench, data, path), value)
+
+
+def found(bench: Watched, condition: words.Condition) -> str:
+    """Return what stands there instead, in the words of the condition."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            shown = " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
+            return "; ".join(part for part in (shown, _port_away(bench, instance)) if part)
+        case words.PeerIs(peer, _):
+            return bench.peers[peer].snapshot().state
+        case words.PeerReceived(peer, _):
+            return _hex(bytes(bench.peers[peer].snapshot().last_received)) or "nothing"
+        case words.DataIs(data, offset, payload):
+            return _hex(bench.runtime.data(data)[offset : offset + len(payload)])
+        case words.MemberIs(data, path, _):
+            return str(_member(bench, data, path))
+
+
+def _port_away(bench: Watched, instance: str) -> str:
+    """Return that the port which an instance waits for is not there."""
+    decl = bench.project.instance(instance)
+    return port_away(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
+
+
+def pin_now(bench: Watched, instance: str, pin: str) -> PinValue:
+    """Return the value of a pin, an input or an output, after the last finished scan."""
+    if shown_by(pin):
+        return bench.runtime.outputs(instance).pin(pin)
+    # An instance that no scan has created yet has pins, and they are 0.
+    return bench.runtime.inputs(instance).get(pin, 0)
+
+
+def _pin_text(pin: str, value: PinValue) -> str:
+    if is_time(pin):
+        return format_time(value * 1_000_000)
+    return f"{value:04X}" if pin == "STATUS" else str(int(value))
+
+
+def _hex(payload: bytes) -> str:
+    return payload.hex(" ") if len(payload) <= 32 else f"{payload[:32].hex(' ')} ... {len(payload)} bytes"
+
+
+def _same(found: Value | None, expected: Value) -> bool:
+    # NaN is expected by name and equals nothing, not even itself.
+    return bool(found == expected) or (found != found and expected != expected)
+
+
+def _member(bench: Watched, data: str, path: str) -> Value | None:
+    decl = bench.project.data_decl(data)
+    assert decl is not None
+    number = decl.layout.number_of(path)
+    # A resize takes effect in the next scan: until then there may be fewer bytes than members.
+    return decode_leaves(decl.layout, bench.runtime.data(data), number, number + 1)[0]

@@ -1,0 +1,192 @@
+"""The doctor of a bench: when it looks, what it has found, whose that is, which line waits for it.
+
+Rule: a process judges (replay/doctor_process.py); its bounded answer is read in a gap between scans.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from trcvtui import clock
+from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot
+from trcvtui.commands.words import Doctor
+from trcvtui.plc.snapshot import ConnectionSnapshot
+from trcvtui.project.project import Project
+from trcvtui.records import replace
+from trcvtui.wording import count
+
+if TYPE_CHECKING:
+    from trcvtui.bench.bench import Bench
+
+AGAIN_NS: Final = 3_000_000_000  # between two looks while the card is open
+SHARE: Final = 5  # it rests so many times as long as it looked
+HEALTHY: Final = "healthy"
+NOBODY_KEEPS: Final = "this run is not kept: [options] black_box on, or `--record`, lets it be judged"
+
+
+class Judge(Protocol):
+    """A process that looks at the run; `judged` has what it has found, as JSON."""
+
+    judged: bytes
+    progress: str  # in plain words, "": it has told nothing yet
+    looks_again: bool  # at a run that goes on
+
+    @property
+    def is_judging(self) -> bool:
+        """Return whether it looks."""
+        ...
+
+    def judge(self) -> None:
+        """Let it look; raise UserError where there is nothing to look at."""
+        ...
+
+    def go_on(self) -> None:
+        """Find out whether it has ended."""
+        ...
+
+
+class BenchDoctor:
+    """Asks a judge for lines at the prompt and for the card."""
+
+    def __init__(self) -> None:
+        self.snapshot = DoctorSnapshot()
+        self._waiting: list[tuple[int, str, Doctor]] = []
+        self._began_ns = self._ended_ns = self._took_ns = 0
+        self._scan = 0
+        self._looks = False
+
+    def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
+        """Let the judge look, and answer the line when it has; return what to tell meanwhile."""
+        if judge.looks_again or not self.snapshot.looks:
+            self._begin(judge, bench)
+        self._waiting.append((number, line, command))
+        return "the doctor looks …"
+
+    def _begin(self, judge: Judge, bench: Bench) -> None:
+        if not judge.is_judging:
+            judge.judge()
+            self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
+
+    def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[Answer]:
+        """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
+        if judge is None:
+            if is_wanted:
+                self.snapshot = DoctorSnapshot(1, trouble=NOBODY_KEEPS)
+            return ()
+        if self._looks:
+            judge.go_on()
+            seconds = (clock.now_ns() - self._began_ns) // 500_000_000 / 2
+            self.snapshot = replace(self.snapshot, progress=f"{seconds:.1f} s: {judge.progress}".rstrip(": "))
+            if not judge.is_judging:
+                self._take(judge.judged, bench)
+        if is_wanted and not self._looks and self._is_due(judge):
+            self._begin(judge, bench)
+        if self._looks or not self._waiting:
+            return ()
+        seen, project = self.snapshot, bench.project
+        answers = [
+            Answer(number, line, *answer(asked, seen, project)) for number, line, asked in self._waiting
+        ]
+        self._waiting.clear()
+        return answers
+
+    def _is_due(self, judge: Judge) -> bool:
+        rests_until = self._ended_ns + max(AGAIN_NS, SHARE * self._took_ns)
+        return not self.snapshot.looks or (judge.looks_again and clock.now_ns() >= rests_until)
+
+    def _take(self, content: bytes, bench: Bench) -> None:
+        self._looks, self._ended_ns = False, clock.now_ns()
+        self._took_ns = self._ended_ns - self._began_ns
+        connections = bench.runtime.snapshot().connections
+        self.snapshot = found(content, bench.project, connections, self.snapshot.looks + 1, self._scan)
+
+
+def found(
+    content: bytes, project: Project, connections: Sequence[ConnectionSnapshot], looks: int, scan: int
+) -> DoctorSnapshot:
+    """Return what a judge has answered."""
+    try:
+        answered: dict[str, Any] = json.loads(content)
+    except ValueError:
+        return DoctorSnapshot(looks, scan, 0, (), "the doctor's process has ended")
+
+    def made(one: dict[str, Any]) -> FindingSnapshot:
+        where, ends = one["where"], one["ends"] or {}
+        instance = where["instance"] or ""
+        decl = project.instance(instance)
+        return FindingSnapshot(
+            one["cause"],
+            one.get("confidence", 0.0),
+            decl.connect if decl is not None else _connect_of(ends, project, connections),
+            instance,
+            " <- ".join(filter(None, (ends.get("plc"), ends.get("partner")))),
+            where["direction"] or "",
+            one["t_ns"],
+            where["scan"],
+            where["byte"],
+            tuple(one["evidence"]),
+            tuple([(mend["text"], mend["command"] or "", mend["set"] or "") for mend in one.get("mend", ())]),
+            one["title"],
+            tuple(one.get("status", ())),
+            tuple(one["packets"]),
+            one["filter"],
+        )
+
+    findings, remarks = (tuple(map(made, answered[kind])) for kind in ("findings", "remarks"))
+    seen, qualities = answered["conversations"], tuple(answered["qualities"])
+    return DoctorSnapshot(looks, scan, seen, findings, answered["trouble"], "", remarks, qualities)
+
+
+def _connect_of(ends: dict[str, str], project: Project, connections: Sequence[ConnectionSnapshot]) -> str:
+    tests: tuple[Callable[[ConnectionSnapshot], bool], ...] = (
+        lambda link: ends.get("plc") == link.local or ends.get("partner") == link.remote,
+        lambda link: (
+            _port(ends.get("partner" if link.active else "plc"))
+            == _port(link.remote if link.active else link.local)
+        ),
+        lambda link: len(connections) == 1,
+    )
+    return next((link.name for fits in tests for link in connections if ends and fits(link)), "")
+
+
+def _port(end: str | None) -> str:
+    return (end or "").rpartition(":")[2]
+
+
+def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
+    """Return what is wrong, and what to tell: what was found of an instance, a CONNECT, of all."""
+    if seen.trouble:
+        return seen.trouble, ""
+    some = findings_of(command.name, seen.findings, project)
+    texts = [text for one in some for text in finding_lines(one)]
+    told = "\n".join(texts) or f"{HEALTHY}: {count(seen.conversations, 'conversation')} looked at"
+    first = some[0].cause if some else HEALTHY
+    wrong = f"{first}, expected {command.cause}" if command.cause and first != command.cause else ""
+    return wrong, told
+
+
+def findings_of(
+    name: str, findings: Iterable[FindingSnapshot], project: Project
+) -> tuple[FindingSnapshot, ...]:
+    """Return those of an instance or a CONNECT, "": of all; what belongs to none alone is told of all."""
+    decl = project.instance(name)
+    connect = decl.connect if decl is not None else name
+    return tuple(
+        [
+            one
+            for one in findings
+            if not name or (one.connect in ("", connect) and (decl is None or one.instance in ("", name)))
+        ]
+    )
+
+
+def finding_lines(one: FindingSnapshot) -> list[str]:
+    """Return a finding as text."""
+    whose = one.instance or one.connect
+    lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
+    lines += [f"  {text}" for text in one.evidence]
+    for text, command, _ in one.mends:
+        lines.append(f"  mend: {text}" + (f"  [{command}]" if command else ""))
+    return lines

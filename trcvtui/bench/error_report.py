@@ -1,0 +1,121 @@
+"""The report of an internal error: trace, versions, the project without secrets, the newest ledger lines.
+
+Rule: no payload stands in it: no message of a peer, no words of an exception, no detail of a note.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui import __version__, clock
+from trcvtui.errors import UserError, one_line
+from trcvtui.files import write_file
+from trcvtui.net import connection
+from trcvtui.paths import state_folder
+from trcvtui.plc.containment import INTERNAL_ERROR, ExceptionNote
+from trcvtui.plc.ledger import BenchNote, InputEdge, Line, StatusEdge
+from trcvtui.project.keys import entries_of, entry_of
+from trcvtui.project.project import Project
+
+CONNECTIONS: Final = Path(connection.__file__).parent
+MOST_LINES: Final = 100
+MOST_REPORTS: Final = 20  # of one process: an error that comes again and again fills no disk
+MOST_KEPT: Final = 100  # in the platform's folder
+NAMES: Final = 1000  # that are tried in one second
+KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
+SAID: Final = frozenset(("says", "replies"))  # keys with messages of a peer
+_written: dict[tuple[str, Path | None], str] = {}
+
+
+def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
+    """Write a report into a folder, None: the platform's for such; return its name, or why there is none."""
+    key = trace, folder
+    if key in _written and "\n" in trace:
+        return _written[key]
+    if len(_written) >= MOST_REPORTS:
+        return f"no report: {MOST_REPORTS} are written"
+    is_ours, folder = folder is None, folder or state_folder()
+    now = datetime.fromtimestamp(clock.wall_ns() // clock.NS_PER_S)
+    stem = f"trcvtui-error-{now:%Y%m%d-%H%M%S}"
+    try:
+        os.makedirs(folder, mode=0o700, exist_ok=True)
+        names = (f"{stem}{f'-{number}' * (number > 1)}.txt" for number in range(1, NAMES))
+        path = next(folder / name for name in names if not (folder / name).exists())
+        write_file(path, "\n".join((*_parts(trace, project, lines), "")), "report", is_new=True)
+        for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT] if is_ours else ():
+            old.unlink(missing_ok=True)
+    except (OSError, UserError, StopIteration) as failed:
+        return one_line(f"no {failed}")
+    _written[key] = f"report {path}"
+    return _written[key]
+
+
+def report_of(
+    error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None
+) -> ExceptionNote:
+    why = f"{words_of(error)}; {write_report(trace_of(error), project, lines, folder)}"
+    files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
+    return ExceptionNote(why, CONNECTIONS in files)
+
+
+def words_of(error: BaseException) -> str:
+    """Return an exception and where it was raised, in one line: `KeyError in receive_job.py:292`."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}{place}"
+
+
+def trace_of(error: BaseException) -> str:
+    """Return the trace of an exception and of those before it, without their words; last it in one line."""
+    before = error.__cause__ or error.__context__
+    earlier = f"{trace_of(before)}\n\n" if before is not None else ""
+    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{words_of(error)}"
+
+
+def _parts(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:
+    yield f"trcvtui {__version__}, Python {platform.python_version()}, {platform.platform()}"
+    yield f"textual {_version('textual')}, rich {_version('rich')}, command {' '.join(sys.argv[1:2])}"
+    yield from ("", "[trace]", trace, "", "[project]")
+    if project is not None:
+        with suppress(Exception):  # the project may be what is wrong
+            yield from _tables(project)
+    yield from ("", f"[ledger] the newest {MOST_LINES} lines: scan, ns, event")
+    for line in lines[-MOST_LINES:]:
+        yield one_line(f"{line.scan} {line.t_ns} {_without_payload(line.event)}")
+
+
+def _tables(project: Project) -> Iterator[str]:
+    yield f"dialect {project.dialect.name}, model {project.model}, options {dict(project.options)}"
+    for kind in KINDS:
+        for decl in entries_of(kind, project):
+            keys = [f"{key}={value!r}" for key, value in entry_of(decl) if key not in SAID]
+            yield one_line(f"{kind}: {' '.join(keys)}")
+
+
+def _without_payload(event: Any) -> Any:
+    """Return an event without bytes on pins, and without what a program or a tap says of bytes."""
+    match event:
+        case StatusEdge():
+            return event.instance, event.outputs._replace(byte=None), event.condition, event.cause
+        case InputEdge(instance, pin, value):
+            return "input", instance, pin, value if isinstance(value, bool) else ".."
+        case BenchNote(subject, what) if what != INTERNAL_ERROR:
+            return "note", subject, what
+    return event
+
+
+def _version(name: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "none"

@@ -1,0 +1,204 @@
+"""The partner of the PLC, over TCP or UDP: commanded, stepped when it is due; and what it does by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
+from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
+from trcvtui.commands.peer import Routine
+from trcvtui.commands.snapshots import PeerSnapshot
+from trcvtui.commands.words import PeerPlay, PeerSend
+from trcvtui.net.kernel import Kernel, SocketOptions
+from trcvtui.net.results import Endpoint
+from trcvtui.plc.ledger import Event
+from trcvtui.project.project import PeerDecl
+from trcvtui.records import replace
+
+PEER_OPTIONS: Final = SocketOptions(nodelay=True)
+LAST_SHOWN: Final = 4096  # received bytes in a snapshot
+
+
+class Peer:
+    """One peer: its queues and its transport. Commands answer "" or what is wrong.
+
+    `small_buffers`: as small as those of the PLC's CONNECTs.
+    """
+
+    def __init__(
+        self,
+        decl: PeerDecl,
+        kernel: Kernel,
+        resolve: Callable[[str], Endpoint | None],
+        journal: Callable[[Event], None],
+        small_buffers: bool = False,
+    ) -> None:
+        self.decl = decl
+        self.stalled = False
+        self.queues = PeerQueues(decl.name, journal)
+        options = replace(PEER_OPTIONS, small_buffers=small_buffers, session=decl.session)
+        transport = DatagramTransport if decl.udp else StreamTransport
+        self.transport: DatagramTransport | StreamTransport = transport(
+            decl, kernel, resolve, self.queues, options
+        )
+        self.due = self.queues.outbox.next_due
+        # What the transport does alone.
+        self.listen = self.transport.listen
+        self.connect = self.transport.connect
+        self.close = self.transport.close
+        self.rst = self.transport.rst
+        self.shutdown = self.transport.shutdown
+        self.is_in = self.transport.is_in
+        self.end = self.transport.end
+
+    # -- what others ask -----------------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """Return closed, listening, connecting, connected, reset or refused."""
+        return self.transport.state
+
+    @property
+    def can_send(self) -> bool:
+        """Return whether a message could go now."""
+        return self.transport.can_send
+
+    @property
+    def listening_port(self) -> int | None:
+        """Return the port that a passive peer of TCP listens on, None while it does not."""
+        return self.transport.listening_port
+
+    @property
+    def last_port(self) -> int | None:
+        """Return the port that it is reached at, or was last."""
+        return self.transport.last_port
+
+    @property
+    def inbox(self) -> Inbox:
+        """Return what it has received."""
+        return self.queues.inbox
+
+    @property
+    def replies(self) -> Replies:
+        """Return what it answers by itself."""
+        return self.queues.replies
+
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes are still to come, those of all repetitions included."""
+        return self.queues.outbox.unsent
+
+    def has_received(self, payload: bytes) -> bool:
+        """Return whether exactly these bytes came on this connection, or since this last was true."""
+        return self.inbox.is_exactly(payload)
+
+    def snapshot(self) -> PeerSnapshot:
+        """Return the frozen picture."""
+        return PeerSnapshot(
+            name=self.decl.name,
+            active=self.decl.active and not self.decl.udp,
+            state=self.state,
+            local=str(self.transport.local or ""),
+            remote=str(self.transport.remote or ""),
+            stalled=self.stalled,
+            messages_sent=self.queues.messages,
+            bytes_sent=self.queues.bytes_sent,
+            bytes_received=self.inbox.total,
+            pending=self.unsent,
+            last_received=self.inbox.last[-LAST_SHOWN:],
+            received_here=self.inbox.count,
+            udp=self.decl.udp,
+            replies=self.replies.snapshot(),
+        )
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    def stall(self) -> str:
+        """Stop reading: a window closes, or the stack's queue fills and drops what is newer."""
+        self.stalled = True
+        self.queues.note("stopped reading")
+        return ""
+
+    def resume(self) -> str:
+        """Read again."""
+        self.stalled = False
+        self.queues.note("reads again")
+        return ""
+
+    def send(self, send: PeerSend, now: int, number: int = 0) -> str:
+        """Send a message, at once as far as the stack takes it; the rest goes on in `step`.
+
+        `number` is filled in where the message has a place for it.
+        """
+        wrong = self.transport.obstacle(send)
+        if wrong:
+            return wrong
+        self.queues.outbox.put(send, now, number)
+        return self.transport.send_due(now)
+
+    def play(self, sequence: PeerPlay, now: int) -> str:
+        """Send the messages of a sequence one after the other, each after its pause."""
+        wrong = self.transport.obstacle()
+        if wrong:
+            return wrong
+        for pause_ns, send in sequence.steps:
+            self.queues.outbox.put(send, now, pause_ns=pause_ns)
+        return self.transport.send_due(now)
+
+    def step(self, now: int) -> None:
+        """Do what goes on by itself between scans; time in ns of the run."""
+        self.transport.step(now, self.stalled)
+
+
+# -- connect again after a pause, say messages in turn ------------------------------------------------------
+#
+# Rule: messages are planned from the first one on, so that late scans do not add up to a drift; those that a
+# connection of now has missed are not made up for.
+
+
+def next_due(planned: int, every_ns: int, now: int) -> int:
+    """Return when what was planned and is done now comes again: by the plan, anew where that has passed."""
+    due = planned + every_ns
+    return due if due > now else now + every_ns
+
+
+class SelfActing:
+    """A peer and its routine; `step` comes before the peer's own."""
+
+    def __init__(self, peer: Peer, routine: Routine) -> None:
+        self._peer = peer
+        self._routine = routine
+        self._turn = 0
+        self._next_word = 0
+        self._next_attempt = 0
+
+    def due(self, now: int) -> int | None:
+        """Return when it acts next, None: not by time alone."""
+        peer, routine = self._peer, self._routine
+        if peer.can_send:
+            return self._next_word if routine.says and not peer.unsent else None
+        return self._next_attempt if routine.reconnect_ns and peer.state != "connecting" else None
+
+    def step(self, now: int) -> None:
+        """Connect again or say the next message, when it is due."""
+        if self._peer.can_send:
+            self._next_attempt = now + self._routine.reconnect_ns
+            self._say(now)
+            return
+        if now > self._next_word:
+            self._next_word = 0  # nobody was there for it: the next connection begins a new beat
+        if self._routine.reconnect_ns and self._peer.state != "connecting":
+            self._connect(now)
+
+    def _connect(self, now: int) -> None:
+        if now >= self._next_attempt:
+            self._next_attempt = now + self._routine.reconnect_ns
+            self._peer.connect(now)
+
+    def _say(self, now: int) -> None:
+        says = self._routine.says
+        if says and now >= self._next_word and not self._peer.unsent:
+            self._next_word = next_due(self._next_word or now, self._routine.every_ns, now)
+            self._peer.send(says[self._turn % len(says)], now, self._turn)
+            self._turn += 1

@@ -1,0 +1,396 @@
+"""What waits at a peer: what it has received, what it still has to send, what it answers by itself.
+
+Inbox: the last bytes of each connection, and how many there were.
+Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. Several sends wait
+for each other; their messages never mix.
+Replies: rules over the stream that comes in, in whatever pieces. A rule keeps less than what it looks for, a
+pattern no byte but where it stands (stream_pattern), a field one UDT. What there is no room to answer is
+counted as missed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final, Protocol
+
+from trcvtui.commands.counters_and_checksums import Checker, filled
+from trcvtui.commands.patterns import StreamPattern
+from trcvtui.commands.peer import MOST_RULES
+from trcvtui.commands.snapshots import ReplySnapshot
+from trcvtui.commands.table import rule_text
+from trcvtui.commands.tokens import KEPT_BYTES, chunks
+from trcvtui.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
+from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.records import dataclass
+from trcvtui.udt.layout.values import decode_leaves
+
+READ_BYTES: Final = 65536  # of one read; no datagram is larger
+
+
+class Inbox:
+    """The received stream of the current or last connection; bounded, whatever arrives."""
+
+    def __init__(self) -> None:
+        self.total = 0  # of all connections
+        self.count = 0  # of this one
+        self._last = bytearray()
+        self._told = 0  # the count up to which an expectation has held
+        self._held: tuple[bytes, int] | None = None
+        self.checker: Checker | None = None  # of self-checking traffic
+
+    def begin(self) -> None:
+        """Begin with a new connection."""
+        self.count = self._told = 0
+        self._held = None
+        self._last.clear()
+        if self.checker is not None:
+            self.checker.begin()
+
+    def take(self, arrived: memoryview) -> None:
+        """Append what has arrived."""
+        self.total += len(arrived)
+        self.count += len(arrived)
+        self._last += arrived
+        if self.checker is not None:
+            self.checker.take(bytes(arrived))
+        if len(self._last) > 2 * KEPT_BYTES:
+            del self._last[:-KEPT_BYTES]
+
+    @property
+    def last(self) -> bytes:
+        """Return the last bytes of this connection, at most 65536."""
+        return bytes(self._last[-KEPT_BYTES:])
+
+    def is_exactly(self, payload: bytes) -> bool:
+        """Return whether all bytes of this connection, or all since this last held, are these.
+
+        What has held once holds until more arrives.
+        """
+        if self._held == (payload, self.count):
+            return True
+        if len(payload) not in (self.count, self.count - self._told):
+            return False
+        if len(payload) > len(self._last) or not self._last.endswith(payload):
+            return False
+        self._told, self._held = self.count, (payload, self.count)
+        return True
+
+
+MOST_WAITING: Final = 256  # answers of a peer whose partner asks and does not read
+
+
+class _Sending:
+    """One `send` in progress: which message of its repetitions, which chunk, what is left of it."""
+
+    def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
+        self.send = send
+        self._pause_ns = pause_ns
+        self._number = number  # of the running message, for what is filled in
+        self._gaps = send.gaps_ns or (send.gap_ns,)
+        self.left = send.repeat  # messages to come, the running one included
+        self.due = self.began = now + pause_ns
+        self._pieces = self._filled()
+        self._piece = 0
+        self.rest = self._pieces[0]
+        self.is_fresh = True  # nothing of the running message has gone yet
+
+    def comes_next(self, now: int) -> None:
+        """Plan from now on: what went before it is over."""
+        self.due = self.began = max(self.due, now + self._pause_ns)
+
+    def taken(self, count: int, now: int) -> None:
+        """Count bytes that the stack took, and plan what comes next."""
+        self.is_fresh = False
+        self.rest = self.rest[count:]
+        if len(self.rest):
+            self.due = now  # a full stack broke the plan: go on from here
+            return
+        self._piece += 1
+        if self._piece < len(self._pieces):
+            self.due += self._gaps[min(self._piece, len(self._gaps)) - 1]
+            self.rest = self._pieces[self._piece]
+        else:
+            self._next_message()
+
+    def _next_message(self) -> None:
+        self.left -= 1
+        pause_over = self.due + self.send.gap_ns
+        self.due = max(self.began + self.send.every_ns, self.due) if self.send.every_ns else pause_over
+        self.began = self.due
+        if self.send.fills and self.left:
+            self._number += 1
+            self._pieces = self._filled()
+        self._piece, self.rest, self.is_fresh = 0, self._pieces[0], True
+
+    def _filled(self) -> tuple[memoryview, ...]:
+        return chunks(filled(self.send.payload, self.send.fills, self._number), self.send.split)
+
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes are to come, those of all repetitions included."""
+        running = len(self.rest) + sum(map(len, self._pieces[self._piece + 1 :]))
+        return running + (self.left - 1) * len(self.send.payload)
+
+
+class Outbox:
+    """All that waits to be sent, in the order in which it was given."""
+
+    def __init__(self) -> None:
+        self._sendings: deque[_Sending] = deque()
+
+    def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
+        """Take one send command; its first chunk is due now, after what waits already.
+
+        `number` is that of its first message, for what is filled in; `pause_ns` comes before it.
+        """
+        self._sendings.append(_Sending(send, now, number, pause_ns))
+
+    @property
+    def room(self) -> int:
+        """Return how many more answers may wait."""
+        return max(0, MOST_WAITING - len(self._sendings))
+
+    def next_due(self, now: int) -> int | None:
+        """Return when something is due next; None: never, or it waits for room in the stack."""
+        return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
+
+    def due(self, now: int) -> memoryview | None:
+        """Return what is to be sent now, None while nothing is due."""
+        if not self._sendings or self._sendings[0].due > now:
+            return None
+        return self._sendings[0].rest
+
+    @property
+    def message_begins(self) -> int:
+        """Return the size of the message that the due bytes begin, 0 when they go on with one."""
+        first = self._sendings[0]
+        return len(first.send.payload) if first.is_fresh else 0
+
+    def taken(self, count: int, now: int) -> None:
+        """Count bytes of the due chunk as sent."""
+        first = self._sendings[0]
+        first.taken(count, now)
+        if not first.left:
+            self._sendings.popleft()
+            if self._sendings:
+                self._sendings[0].comes_next(now)
+
+    def clear(self) -> int:
+        """Drop everything; return how many bytes will not be sent."""
+        unsent = self.unsent
+        self._sendings.clear()
+        return unsent
+
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes wait, those of all repetitions included."""
+        return sum(sending.unsent for sending in self._sendings)
+
+
+class Looking(Protocol):
+    """One match at work on a stream."""
+
+    def begin(self) -> None:
+        """Begin with a new stream."""
+        ...
+
+    def take(self, arrived: bytes, now: int) -> int:
+        """Return how often it is found, now that these bytes have arrived."""
+        ...
+
+
+class _Contained:
+    def __init__(self, match: Contains) -> None:
+        self._wanted = match.payload
+        self._kept = b""
+
+    def begin(self) -> None:
+        self._kept = b""
+
+    def take(self, arrived: bytes, now: int) -> int:
+        content, hits, at = self._kept + arrived, 0, 0
+        while (place := content.find(self._wanted, at)) >= 0:
+            hits, at = hits + 1, place + len(self._wanted)
+        self._kept = content[max(at, len(content) - len(self._wanted) + 1) :]
+        return hits
+
+
+class _Beginning:
+    """A beginning that has come in part goes on in the next scan; a whole or a wrong one is over."""
+
+    def __init__(self, match: Starts) -> None:
+        self._wanted = match.payload
+        self.begin()
+
+    def begin(self) -> None:
+        self._found = 0  # bytes of the beginning, -1 once it is over
+        self._at = -1
+
+    def take(self, arrived: bytes, now: int) -> int:
+        if self._found < 0 and now != self._at:
+            self._found = 0
+        self._at = now
+        if self._found < 0:
+            return 0
+        piece = self._wanted[self._found : self._found + len(arrived)]
+        if not arrived.startswith(piece):
+            self._found = -1
+            return 0
+        self._found += len(piece)
+        if self._found < len(self._wanted):
+            return 0
+        self._found = -1
+        return 1
+
+
+class _Matched:
+    def __init__(self, match: Matches) -> None:
+        self._pattern = StreamPattern(match.pattern.encode())
+
+    def begin(self) -> None:
+        self._pattern.begin()
+
+    def take(self, arrived: bytes, now: int) -> int:
+        return self._pattern.take(arrived)
+
+
+class _Frames:
+    def __init__(self, match: FieldIs) -> None:
+        self._match = match
+        self._number = match.layout.number_of(match.path)
+        self._frame = bytearray()
+
+    def begin(self) -> None:
+        self._frame.clear()
+
+    def take(self, arrived: bytes, now: int) -> int:
+        size, hits, at = self._match.layout.size, 0, 0
+        while at < len(arrived):
+            piece = arrived[at : at + size - len(self._frame)]
+            self._frame += piece
+            at += len(piece)
+            if len(self._frame) == size:
+                hits += self._holds(bytes(self._frame))
+                self._frame.clear()
+        return hits
+
+    def _holds(self, frame: bytes) -> bool:
+        value = decode_leaves(self._match.layout, frame, self._number, self._number + 1)[0]
+        return value == self._match.value
+
+
+def _looking(match: Match) -> Looking:
+    match match:
+        case Contains():
+            return _Contained(match)
+        case Starts():
+            return _Beginning(match)
+        case Matches():
+            return _Matched(match)
+        case FieldIs():
+            return _Frames(match)
+
+
+@dataclass(slots=True)
+class _Rule:
+    command: ReplyOn
+    looking: Looking
+    text: str
+    hits: int = 0
+    missed: int = 0
+
+
+class Replies:
+    """The rules of one peer, in the order in which they were given."""
+
+    def __init__(self) -> None:
+        self._rules: list[_Rule] = []
+
+    def add(self, command: ReplyOn) -> str:
+        """Take one more rule; it sees what comes from now on. Return what is wrong, or ""."""
+        if len(self._rules) == MOST_RULES:
+            return f"{command.peer} has {MOST_RULES} rules already; `reply off` ends them"
+        self._rules.append(_Rule(command, _looking(command.match), rule_text(command)))
+        return ""
+
+    def remove(self, number: int, peer: str) -> str:
+        """Forget a rule, counted from 1, or with 0 all of them."""
+        if number > len(self._rules):
+            return f"{peer} has {len(self._rules)} rules, no number {number}"
+        if number:
+            del self._rules[number - 1]
+        else:
+            self._rules.clear()
+        return ""
+
+    def begin(self) -> None:
+        """Begin with a new connection, or with a new datagram."""
+        for rule in self._rules:
+            rule.looking.begin()
+
+    def take(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
+        """Yield each message to be sent and its number, from 0, at most `room`, for what has arrived."""
+        for rule in self._rules:
+            hits = rule.looking.take(arrived, now)
+            answers = min(hits, room)
+            room -= answers
+            rule.missed += hits - answers
+            for _ in range(answers):
+                rule.hits += 1
+                yield rule.command.send, rule.hits - 1
+
+    def __bool__(self) -> bool:
+        """Return whether there is a rule."""
+        return bool(self._rules)
+
+    def snapshot(self) -> tuple[ReplySnapshot, ...]:
+        """Return every rule and how often it was found."""
+        return tuple([ReplySnapshot(rule.text, rule.hits, rule.missed) for rule in self._rules])
+
+
+# -- all of them -------------------------------------------------------------------------------------------
+
+
+class PeerQueues:
+    """The queues of one peer over all of its connections, and how much went through them, in bytes."""
+
+    def __init__(self, name: str, journal: Callable[[Event], None]) -> None:
+        self.inbox = Inbox()
+        self.outbox = Outbox()
+        self.replies = Replies()
+        self.messages = self.bytes_sent = 0
+        self.landing = memoryview(bytearray(READ_BYTES))  # a transport reads into it
+        self._name = name
+        self._journal = journal
+
+    def begin(self) -> None:
+        """Begin with a new connection, or with a new socket."""
+        self.inbox.begin()
+        self.replies.begin()
+
+    def take(self, size: int, now: int, may_answer: bool = True) -> None:
+        """Take so many bytes of `landing`, and queue what is answered to them."""
+        self.inbox.take(self.landing[:size])
+        if self.replies:
+            room = self.outbox.room if may_answer else 0
+            for send, number in self.replies.take(bytes(self.landing[:size]), now, room):
+                self.outbox.put(send, now, number)
+
+    def sent(self, count: int, local: str, remote: str, offset: int) -> None:
+        """Count bytes of the due chunk as sent; the message that they begin is told with its place."""
+        size = self.outbox.message_begins
+        if size:
+            self.messages += 1
+            self._journal(PeerSent(self._name, self.messages, local, remote, offset, size))
+        self.bytes_sent += count
+
+    def drop_unsent(self) -> None:
+        """Forget what is still to come, and tell how many bytes that were."""
+        unsent = self.outbox.clear()
+        if unsent:
+            self.note("not sent", f"{unsent} bytes")
+
+    def note(self, what: str, detail: str = "", end: str = "") -> None:
+        """Tell the journal what happened; `end` is the address of this peer, where it matters."""
+        self._journal(BenchNote(self._name, what, detail, end))

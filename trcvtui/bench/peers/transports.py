@@ -1,0 +1,470 @@
+"""How a peer's bytes travel: a stream (one TCP connection at a time) or datagrams (one UDP socket).
+
+They know the Kernel alone, so a peer is the same device on real sockets and on the simulated network.
+Commands answer "" or what is wrong; between scans costs bounded work, whatever partners do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.bench.peers.queues import PeerQueues
+from trcvtui.commands.tokens import chunks
+from trcvtui.commands.words import PeerSend
+from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.project.project import PeerDecl
+
+BACKLOG: Final = 4
+MOST_ACCEPTS: Final = 64
+MOST_READS: Final = 64
+MOST_DATAGRAMS: Final = 256
+LARGEST: Final = 65507  # bytes of a datagram
+
+
+class _Transport:
+    """What both have: the peer's queues, and an own end that is kept from one socket to the next."""
+
+    def __init__(
+        self,
+        decl: PeerDecl,
+        kernel: Kernel,
+        resolve: Callable[[str], Endpoint | None],
+        queues: PeerQueues,
+        options: SocketOptions,
+    ) -> None:
+        self.local: Endpoint | None = None
+        self._decl = decl
+        self._kernel = kernel
+        self._resolve = resolve
+        self._queues = queues
+        self._options = options
+        self._port = 0 if isinstance(decl.end, str) else decl.end.port
+
+    @property
+    def last_port(self) -> int | None:
+        """Return the port that it is reached at, or was last: there a CONNECT is refused."""
+        return self._port or None
+
+    def _own_end(self) -> Endpoint:
+        assert isinstance(self._decl.end, Endpoint)
+        return Endpoint(self._decl.end.address, self._port)
+
+    def _reached_by(self, handle: Handle) -> None:
+        """Note where a socket is reached; a free port, once taken, is kept."""
+        self.local = self._kernel.local_end(handle)
+        if self.local is not None:
+            self._port = self.local.port
+
+    def _failed(self, what: str, fault: Fault) -> str:
+        self._queues.note(what, str(fault))
+        return f"{self._decl.name} {what}: {fault}"
+
+
+class StreamTransport(_Transport):
+    """One TCP connection at a time, called or accepted; the newest client wins.
+
+    When the partner ends the connection it closes its end too; a passive one goes on listening.
+    """
+
+    remote: Endpoint | None = None
+    _listener: Handle | None = None
+    _kept: Handle | None = None  # the free port that it listened on: nobody else gets it meanwhile
+    _attempt: Handle | None = None
+    _handle: Handle | None = None
+    _half_closed = False
+    _ended: tuple[str, ...] = ()  # in which words the last connection ended; the first is shown
+    _offset = 0  # in the sent stream of this connection
+    _now = 0
+    _is_stalled = False
+
+    @property
+    def state(self) -> str:
+        """Return closed, listening, connecting, connected, reset or refused."""
+        if self._handle is not None:
+            return "connected"
+        if self._attempt is not None:
+            return "connecting"
+        if self._listener is not None:
+            return "listening"
+        return self._ended[0] if self._ended else "closed"
+
+    def is_in(self, state: str) -> bool:
+        """Return whether a state word of the bench commands is true.
+
+        closed, reset and refused say how the last connection or attempt ended, also while a passive peer
+        listens again; the peer's own RST is a reset and closed.
+        """
+        if state == self.state:
+            return True
+        return self._handle is None and self._attempt is None and state in self._ended
+
+    @property
+    def can_send(self) -> bool:
+        """Return whether a message could go now."""
+        return self._handle is not None
+
+    @property
+    def listening_port(self) -> int | None:
+        """Return the port that it listens on, None while it does not."""
+        return self._port if self._listener is not None else None
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    def listen(self) -> str:
+        """Open the listener of a passive peer; one that is open stays."""
+        if self._listener is not None:
+            return ""
+        handle = self._kept if self._kept is not None else self._socket(self._own_end())
+        self._kept = None
+        if isinstance(handle, Fault):
+            return self._failed("cannot listen", handle)
+        fault = self._kernel.listen(handle, BACKLOG)
+        if fault is not None:
+            self._kernel.close(handle)
+            return self._failed("cannot listen", fault)
+        self._listener = handle
+        self._reached_by(handle)
+        self._queues.note("listening", str(self.local))
+        return ""
+
+    def connect(self, now: int) -> str:
+        """Begin one attempt of an active peer; a refusal is told by the ledger and is no error."""
+        if self._handle is not None or self._attempt is not None:
+            self._queues.note("connects already")
+            return ""
+        self._now = now
+        self._ended = ("closed",)
+        end = self._decl.end if isinstance(self._decl.end, Endpoint) else self._resolve(self._decl.end[1:])
+        if end is None:
+            self._refused(f"{self._decl.end} does not listen")
+            return ""
+        handle = self._socket(self._decl.source)
+        if isinstance(handle, Fault):
+            return self._failed("cannot connect", handle)
+        self._attempt, self.remote = handle, end
+        fault = self._kernel.connect(handle, end)
+        if fault is not None:
+            self._withdraw()
+            self._refused(str(fault))
+        else:
+            self._look()
+        return ""
+
+    def close(self) -> str:
+        """Send FIN; without a connection, withdraw the attempt or stop to listen."""
+        if self._handle is not None:
+            self._close_connection(self._handle)
+        elif self._attempt is not None:
+            self._withdraw()
+            self._queues.note("attempt withdrawn")
+        elif self._listener is not None:
+            self._kernel.close(self._listener)
+            self._listener = None
+            self._keep_port()
+            self._queues.note("stopped listening")
+        return ""
+
+    def _keep_port(self) -> None:
+        """Hold a port that the system chose, without listening; one that the project names is free."""
+        assert isinstance(self._decl.end, Endpoint)
+        held = self._socket(self._own_end()) if not self._decl.end.port else None
+        self._kept = None if isinstance(held, Fault) else held
+
+    def _close_connection(self, handle: Handle) -> None:
+        self._read(handle)  # unread bytes would turn the FIN into a RST
+        if self._handle is not None:  # else the partner was faster
+            self._kernel.shutdown(handle)
+            self._kernel.close(handle)
+            self._end(("closed",), "closed")
+
+    def rst(self) -> str:
+        """Send RST; without a connection nothing is sent."""
+        if self._handle is not None:
+            self._kernel.abort(self._handle)
+            self._end(("reset", "closed"), "sent RST")
+        else:
+            self._queues.note("nothing to reset")
+        return ""
+
+    def shutdown(self) -> str:
+        """Send FIN but go on reading (half-close)."""
+        if self._handle is None or self._half_closed:
+            self._queues.note("nothing to shut down")
+            return ""
+        fault = self._kernel.shutdown(self._handle, both=False)
+        self._half_closed = True
+        self._queues.note("half closed", str(fault or ""))
+        self._queues.drop_unsent()
+        return ""
+
+    def obstacle(self, send: PeerSend | None = None) -> str:
+        """Return what keeps a message from being sent, or ""."""
+        if self._handle is None:
+            return f"{self._decl.name} is {self.state}, not connected"
+        return f"{self._decl.name} has shut down its sending side" if self._half_closed else ""
+
+    def end(self) -> None:
+        """Free every socket; the run is over."""
+        for handle in (self._handle, self._attempt):
+            if handle is not None:
+                self._kernel.abort(handle)
+        for handle in (self._listener, self._kept):
+            if handle is not None:
+                self._kernel.close(handle)
+        self._handle = self._attempt = self._listener = self._kept = None
+
+    # -- between scans -------------------------------------------------------------------------------
+
+    def step(self, now: int, is_stalled: bool) -> None:
+        """Look for a verdict, read what has arrived, accept, send what is due; time in ns of the run."""
+        self._now, self._is_stalled = now, is_stalled
+        if self._attempt is not None:
+            self._look()
+        if self._handle is not None:
+            self._watch(self._handle) if is_stalled else self._read(self._handle)
+        if self._listener is not None:
+            self._accept(self._listener)
+        self.send_due(now)
+
+    def send_due(self, now: int) -> str:
+        """Send what is due as far as the stack takes it; a Fault ends the connection and is no error."""
+        self._now = now
+        outbox = self._queues.outbox
+        while self._handle is not None and (chunk := outbox.due(now)) is not None:
+            got = self._kernel.send(self._handle, chunk)
+            if isinstance(got, Fault):
+                self._lost(self._handle, got) if self._is_stalled else self._read(self._handle, got)
+            elif isinstance(got, int):
+                self._queues.sent(got, str(self.local or ""), str(self.remote), self._offset)
+                self._offset += got
+                outbox.taken(got, now)
+            else:
+                break
+        return ""
+
+    def _look(self) -> None:
+        assert self._attempt is not None
+        verdict = self._kernel.connect_result(self._attempt)
+        if verdict is None:
+            handle, self._attempt = self._attempt, None
+            assert self.remote is not None
+            self._connected(handle, self.remote)
+        elif isinstance(verdict, Fault):
+            self._withdraw()
+            self._refused(str(verdict))
+
+    def _accept(self, listener: Handle) -> None:
+        for _ in range(MOST_ACCEPTS):
+            got = self._kernel.accept(listener)
+            if not isinstance(got, Accepted):
+                return
+            # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
+            if self._handle is not None and not self._is_stalled:
+                self._read(self._handle)  # who has sent and gone in the same moment was heard
+            if self._handle is not None:
+                self._kernel.abort(self._handle)
+                self._end(("reset", "closed"), "reset for a newer connection")
+            self._kernel.set_options(got.handle, self._options)
+            self._connected(got.handle, got.peer)
+
+    def _connected(self, handle: Handle, remote: Endpoint) -> None:
+        self._handle, self.remote = handle, remote
+        self.local = self._kernel.local_end(handle)
+        self._half_closed = False
+        self._offset = 0
+        self._queues.begin()
+        self._queues.note("connected", f"to {remote}", str(self.local))
+
+    def _watch(self, handle: Handle) -> None:
+        """Notice the end of a connection that nobody reads, as far as a stack tells it."""
+        loss = self._kernel.loss(handle)
+        if loss is not None and loss.fault is not None:
+            self._lost(handle, loss.fault)
+        elif loss is not None and not loss.unread:
+            self._partner_closed(handle)
+
+    def _read(self, handle: Handle, lost: Fault | None = None) -> None:
+        """Read what is here; `lost`: the end that a send has met, which comes after it."""
+        for _ in range(MOST_READS):
+            got = self._kernel.recv(handle, self._queues.landing)
+            if lost is not None and not (isinstance(got, int) and got):
+                got = lost
+            if isinstance(got, WouldBlock):
+                return
+            if isinstance(got, Fault):
+                self._lost(handle, got)
+                return
+            if got == 0:
+                self._partner_closed(handle)
+                return
+            self._queues.take(got, self._now, may_answer=not self._half_closed)
+
+    # -- ends ----------------------------------------------------------------------------------------
+
+    def _partner_closed(self, handle: Handle) -> None:
+        self._kernel.close(handle)
+        self._end(("closed",), "partner closed")
+
+    def _lost(self, handle: Handle, fault: Fault) -> None:
+        self._kernel.abort(handle)
+        self._end(("reset",), "lost", str(fault))
+
+    def _end(self, words: tuple[str, ...], what: str, detail: str = "") -> None:
+        self._handle, self._ended = None, words
+        self._queues.note(what, detail)
+        self._queues.drop_unsent()
+
+    def _withdraw(self) -> None:
+        assert self._attempt is not None
+        self._kernel.abort(self._attempt)
+        self._attempt = None
+
+    def _refused(self, why: str) -> None:
+        self._ended = ("refused",)
+        self._queues.note("refused", why)
+
+    def _socket(self, local: Endpoint | None) -> Handle | Fault:
+        """Return a socket with the peer's options, bound where an end is given."""
+        handle = self._kernel.socket(self._decl.name)
+        if isinstance(handle, Fault):
+            return handle
+        self._kernel.set_options(handle, self._options)
+        if local is not None:
+            fault = self._kernel.set_reuse(handle) or self._kernel.bind(handle, local)
+            if fault is not None:
+                self._kernel.close(handle)
+                return fault
+        return handle
+
+
+class DatagramTransport(_Transport):
+    """One UDP socket, a datagram a message, to the `remote` of the file, else to whoever was heard last."""
+
+    _handle: Handle | None = None
+    _heard: Endpoint | None = None  # who sent last
+    listening_port: int | None = None  # of TCP
+
+    @property
+    def state(self) -> str:
+        """Return listening or closed: there is no connection that could be anything else."""
+        return "closed" if self._handle is None else "listening"
+
+    def is_in(self, state: str) -> bool:
+        """Return whether a state word of the bench commands is true."""
+        return state == self.state
+
+    @property
+    def can_send(self) -> bool:
+        """Return whether a message could go now."""
+        return self._handle is not None and self.remote is not None
+
+    @property
+    def remote(self) -> Endpoint | None:
+        """Return whom it sends to, None while it knows nobody."""
+        remote = self._decl.remote
+        if remote is None:
+            return self._heard
+        return remote if isinstance(remote, Endpoint) else self._resolve(remote[1:])
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    def listen(self) -> str:
+        """Open the socket; one that is open stays."""
+        if self._handle is not None:
+            return ""
+        own = self._own_end()
+        handle = self._kernel.datagram_socket(self._decl.name)
+        if isinstance(handle, Fault):
+            return self._failed("cannot listen", handle)
+        fault = self._kernel.bind(handle, own)
+        if fault is not None:
+            self._kernel.close(handle)
+            return self._failed("cannot listen", fault)
+        self._handle, self._heard = handle, None
+        self._reached_by(handle)
+        self._queues.begin()
+        self._queues.note("listening", f"{self.local} (UDP)")
+        return ""
+
+    def close(self) -> str:
+        """Close the socket; what waits in it, and what is still to be sent, is gone."""
+        if self._handle is not None:
+            self.end()
+            self._queues.note("stopped listening")
+            self._queues.drop_unsent()
+        return ""
+
+    def connect(self, now: int) -> str:
+        """Refuse."""
+        return self._no_connection("connect")
+
+    def rst(self) -> str:
+        """Refuse."""
+        return self._no_connection("rst")
+
+    def shutdown(self) -> str:
+        """Refuse."""
+        return self._no_connection("shutdown")
+
+    def _no_connection(self, verb: str) -> str:
+        return f"{self._decl.name} speaks UDP: there is no connection to {verb}"
+
+    def obstacle(self, send: PeerSend | None = None) -> str:
+        """Return what keeps a message from being sent, or ""; None: the messages of a sequence."""
+        if self._handle is None:
+            return f"{self._decl.name} is closed"
+        if send is None:
+            return ""
+        if self.remote is None:
+            return f"{self._decl.name} has nobody to send to: no remote that is open, and nobody was heard"
+        largest = max(map(len, chunks(send.payload, send.split)))
+        if largest > LARGEST:
+            return f"{self._decl.name}: a datagram of {largest} bytes; at most {LARGEST}, so use split="
+        return ""
+
+    def end(self) -> None:
+        """Free the socket."""
+        if self._handle is not None:
+            self._kernel.close(self._handle)
+            self._handle = None
+
+    # -- between scans -------------------------------------------------------------------------------
+
+    def step(self, now: int, is_stalled: bool) -> None:
+        """Read what has arrived and send what is due; time in ns of the run."""
+        if self._handle is not None:
+            if not is_stalled:
+                self._read(self._handle, now)
+            self.send_due(now)
+
+    def _read(self, handle: Handle, now: int) -> None:
+        for _ in range(MOST_DATAGRAMS):
+            got = self._kernel.recv_from(handle, self._queues.landing)
+            if isinstance(got, Fault):
+                self._queues.note("cannot receive", str(got))
+            if not isinstance(got, Datagram):
+                return
+            if got.source != self._heard:
+                self._queues.note("heard", str(got.source))
+            self._heard = got.source
+            self._queues.replies.begin()  # nothing is looked for across datagrams
+            self._queues.take(got.size, now)
+
+    def send_due(self, now: int) -> str:
+        """Send what is due; return why a datagram did not go. It is not tried again."""
+        wrong, outbox = "", self._queues.outbox
+        while self._handle is not None and (chunk := outbox.due(now)) is not None:
+            target = self.remote
+            got = None if target is None else self._kernel.send_to(self._handle, chunk, target)
+            if got is WOULD_BLOCK:
+                break
+            if isinstance(got, int):
+                self._queues.sent(got, str(self.local), str(target), self._queues.bytes_sent)
+            else:
+                why = got or "nobody to send to"
+                wrong = f"{self._decl.name} cannot send: {why}"
+                self._queues.note("not sent", f"{len(chunk)} bytes: {why}")
+            outbox.taken(len(chunk), now)
+        return wrong

@@ -1,0 +1,91 @@
+"""What the PLC's own program does while scans pass: `program` of a project, one course of bench commands.
+
+Rule: it writes what a program can write, inputs and DATA; whatever else happens comes from peers and people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+from trcvtui.bench.conditions import Watched, found, holds
+from trcvtui.commands import words
+from trcvtui.commands.table import parse_script
+from trcvtui.errors import Problem, UserError
+from trcvtui.project.project import Project
+from trcvtui.records import replace
+
+WRITES: Final = (words.Set, words.Pulse, words.Write)
+PASSES: Final = (words.RunScans, words.RunFor, words.Wait)
+
+
+class Programmed(Watched, Protocol):
+    """The bench that a program runs on."""
+
+    def do(self, command: words.BenchCommand) -> str:
+        """Carry out a command."""
+        ...
+
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger."""
+        ...
+
+
+def read_program(project: Project) -> tuple[words.Step, ...]:
+    """Return the steps of `program`; raise UserError with every mistake."""
+    where = f"{project.path}: program"
+    steps = tuple(parse_script(project.program, project, where))
+    foreign = [step for step in steps if not isinstance(step.command, WRITES + PASSES)]
+    if foreign:
+        expected = "set, pulse, write, run or wait"
+        raise UserError(Problem(f"{where}: step {s.number}", f"'{s.line}'", expected) for s in foreign)
+    return steps
+
+
+class Program:
+    """One course of steps on one bench; a `wait` that runs out ends it, and the ledger says so."""
+
+    def __init__(self, steps: Sequence[words.Step], bench: Programmed) -> None:
+        self._bench = bench
+        self._steps = steps
+        self._at = 0  # the step that is next, or under way
+        self._left: int | None = None  # scans that the one under way lets pass yet
+        self.is_over = False
+
+    def leave_out(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
+        """Let each step be what is left of it; a step of which nothing is left keeps its place."""
+        nothing = words.RunScans(0)
+        self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
+
+    def go_on(self) -> None:
+        """Do what is due before the next scan."""
+        while self._at < len(self._steps):
+            if self._passes(self._steps[self._at]):
+                return
+            self._at, self._left = self._at + 1, None
+        self.is_over = True
+
+    def _passes(self, step: words.Step) -> bool:
+        """Do a step, or go on with it; return whether a scan passes first."""
+        match step.command:
+            case words.RunScans(scans):
+                most = scans
+            case words.RunFor(ns) | words.Wait(_, ns):
+                most = ns // self._bench.runtime.interval_ns
+            case command:
+                name = getattr(command, "instance", "")
+                if not name or self._bench.project.instance(name) is not None:  # it may have been deleted
+                    self._bench.do(command)
+                return False
+        awaited = step.command.condition if isinstance(step.command, words.Wait) else None
+        if awaited is not None and holds(self._bench, awaited):
+            return False
+        left = most if self._left is None else self._left
+        self._left = left - 1
+        if left <= 0 and awaited is not None:
+            self._give_up(step, awaited)
+        return left > 0
+
+    def _give_up(self, step: words.Step, condition: words.Condition) -> None:
+        self._bench.note("program", f"gave up at `{step.line}`", found(self._bench, condition))
+        self._at = len(self._steps)

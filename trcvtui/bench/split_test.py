@@ -1,0 +1,237 @@
+"""Try every split: one message whole, then in two chunks, once for each place where it can be cut.
+
+Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenario and a screen can drive it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.snapshots import SplitRow, TrialSnapshot
+from trcvtui.commands.words import PeerSend, TrySplits
+from trcvtui.records import dataclass, field, replace
+
+GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
+SETTLE_SCANS: Final = 2  # after the last byte: DONE is over, the next job is armed
+PATIENCE_NS: Final = 2_000_000_000  # for bytes that are under way
+RUNNING, FINISHED, CANCELLED, FAILED = "running", "finished", "cancelled", "failed"
+MOST_LENGTHS: Final = 6  # RCVD_LENs that are written out
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What one run has shown: its STATUS scan by scan, and each frame as (RCVD_LEN, DATA)."""
+
+    scans: list[tuple[int, bool]] = field(default_factory=list)
+    frames: list[tuple[int, bytes]] = field(default_factory=list)
+
+    @property
+    def received(self) -> int:
+        return sum(size for size, _ in self.frames)
+
+    def walk(self) -> str:
+        parts = []
+        for (status, error), run in groupby(self.scans):
+            parts.append(f"{status:04X}{'!' * error}{'+' * (len(list(run)) > 1)}")
+        return " ".join(parts)
+
+    def lengths(self) -> str:
+        runs = [(size, len(list(run))) for size, run in groupby(size for size, _ in self.frames)]
+        texts = [f"{size}×{times}" if times > 1 else str(size) for size, times in runs]
+        return ", ".join(texts[:MOST_LENGTHS]) + ", …" * (len(texts) > MOST_LENGTHS)
+
+
+class SplitTest:
+    """One trial on one bench; `snapshot` is the table as far as it has come."""
+
+    def __init__(self, bench: Bench, command: TrySplits) -> None:
+        self._bench = bench
+        self._command = command
+        self._gap_ns = command.gap_ns or GAP_SCANS * bench.runtime.interval_ns
+        decl = bench.project.instance(command.instance)
+        self._data = decl.data if decl is not None else None
+        self._state = RUNNING
+        self._problem = ""
+        self._rows: tuple[SplitRow, ...] = ()
+        self._runs = self._differing = 0
+        self._whole: _Seen | None = None
+
+    # -- the run ---------------------------------------------------------------------------------------
+
+    def run(self) -> Iterator[None]:
+        """Try them all; each time this yields, one scan has to pass."""
+        yield from self._until_armed()
+        for cut in range(len(self._command.payload)):
+            if self._state != RUNNING:
+                return
+            yield from self._one(cut)
+        if self._state == RUNNING:
+            self._state = FINISHED
+
+    def cancel(self) -> None:
+        """Try no more."""
+        if self._state == RUNNING:
+            self._state = CANCELLED
+
+    @property
+    def is_running(self) -> bool:
+        """Return whether splits are still to come."""
+        return self._state == RUNNING
+
+    def verdict(self) -> str:
+        """Return what is wrong with the trial, "" when as many splits differ as the command says."""
+        if self._problem:
+            return self._problem
+        wanted = self._command.differ
+        if wanted is None or wanted == self._differing:
+            return ""
+        odd = next((row for row in self._rows if row.first and not row.same), None)
+        example = f"; cut at {odd.first}: {row_text(odd)}" if odd else ""
+        return f"{self._differing} of {len(self._command.payload) - 1} splits differ from the whole{example}"
+
+    def _until_armed(self) -> Iterator[None]:
+        for _ in range(self._scans_in(PATIENCE_NS)):
+            if self._obstacle() == "":
+                return
+            yield
+        self._fail(self._obstacle())
+
+    def _obstacle(self) -> str:
+        """Return what keeps the instance from receiving a message from its first byte on."""
+        name, peer = self._command.instance, self._bench.peers[self._command.peer]
+        runtime = self._bench.runtime
+        if not peer.can_send:
+            return f"{self._command.peer} is {peer.state}, not connected"
+        if not runtime.inputs(name).get("EN_R", True):
+            return f"EN_R of {name} is 0: it receives nothing"
+        out = runtime.outputs(name)
+        if not out.busy or out.error:
+            return f"{name} is not receiving: STATUS {out.status:04X}"
+        held = len(runtime.partial(name))
+        return f"the job of {name} already holds {held} bytes" if held else ""
+
+    def _one(self, cut: int) -> Iterator[None]:
+        """Send the message, cut there (0: whole), and see what the instance makes of it."""
+        command, seen = self._command, _Seen()
+        split = (cut,) if cut else ()
+        wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))
+        if wrong:
+            self._fail(wrong)
+            return
+        settled, patience = 0, self._scans_in(PATIENCE_NS)
+        while settled < SETTLE_SCANS and patience and self._state == RUNNING:
+            yield
+            self._look(seen)
+            if self._is_complete(seen):
+                settled += 1
+            elif not self._bench.peers[command.peer].unsent:
+                patience -= 1
+        if self._state == RUNNING:
+            self._note(cut, seen)
+
+    def _is_complete(self, seen: _Seen) -> bool:
+        partial = len(self._bench.runtime.partial(self._command.instance))
+        return seen.received + partial >= len(self._command.payload)
+
+    def _look(self, seen: _Seen) -> None:
+        for out in self._bench.runtime.called:
+            if out.instance == self._command.instance:
+                seen.scans.append((out.outputs.status, out.outputs.error))
+                if out.outputs.done:
+                    size = out.outputs.rcvd_len or 0
+                    data = self._bench.runtime.data(self._data)[:size] if self._data else b""
+                    seen.frames.append((size, data))
+
+    def _note(self, cut: int, seen: _Seen) -> None:
+        if self._whole is None:
+            self._whole = seen
+        same = seen.frames == self._whole.frames
+        equal = bool(seen.frames) and seen.frames[-1][1] == self._command.payload
+        self._append(SplitRow(cut, cut, seen.walk(), len(seen.frames), seen.lengths(), equal, same))
+        self._runs += 1
+        self._differing += not same
+        held = len(self._bench.runtime.partial(self._command.instance))
+        if held and self._runs < len(self._command.payload):
+            name, size = self._command.instance, len(self._command.payload)
+            self._fail(f"after a message of {size} bytes the job of {name} holds {held}: it waits for more")
+
+    def _append(self, row: SplitRow) -> None:
+        """Add a row; neighbours that are alike are one row."""
+        last = self._rows[-1] if self._rows else None
+        if last is not None and last.first and replace(row, first=last.first) == replace(last, last=row.last):
+            self._rows = (*self._rows[:-1], replace(last, last=row.last))
+        else:
+            self._rows = (*self._rows, row)
+
+    def _fail(self, problem: str) -> None:
+        self._state, self._problem = FAILED, problem
+
+    def _scans_in(self, ns: int) -> int:
+        return max(1, ns // self._bench.runtime.interval_ns)
+
+    # -- what is told ----------------------------------------------------------------------------------
+
+    def snapshot(self) -> TrialSnapshot:
+        """Return the table as far as it has come."""
+        return TrialSnapshot(
+            peer=self._command.peer,
+            instance=self._command.instance,
+            payload=self._command.payload,
+            gap_ns=self._gap_ns,
+            state=self._state,
+            problem=self._problem,
+            runs=self._runs,
+            differing=self._differing,
+            rows=self._rows,
+        )
+
+
+def row_text(row: SplitRow) -> str:
+    """Return what one split has come to, in words."""
+    data = "DATA equal" if row.data_equal else "DATA differs"
+    return f"{row.walk}, DONE {row.done}, RCVD_LEN {row.lengths or 0}, {data}"
+
+
+def trial_text(trial: TrialSnapshot) -> str:
+    """Return the table as text, a line a row."""
+    size = len(trial.payload)
+    lines = [f"{trial.peer}: {size} bytes to {trial.instance}, every split · {trial.summary()}"]
+    for row in trial.rows:
+        lines.append(f"{row.span():>9}  {'same   ' if row.same else 'differs'}  {row_text(row)}")
+    return "\n".join(lines) + "\n"
+
+
+class SplitTests:
+    """The trial of a screen, at most one at a time; it goes on with every scan that passes."""
+
+    def __init__(self) -> None:
+        self._trial: SplitTest | None = None
+        self._under_way: Iterator[None] = iter(())
+
+    def begin(self, bench: Bench, command: TrySplits) -> str:
+        """Begin a trial; return what is wrong, or ""."""
+        if self._trial is not None and self._trial.is_running:
+            return f"a trial is running; `peer {command.peer} try-splits stop` ends it"
+        self._trial = SplitTest(bench, command)
+        self._under_way = self._trial.run()
+        next(self._under_way, None)
+        return ""
+
+    def stop(self) -> str:
+        """End the running trial; the table of one that is over is put away."""
+        if self._trial is not None and self._trial.is_running:
+            self._trial.cancel()
+        else:
+            self._trial = None
+        return ""
+
+    def scanned(self) -> None:
+        """Go on: a scan has passed."""
+        next(self._under_way, None)
+
+    def snapshot(self) -> TrialSnapshot | None:
+        """Return the table as far as it has come."""
+        return self._trial.snapshot() if self._trial is not None else None

@@ -1,0 +1,248 @@
+"""What may stand next in a bench command, from tables and from the names of the project."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from trcvtui.blocks.table import block_row
+from trcvtui.commands.peer import VERBS as PEER_VERBS
+from trcvtui.project.edit import fields_of, first_name, keys_of_line, kinds_named
+from trcvtui.project.keys import OFFERED as KINDS
+from trcvtui.project.keys import names_of
+from trcvtui.project.project import Project
+
+NextWords = Callable[[list[str], Project], Iterable[str]]
+PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
+TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
+SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
+SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
+CALLS: Final = (
+    "recv", "connect", "bind", "listen", "accept", "socket", "send", "shutdown", "close", "set_reuse",
+    "poll_add", "poll_del", "abort", "resolve", "buffer", "queue", "clear",
+)  # fmt: skip
+ERRORS: Final = (
+    "ECONNRESET", "EADDRINUSE", "ECONNREFUSED", "EPIPE", "ETIMEDOUT", "EACCES", "EMFILE", "ENOBUFS",
+    "EAI_NONAME", "EAI_AGAIN",
+)  # fmt: skip
+FAULT_OPTIONS: Final = ("on", "times=", "nth=")
+
+
+def nothing(words: list[str], project: Project) -> Iterable[str]:
+    """Offer nothing."""
+    return ()
+
+
+def only(*choices: str) -> NextWords:
+    """Offer the same words, whatever stands there."""
+    return lambda words, project: choices
+
+
+def an_instance(words: list[str], project: Project) -> Iterable[str]:
+    """Offer the instances, once."""
+    return _instances(project) if len(words) == 1 else ()
+
+
+def after_set(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an entry of the project, its pins and keys."""
+    if len(words) == 1:
+        return (*_instances(project), *_parts(project), *KINDS)
+    kind = words[1] if words[1] in KINDS else next(iter(kinds_named(words[1], project)), "")
+    if words[1] in KINDS and len(words) == 2:
+        return names_of(kind, project)
+    name = words[2] if words[1] in KINDS else words[1]
+    pins = [f"{pin}=" for pin in _inputs(name, project, bools_only=False)] if kind == "instance" else []
+    return (*pins, *_keys_of(kind, words, project)) if kind else ()
+
+
+def after_remove(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an entry of the project."""
+    if len(words) == 1:
+        return (*_parts(project), *_instances(project), *KINDS)
+    return names_of(words[1], project) if len(words) == 2 and words[1] in KINDS else ()
+
+
+def _parts(project: Project) -> list[str]:
+    return [
+        name for kind in KINDS if kind not in ("instance", "certificate") for name in names_of(kind, project)
+    ]
+
+
+def _keys_of(kind: str, words: list[str], project: Project) -> Iterable[str]:
+    given = {word.partition("=")[0] for word in words}
+    given |= keys_of_line(kind, project).bare
+    fields = [field for field in fields_of(kind, project) if field.key not in given]
+    return (*(f"{f.key}={choice}" for f in fields for choice in f.choices), *(f"{f.key}=" for f in fields))
+
+
+def after_pulse(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an instance, a BOOL input."""
+    if len(words) == 1:
+        return _instances(project)
+    return _inputs(words[1], project, bools_only=True) if len(words) == 2 else ()
+
+
+def after_peer(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a peer, its word, what is sent."""
+    if len(words) == 1:
+        return (peer.name for peer in project.peers)
+    if len(words) == 2:
+        return PEER_COMMANDS
+    if words[2] == "play":
+        return (sequence.name for sequence in project.sequences)
+    if words[2:] == ["send", "message"]:
+        return (message.name for message in project.messages)
+    if words[2] != "send":
+        return _PEER_WORDS.get(words[2], ()) if len(words) == 3 else ()
+    if len(words) == 3:
+        return (*SEND_MODES, "message")
+    if len(words) == 4 and words[3] == "udt":
+        return (data.type_name for data in project.data)
+    return SEND_OPTIONS
+
+
+_PEER_WORDS: Final[dict[str, tuple[str, ...]]] = {
+    "reply": ("on", "off"),
+    "check": ("on", "off"),
+    "try-splits": ("hex", "text", "udt", "stop"),
+}
+
+
+def after_fault(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a kernel call, an errno, a CONNECT."""
+    if len(words) == 1:
+        return CALLS
+    if words[-1] == "on":
+        return project.links()
+    return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
+
+
+def after_feed(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a ComBuffer, a form of payload."""
+    if len(words) == 1:
+        return [
+            buffer.name
+            for buffer in project.combuffers
+            if buffer.source in ("sim", "serial") and not buffer.line
+        ]
+    return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
+
+
+def after_mark(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an instance with a prefix or suffix, a form of payload."""
+    if len(words) == 1:
+        return [instance.name for instance in project.instances if block_row(instance.block).marks]
+    return ("hex", "text", "none") if len(words) == 2 else ()
+
+
+def after_framing(words: list[str], project: Project) -> Iterable[str]:
+    """Offer what reads frames."""
+    if len(words) == 1:
+        readers = [i.name for i in project.instances if block_row(i.block).marks]
+        return (*readers, *(buffer.name for buffer in project.combuffers))
+    return ("apply",) if len(words) == 2 else ()
+
+
+def after_link(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a CONNECT, down or up."""
+    return project.links() if len(words) == 1 else ("down", "up")
+
+
+def after_doctor(words: list[str], project: Project) -> Iterable[str]:
+    """Offer the instances and CONNECTs, once."""
+    return (*_instances(project), *project.links()) if len(words) == 1 else ()
+
+
+def after_tap(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a tap, a direction, what can be done with it."""
+    if len(words) == 1:
+        return (tap.name for tap in project.taps)
+    if len(words) == 2:
+        return "to-plc", "from-plc"
+    if len(words) == 3:
+        return "hold", "go", "drop", "insert", "edit", "delay", "split", "rst", "fin"
+    return ("hex", "conversation") if words[3] in ("insert", "edit") else ("conversation",)
+
+
+def after_write(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a variable."""
+    return (data.name for data in project.data) if len(words) == 1 else ("hex",)
+
+
+def after_expect(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an instance, its outputs."""
+    return _instances(project) if len(words) == 1 else ("STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=")
+
+
+def after_trigger(words: list[str], project: Project) -> Iterable[str]:
+    """Offer an instance or a variable, its pins, an edge."""
+    if len(words) == 1:
+        return (*_instances(project), *(data.name for data in project.data), "off")
+    declared = project.instance(words[1])
+    if len(words) > 2 or declared is None:
+        return ("rises", "falls", "hold")
+    pins = sorted(project.pins(declared.block), key=lambda pin: pin.name != "STATUS")
+    return (f"{pin.name}{'' if pin.is_bool else '='}" for pin in pins)
+
+
+def after_create(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a block, a name, what it is bound to, its inputs."""
+    if len(words) == 1:
+        return project.dialect.blocks
+    if len(words) == 2:
+        return (
+            f"{words[1]}_{number}" for number in range(2, 100) if not project.instance(f"{words[1]}_{number}")
+        )
+    if words[1] not in project.dialect.blocks:
+        return ()
+    lines = project.combuffers if block_row(words[1]).buffer_pin else ()
+    named = (
+        ("connect", [each.name for each in project.connects]), ("data", [each.name for each in project.data]),
+        ("task", [each.name for each in project.tasks]),
+        ("config", [each.name for each in project.udp_configs]), ("addr", [a.name for a in project.addrs]),
+        (block_row(words[1]).buffer_pin, [each.name for each in lines]),
+        *((pin, [each.name for each in project.data]) for pin in block_row(words[1]).marks),
+    )  # fmt: skip
+    given = {word.partition("=")[0] for word in words}
+    pins = (f"{pin.name}=" for pin in project.pins(words[1]) if pin.direction != "out")
+    links = (f"{key}={name}" for key, names in named if key not in given for name in names)
+    return (*links, *pins)
+
+
+def after_add(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a kind, a name, its keys."""
+    if len(words) == 1:
+        return KINDS
+    kind = words[1]
+    if kind not in KINDS:
+        return ()
+    if len(words) == 2:
+        return (first_name(kind, project),)
+    if kind == "data":
+        return (*project.types.names(), *TYPES) if len(words) == 3 else ("OF ",)
+    if kind == "sequence":
+        return (message.name for message in project.messages)
+    if kind == "message":
+        return (*SEND_MODES, "peer=") if len(words) == 3 else SEND_OPTIONS
+    block = next((word.removeprefix("block=") for word in words if word.startswith("block=")), "")
+    pins = (f"{pin.name}=" for pin in project.pins(block)) if block in project.dialect.blocks else ()
+    return (*_keys_of(kind, words, project), *pins)
+
+
+def after_resize(words: list[str], project: Project) -> Iterable[str]:
+    """Offer a variable, a type."""
+    if len(words) == 1:
+        return (data.name for data in project.data)
+    return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)
+
+
+def _instances(project: Project) -> Iterable[str]:
+    return (instance.name for instance in project.instances)
+
+
+def _inputs(instance: str, project: Project, bools_only: bool) -> Iterable[str]:
+    declared = project.instance(instance)
+    if declared is None:
+        return ()
+    pins = project.pins(declared.block)
+    return (pin.name for pin in pins if pin.direction != "out" and (pin.is_bool or not bools_only))

@@ -1,0 +1,309 @@
+"""DATA and conditions: `write`, `prefix`, `suffix`, and what `wait` and `expect` ask of pins, peers, DATA."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from trcvtui.blocks.table import MARKS, block_row
+from trcvtui.commands.patterns import parse_pattern
+from trcvtui.commands.tokens import (
+    KEPT_BYTES,
+    Words,
+    duration,
+    is_payload,
+    leaf_bytes,
+    leaf_value,
+    pin_value,
+    read_payload,
+    struct_bytes,
+)
+from trcvtui.commands.words import (
+    DEFAULT_LIMIT_NS,
+    NONE,
+    PEER_STATES,
+    Condition,
+    DataIs,
+    Expect,
+    ExpectTrace,
+    MemberIs,
+    PeerIs,
+    PeerReceived,
+    PinsAre,
+    SetMark,
+    Wait,
+    Write,
+)
+from trcvtui.errors import UserError
+from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
+from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass
+from trcvtui.udt.layout.layout import Leaf
+from trcvtui.udt.layout.layout_tree import find
+from trcvtui.wording import count
+
+TARGET_FORM: Final = "rx, rx.speed, rx[3] or rx+4 (byte 4)"
+VALUE_FORM: Final = "a value, or hex and bytes"
+_TARGET: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A part of a variable: `size` bytes from `offset` on; `path` has no leading dot, "" is the whole."""
+
+    decl: DataDecl
+    path: str
+    offset: int
+    size: int
+    is_raw: bool  # named by a byte offset
+
+    def leaf(self, words: Words) -> Leaf:
+        """Return the one value that it stands for; raise UserError when it is none."""
+        if not self.is_raw:
+            try:
+                return self.decl.layout.leaf(self.decl.layout.number_of(self.path))
+            except UserError:
+                pass
+        name = f"{self.decl.name}{'+' + str(self.offset) if self.is_raw else ''}"
+        found = f"'{name}{'.' * bool(self.path) + self.path}', which is not one value"
+        raise words.wrong(found, "the path of one, or hex and bytes")
+
+
+def base_name(word: str) -> str:
+    """Return the name that a word such as `rx.speed` or `rx+4` begins with."""
+    return re.split(r"[.\[+]", word, maxsplit=1)[0]
+
+
+def read_target(words: Words, project: Project) -> Target:
+    """Return what the next word stands for; raise UserError when it is no part of a variable."""
+    word = words.next("the name of a DATA variable")
+    decl = project.data_decl(base_name(word))
+    if decl is None:
+        names = [known.name for known in project.data]
+        raise words.wrong(shown(base_name(word)), expected_name(base_name(word), names, "DATA variable"))
+    found = _TARGET.fullmatch(word)
+    if found is None:
+        raise words.wrong(shown(word), TARGET_FORM)
+    _, offset, path = found.groups()
+    if offset is not None:
+        return _raw_target(decl, int(offset), words)
+    return _member_target(decl, path or "", words)
+
+
+def _raw_target(decl: DataDecl, offset: int, words: Words) -> Target:
+    if offset >= decl.size:
+        raise words.wrong(f"byte {offset} of '{decl.name}'", f"a byte from 0 to {decl.size - 1}")
+    return Target(decl, "", offset, decl.size - offset, True)
+
+
+def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
+    try:
+        number, node = find(decl.layout.root, path)
+    except LookupError as unknown:
+        raise words.wrong(
+            f"'{unknown}' in '{decl.name}{path}'", f"a member of {decl.type_name}, or an index within bounds"
+        ) from None
+    # A part begins where its first value does: no layout has a gap before the first member.
+    offset = decl.layout.leaf(number).offset if node.leaves else 0
+    return Target(decl, path.removeprefix("."), offset, node.size if node.leaves else 0, False)
+
+
+def read_write(words: Words, project: Project) -> Write:
+    """Return `write rx.speed 12.5`, `write rx hex 01 02`, `write rx {speed=1.5}`; raise UserError."""
+    start = words.place
+    target = read_target(words, project)
+    payload = _bytes_for(target, words, project)
+    return Write(target.decl.name, target.offset, payload, words.written(start))
+
+
+def _bytes_for(target: Target, words: Words, project: Project) -> bytes:
+    if is_payload(words.peek()):
+        return _fitting(target, read_payload(words, project).content, words)
+    if words.peek().startswith("{") and not target.is_raw:
+        return _struct_for(target, words.rest_text(VALUE_FORM), words)
+    value = words.next(VALUE_FORM)
+    words.finish()
+    leaf = target.leaf(words)
+    if leaf.bit is not None:  # a write has whole bytes, and the other bits of this one are not known here
+        found = f"'{leaf.path}', bit {leaf.bit} of byte {leaf.offset}"
+        raise words.wrong(found, f"the whole byte, such as: write {target.decl.name}+{leaf.offset} hex 01")
+    return leaf_bytes(target.decl.layout, leaf, value, words.where)
+
+
+def _fitting(target: Target, payload: bytes, words: Words) -> bytes:
+    if len(payload) > target.size:
+        raise words.wrong(f"{len(payload)} bytes", f"at most {target.size}, which is what there is")
+    return payload
+
+
+def _struct_for(target: Target, braces: str, words: Words) -> bytes:
+    if target.path:
+        braces = f"{{{target.path}={braces}}}"
+    whole = struct_bytes(target.decl.layout, braces, words.where)
+    return whole[target.offset : target.offset + target.size]
+
+
+def read_data_condition(words: Words, project: Project) -> Condition:
+    """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError."""
+    start = words.place
+    target = read_target(words, project)
+    if is_payload(words.peek()):
+        payload = _fitting(target, read_payload(words, project).content, words)
+        return DataIs(target.decl.name, target.offset, payload, words.written(start))
+    leaf = target.leaf(words)
+    value = words.next(VALUE_FORM)
+    words.finish()
+    layout = target.decl.layout
+    return MemberIs(
+        target.decl.name,
+        leaf.path,
+        leaf_value(layout, leaf, leaf_bytes(layout, leaf, value, words.where)),
+    )
+
+
+NOTHING: Final = "nothing"
+UDP_STATES: Final = ("listening", "closed")
+OF_UDP: Final = "listening, closed or received"
+SUBJECT: Final = "an instance, a DATA variable or peer NAME"
+
+
+def read_wait(words: Words, project: Project) -> Wait:
+    """Return `wait CONDITION [within T#..]`; raise UserError."""
+    within = _read_within(words)
+    return Wait(_read_condition(words, project), DEFAULT_LIMIT_NS if within is None else within)
+
+
+def read_expect(words: Words, project: Project) -> Expect | ExpectTrace:
+    """Return `expect CONDITION [within T#..]` or `expect X trace PATTERN`; raise UserError."""
+    if words.peek(1) == "trace" and words.peek() != "peer":
+        instance = read_instance(words, project)
+        words.next("trace")
+        return ExpectTrace(instance.name, parse_pattern(" ".join(words.rest()), f"{words.where}: trace"))
+    within = _read_within(words)
+    return Expect(_read_condition(words, project), within)
+
+
+def _read_within(words: Words) -> int | None:
+    tail = words.cut(lambda word: word == "within")
+    if not tail:
+        return None
+    if len(tail) != 2:
+        raise words.wrong(shown(" ".join(tail)), "within and one duration, such as within T#2s")
+    return duration(tail[1], "within ", words.where)
+
+
+def _read_condition(words: Words, project: Project) -> Condition:
+    word = words.peek()
+    if word == "peer":
+        words.next("peer")
+        return _read_peer_condition(words, project)
+    name = base_name(word)
+    if project.data_decl(name) is not None:
+        return read_data_condition(words, project)
+    if project.instance(word) is None:
+        names = [*(i.name for i in project.instances), *(d.name for d in project.data), "peer"]
+        found = shown(name) if word else "nothing more"
+        raise words.wrong(found, expected_name(name, names, SUBJECT) if word else SUBJECT)
+    return _read_pins(words, project)
+
+
+def _read_pins(words: Words, project: Project) -> PinsAre:
+    instance = read_instance(words, project)
+    pins = {pin.name: pin for pin in project.pins(instance.block)}
+    found = []
+    for word in words.rest() or [words.next("a pin such as STATUS=7006")]:
+        name, equals, text = word.partition("=")
+        if not equals:
+            raise words.wrong(shown(word), "PIN=VALUE such as STATUS=7006")
+        if name not in pins:
+            raise words.wrong(shown(name), expected_name(name, pins, "pin"))
+        found.append((name, pin_value(pins[name], text, words.where)))
+    return PinsAre(instance.name, tuple(found))
+
+
+def _read_peer_condition(words: Words, project: Project) -> Condition:
+    peer = read_peer(words, project)
+    state = words.next(f"received, or a state: {', '.join(PEER_STATES)}")
+    if state == "received" and words.peek() == NOTHING:
+        words.next(NOTHING)
+        words.finish()
+        return PeerReceived(peer.name, b"")
+    if state == "received":
+        payload = read_payload(words, project)
+        if len(payload.content) > KEPT_BYTES:
+            raise words.wrong(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES}, which a peer keeps")
+        return PeerReceived(peer.name, payload.content, payload.text)
+    words.finish()
+    if state not in PEER_STATES:
+        raise words.wrong(shown(state), expected_name(state, (*PEER_STATES, "received"), "state"))
+    if peer.udp and state not in UDP_STATES:
+        raise words.wrong(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
+    return PeerIs(peer.name, state)
+
+
+def read_instance(words: Words, project: Project) -> InstanceDecl:
+    """Return the instance that the next word names; raise UserError."""
+    name = words.next("the name of an instance")
+    instance = project.instance(name)
+    if instance is None:
+        names = [known.name for known in project.instances]
+        raise words.wrong(shown(name), expected_name(name, names, "instance"))
+    return instance
+
+
+def read_peer(words: Words, project: Project) -> PeerDecl:
+    """Return the peer that the next word names; raise UserError."""
+    name = words.next("the name of a peer")
+    peer = project.peer(name)
+    if peer is None:
+        names = [known.name for known in project.peers]
+        raise words.wrong(shown(name), expected_name(name, names, "peer"))
+    return peer
+
+
+PREFIX, SUFFIX = MARKS
+LONGEST: Final = 255  # LenPrefix is a BYTE
+
+
+def read_prefix(words: Words, project: Project) -> SetMark:
+    """Return `prefix RD hex 02`, `prefix RD text "x"` or `prefix RD none`; raise UserError."""
+    return _mark(PREFIX, words, project)
+
+
+def read_suffix(words: Words, project: Project) -> SetMark:
+    """Return `suffix RD hex 0D 0A`; raise UserError."""
+    return _mark(SUFFIX, words, project)
+
+
+def _mark(mark: str, words: Words, project: Project) -> SetMark:
+    instance = read_instance(words, project)
+    if not block_row(instance.block).pointers:
+        found = f"'{instance.name}', a {instance.block}"
+        raise words.wrong(found, "a block with prefix and suffix, such as ReceiveData")
+    variable = _variable(instance, mark, words)
+    decl = project.data_decl(variable)
+    assert decl is not None
+    payload, text = b"", NONE
+    if words.peek() == NONE:
+        words.next(NONE)
+    else:
+        given = read_payload(words, project)
+        payload, text = given.content, given.text
+    lengths = block_row(instance.block).mark_lengths
+    pin = lengths[MARKS.index(mark)] if lengths else ""  # a STRING tells its own length
+    room = min(decl.size, LONGEST) if pin else decl.size - 1
+    if len(payload) > room:
+        found = count(len(payload), "byte")
+        raise words.wrong(found, f"at most {room}: '{variable}' is {decl.type_name} (`resize` changes it)")
+    return SetMark(instance.name, mark, payload, variable, pin, decl.size, text)
+
+
+def _variable(instance: InstanceDecl, mark: str, words: Words) -> str:
+    """Return the variable that holds a mark; raise UserError where the pointer is 0."""
+    number = MARKS.index(mark)
+    pointer = block_row(instance.block).pointers[number]
+    name = instance.pointers[number] if number < len(instance.pointers) else ""
+    if not name:
+        found = f"{pointer} of '{instance.name}', which is 0"
+        raise words.wrong(found, f"`{pointer}` naming a variable in the project, or at `create`")
+    return name

@@ -1,0 +1,164 @@
+"""What is filled into a message each time it is sent: a number, a checksum; frames of self-checking traffic.
+
+Rule: the number first, then the checksums in the order of their offsets, so that one may cover another.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Sequence
+from typing import Final, Literal, cast
+
+from trcvtui.commands.snapshots import CheckTally
+from trcvtui.records import dataclass, field
+
+# A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
+
+MARK: Final = b"\xc5\x5c"
+NUMBER_END: Final = len(MARK) + 4
+CRC_BYTES: Final = 4
+LEAST_SIZE: Final = NUMBER_END + CRC_BYTES
+FILLING: Final = bytes(range(256))
+
+
+def frame(number: int, size: int) -> bytes:
+    """Return one frame of `size` bytes."""
+    room = size - LEAST_SIZE
+    filling = (FILLING * (room // 256 + 1))[:room]
+    body = MARK + (number & 0xFFFFFFFF).to_bytes(4, "big") + filling
+    return body + zlib.crc32(body).to_bytes(CRC_BYTES, "big")
+
+
+class Checker:
+    """The receiver of frames of one size; keeps less than a frame, whatever arrives."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._kept = bytearray()
+        self._next = 0
+        self._is_shifted = False  # looking for the next frame
+        self._frames = self._lost = self._doubled = self._shifts = self._strange = 0
+
+    def begin(self) -> None:
+        """Begin with a new stream: half a frame of the old one does not go on."""
+        self._kept.clear()
+        self._is_shifted = False
+
+    def take(self, arrived: bytes) -> None:
+        """Judge what has arrived."""
+        self._kept += arrived
+        at = 0
+        while at + self._size <= len(self._kept):
+            if self._is_frame(at):
+                self._judge(int.from_bytes(self._kept[at + len(MARK) : at + NUMBER_END], "big"))
+                at, self._is_shifted = at + self._size, False
+                continue
+            place = self._kept.find(MARK, at + 1)
+            then = place if place >= 0 else max(at + 1, len(self._kept) - len(MARK) + 1)
+            self._shifts += not self._is_shifted
+            self._strange += then - at
+            at, self._is_shifted = then, True
+        del self._kept[:at]
+
+    def _is_frame(self, at: int) -> bool:
+        if not self._kept.startswith(MARK, at):
+            return False
+        body = self._kept[at : at + self._size - CRC_BYTES]
+        crc = self._kept[at + self._size - CRC_BYTES : at + self._size]
+        return zlib.crc32(body) == int.from_bytes(crc, "big")
+
+    def _judge(self, number: int) -> None:
+        self._frames += 1
+        if number < self._next:
+            self._doubled += 1
+            return
+        self._lost += number - self._next
+        self._next = number + 1
+
+    def tally(self) -> CheckTally:
+        """Return the counters."""
+        return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
+
+
+NUMBER, DIGITS = "n", "digits"
+NUMBERS: Final = (NUMBER, DIGITS)
+CRC16_START, CRC16_POLYNOMIAL = 0xFFFF, 0xA001
+Order = Literal["little", "big"]
+
+
+def _sum8(content: bytes) -> int:
+    return sum(content) & 0xFF
+
+
+def _xor8(content: bytes) -> int:
+    found = 0
+    for byte in content:
+        found ^= byte
+    return found
+
+
+def _crc16_row(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte >> 1) ^ (CRC16_POLYNOMIAL if byte & 1 else 0)
+    return byte
+
+
+_CRC16: Final = tuple(_crc16_row(byte) for byte in range(256))
+
+
+def _crc16_modbus(content: bytes) -> int:
+    crc = CRC16_START
+    for byte in content:
+        crc = (crc >> 8) ^ _CRC16[(crc ^ byte) & 0xFF]
+    return crc
+
+
+CHECKSUMS: Final[dict[str, tuple[int, Callable[[bytes], int]]]] = {
+    "sum8": (1, _sum8),
+    "xor8": (1, _xor8),
+    "crc16-modbus": (2, _crc16_modbus),
+    "crc32": (4, zlib.crc32),
+}
+KINDS: Final = (*NUMBERS, *CHECKSUMS)
+
+
+@dataclass(frozen=True, slots=True)
+class Fill:
+    """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
+
+    `hole`: it stands as {n} in the payload's text, not as an option after it.
+    """
+
+    kind: str
+    offset: int
+    width: int
+    order: Order = "little"
+    hole: bool = field(default=False, compare=False)
+
+    def content(self, before: bytes, number: int) -> bytes:
+        """Return the bytes, given those before them and the number of the message, from 0."""
+        if self.kind == NUMBER:
+            return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
+        if self.kind == DIGITS:
+            return b"%0*d" % (self.width, number % 10**self.width)
+        return CHECKSUMS[self.kind][1](before).to_bytes(self.width, self.order)
+
+
+def filled(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
+    """Return a message with everything filled in; what stands at its end makes it longer."""
+    if not fills:
+        return payload
+    content = bytearray(payload)
+    for fill in in_order(fills):
+        content[fill.offset : fill.offset + fill.width] = fill.content(bytes(content[: fill.offset]), number)
+    return bytes(content)
+
+
+def in_order(fills: Sequence[Fill]) -> list[Fill]:
+    """Return fills in the order in which they are put in."""
+    return sorted(fills, key=lambda fill: (fill.kind not in NUMBERS, fill.offset))
+
+
+def as_order(text: str) -> Order:
+    """Return a byte order that a project or a command names."""
+    return cast(Order, text)

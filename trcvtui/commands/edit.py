@@ -1,0 +1,468 @@
+"""Lines that edit the project: `add connect C3 LocalPort=2001`, `set C3 LocalPort=2002`, `remove C3`, `undo`.
+
+The keys are those of the project file, and its readers judge them. A type, a message and the steps of a
+sequence stand as they are: `add data rx2 INT`, `set message m hex 01`.
+Rule: a line is carried out whole, or nothing is changed; what somebody uses is not taken from him.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from trcvtui.blocks.table import block_row, pointer_pins
+from trcvtui.commands.peer import (
+    check_library,
+    check_message,
+    check_routine,
+    check_sequence,
+    read_replies,
+    read_routines,
+    read_send,
+)
+from trcvtui.commands.tokens import Words, quoted, unquoted
+from trcvtui.commands.words import Add, AddData, Change, Mend, Remove, Undo
+from trcvtui.errors import UserError, mistake
+from trcvtui.net.connection.config import ConnectConfig, UdpConfig
+from trcvtui.net.results import Endpoint
+from trcvtui.project.edit import (
+    adding,
+    changing,
+    entry,
+    given,
+    kinds_named,
+    read_changed,
+    read_entry,
+    taken_back,
+    users_left,
+    with_edits,
+    with_entry,
+)
+from trcvtui.project.key_rows import KeyValue
+from trcvtui.project.keys import EDITED, TABLES, forms_of, free_name, keys_of, kind_name, list_keys, names_of
+from trcvtui.project.project import (
+    DataDecl,
+    Declaration,
+    Edit,
+    Edits,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    Project,
+    SequenceDecl,
+)
+from trcvtui.project.tables import Given, expected_name, shown
+from trcvtui.wording import count
+
+# What an instance lacks. Rule: only what the line leaves out is made. CONNECT: passive, 127.0.0.1, the first
+# port from 2000 on that no part of the project has; keys of a CONNECT in the line (LocalPort=2500) are its.
+# DATA: 1024 bytes to receive into, 16 to send. A receiver with an ADHOC pin gets ADHOC = 1, so that the first
+# bytes of anybody are a DONE.
+
+FIRST_PORT: Final = 2000
+LAST_PORT: Final = 49_151  # after them the system's own, for active ends
+HOST: Final = "127.0.0.1"
+OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
+RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
+SENT: Final = "ARRAY[0..15] OF BYTE"
+ADHOC: Final = "ADHOC"
+LISTEN: Final = ("connect", "udp_config")
+STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
+
+
+def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
+    """Return the first port from 2000 on, after `after`, that no part has."""
+    ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
+    taken = {end.port for end in ends} | {
+        getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
+    }
+    return next(port for port in range(after + 1, LAST_PORT + 1) if port not in taken)
+
+
+def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Return the keys of what a block works on, each with its kind."""
+    row = block_row(block)
+    if row.on_buffer:
+        return ((row.buffer_pin, "combuffer"),)
+    if row.speaks_udp and not (row.datagrams and "connect" in content):
+        return (("config", "udp_config"), ("addr", "addr"))
+    return (("connect", "connect"),)
+
+
+def complete(
+    content: Mapping[str, Any], project: Project, where: str
+) -> tuple[dict[str, Any], tuple[Declaration, ...]]:
+    """Return the keys of an instance with those that were left out, and what is made for them."""
+    whole, made = dict(content), list[Declaration]()
+    block = _text(content.get("block"))
+    keys = link_of_block(block, content) if block in project.dialect.blocks else ()
+    missing = [(key, kind) for key, kind in keys if key not in content]
+    if not missing:
+        return whole, ()
+    own: dict[str, Any] = {key: whole.pop(key) for key in OF_CONNECT if key in whole}
+    parts = [(key, kind, STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
+    row = block_row(block)
+    if row.data_pin and "data" not in content:
+        receives = row.receives or row.reads_buffer
+        type_ = {"type": RECEIVED if receives else SENT}
+        parts.append(("data", "data", "rx" if receives else "tx", type_))
+    for key, kind, start, given_keys in parts:
+        name = free_name(kind, start, project)
+        decl = read_entry(kind, {"name": name, **_usual(kind, project), **given_keys}, project, where)
+        project = with_entry(project, decl)
+        made.append(decl)
+        whole[key] = name
+    pins = {pin.name for pin in project.pins(block)}
+    if row.receives and ADHOC in pins and not whole.keys() & {ADHOC, "LEN"}:
+        whole[ADHOC] = True
+    return whole, tuple(made)
+
+
+def _usual(kind: str, project: Project) -> dict[str, Any]:
+    if kind in LISTEN:
+        return {"LocalAddress": HOST, "LocalPort": free_port(project)}
+    return {}
+
+
+def _text(value: object) -> str:
+    return value.text if isinstance(value, Given) else str(value or "")
+
+
+def ends_of(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
+    """Return the ends at which what was made will listen."""
+    listening = [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig)]
+    return tuple([end for end in listening if end.port])
+
+
+KINDS: Final = EDITED
+CERTIFICATE: Final = "certificate"
+INSTANCE: Final = "instance"
+PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
+
+
+def read_add(words: Words, project: Project) -> Add | AddData:
+    """Return `add KIND NAME ...`; raise UserError."""
+    kind = words.next("what to add: " + ", ".join(KINDS))
+    if kind not in KINDS:
+        raise words.wrong(shown(kind), expected_name(kind, KINDS, "kind"))
+    start = words.place
+    name = words.next(f"a name for the new {kind}")
+    where = f"{words.where}: {kind} {name}"
+    if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
+        called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
+    else:
+        called = {"name": name}
+    content = {**called, **_CONTENT.get(kind, _pairs)(words)}
+    if kind == INSTANCE:
+        return _with_its_parts(content, project, where, words.written(start))
+    decl = read_entry(kind, content, project, where)
+    if isinstance(decl, DataDecl):
+        return AddData(decl.name, decl.type_name, decl)
+    if isinstance(decl, PeerDecl) and not content.keys() & {"remote", "local", "active", "udp"}:
+        found = "neither remote nor local"
+        raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
+    _check_talk(decl, with_entry(project, decl), where)
+    return Add(decl)
+
+
+def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
+    """Return an instance with the CONNECT and the DATA that its line leaves out."""
+    whole, made = complete(content, project, where)
+    grown = with_edits(project, tuple([adding(decl, project) for decl in made]))
+    decl = read_entry(INSTANCE, whole, grown, where)
+    assert isinstance(decl, InstanceDecl)
+    if not made:
+        return Add(decl)
+    port = next((end.port for end in ends_of(made) if "LocalPort" not in content), 0)
+    return Add(decl, made, f"add {INSTANCE} {written}{port_text(port) if port else ''}", port)
+
+
+def _check_talk(decl: Declaration, project: Project, where: str) -> None:
+    """Raise UserError for what no table can say of its own: messages, their steps, what a peer does."""
+    match decl:
+        case MessageDecl():
+            check_message(decl, project, where)
+            _check_cuts(decl, project, where)
+        case SequenceDecl():
+            check_sequence(decl, project, where)
+        case PeerDecl():
+            check_routine(decl, project, where)
+        case _:
+            pass
+
+
+def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
+    """Refuse cuts after the end: such a message would go uncut."""
+    peer = decl.peer or next((peer.name for peer in project.peers), "")
+    send = read_send(Words(decl.text, where), project, peer)
+    size = len(send.payload)
+    if send.split and sum(send.split) >= size:
+        cuts = ",".join(map(str, send.split))
+        raise mistake(
+            where, f"split={cuts} of {count(size, 'byte')}", f"cuts that add up to less than {size}"
+        )
+
+
+def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
+    """Return KEY=VALUE; where a value `runs_on`, words without a key belong to the one before."""
+    pairs: dict[str, str] = {}
+    lists: dict[str, list[str]] = {}
+    key, severals = "", list_keys()
+    for word in words.rest():
+        if runs_on and "=" not in word and key in pairs:
+            pairs[key] += f" {word}"
+            continue
+        key, equals, text = word.partition("=")
+        if not equals or key in pairs:
+            raise words.wrong(shown(word), PAIRS)
+        if key in severals:
+            lists.setdefault(key, []).append(unquoted(text))
+        else:
+            pairs[key] = unquoted(text)
+    return {**given(pairs.items()), **lists}
+
+
+def _data(words: Words) -> dict[str, Any]:
+    """Return a type, which may have blanks, and the keys after it."""
+    after = words.apart(lambda word: "=" in word)
+    return {"type": words.rest_text("an IEC type or a UDT"), **_pairs(after)}
+
+
+def _message(words: Words) -> dict[str, Any]:
+    peer = words.next("").partition("=")[2] if words.peek().startswith("peer=") else ""
+    text = words.rest_text("what stands after `peer P1 send`, such as hex 01 02")
+    return {"text": text, **({"peer": peer} if peer else {})}
+
+
+_CONTENT: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
+    "data": lambda words: _data(words),
+    "message": _message,
+    "sequence": lambda words: {
+        "steps": [words.next("the names of messages and pauses such as T#100ms"), *words.rest()]
+    },
+}
+
+
+# -- set, remove, undo -------------------------------------------------------------------------------------
+
+
+def read_change(words: Words, project: Project) -> Change | None:
+    """Return `set [KIND] NAME KEY=VALUE ...`, None where pins of an instance are set; raise UserError."""
+    kind, name = _named(words, project)
+    if not kind or (kind == INSTANCE and not _is_of_declaration(words, name, project)):
+        return None
+    words.next(f"the name of a {kind}")
+    before, written = entry(kind, name, project), words.to_come()
+    where = f"{words.where}: {kind} {name}"
+    if before is None:
+        names = names_of(kind, project)
+        raise words.wrong(shown(name), expected_name(name, names, kind))
+    decl = read_changed(before, _changes(kind, words), project, where)
+    _check_talk(decl, with_edits(project, (changing(before, decl, project),)), where)
+    _refuse_to_leave((changing(before, decl, project),), project, where)
+    return Change(kind, name, written, before, decl)
+
+
+def _named(words: Words, project: Project) -> tuple[str, str]:
+    """Return which kind `set` and `remove` are about, "" for none known, and the name; take the kind."""
+    if words.peek() in KINDS and words.peek(1) and "=" not in words.peek(1):
+        return words.next(""), words.peek()
+    name = words.peek()
+    kinds = kinds_named(name, project)
+    if len(kinds) > 1:
+        found = f"'{name}', the name of {_listed([f'a {words_of(kind)}' for kind in kinds])}"
+        verb = words.verb
+        ways = " or ".join(f"{verb} {kind} {name} .." for kind in kinds)
+        raise words.wrong(found, ways if verb == "set" else ways.replace(" ..", ""))
+    return (kinds[0] if kinds else ""), name
+
+
+def words_of(kind: str) -> str:
+    """Return what a kind is called in a sentence."""
+    return TABLES[kind].what
+
+
+def _listed(texts: list[str]) -> str:
+    return " and ".join(texts).replace("a instance", "an instance").replace("a ADDR", "an ADDR")
+
+
+def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
+    """Return whether a key is none of an input, but of the instance: its CONNECT, its DATA, its task."""
+    decl = project.instance(name)
+    if decl is None:
+        return False
+    pins = {pin.name for pin in project.pins(decl.block)}
+    of_others = set(pointer_pins()) - set(block_row(decl.block).pointers)
+    wired = {row.name for row in TABLES[INSTANCE].keys if row.refers or row.name == "block"}
+    keys = wired - of_others - pins
+    return any(word.partition("=")[0] in keys for word in words.ahead())
+
+
+def _changes(kind: str, words: Words) -> dict[str, Any]:
+    if kind == "message":
+        return _message(words)
+    if kind == "sequence":
+        return _CONTENT["sequence"](words)
+    bare = kind == "data" and "=" not in words.peek()
+    content = _data(words) if bare else _pairs(words, runs_on=kind == "data")
+    if not content:
+        raise words.wrong("nothing more", PAIRS)
+    if "name" in content or "number" in content:
+        raise words.wrong("another name", "keys of what it is; a name stays: remove and add")
+    return {key: None if isinstance(each, Given) and not each.text else each for key, each in content.items()}
+
+
+def read_remove(words: Words, project: Project) -> Remove:
+    """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
+    kind, name = _named(words, project)
+    words.next("the name of what is to be removed")
+    decl = entry(kind, name, project) if kind else None
+    if decl is None:
+        names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
+        raise words.wrong(shown(name), expected_name(name, names, words_of(kind) if kind else "name"))
+    _refuse_to_leave((changing(decl, None, project),), project, f"{words.where}: {kind} {name}")
+    return Remove(kind, name, decl)
+
+
+def read_undo(words: Words, project: Project) -> Undo:
+    """Return `undo`; raise UserError where there is nothing to take back."""
+    edits = taken_back(project)
+    if not edits:
+        raise words.wrong("undo without an edit", "add, set or remove of a part of the project before it")
+    _refuse_to_leave(edits, project, f"{words.where}: undo")
+    return Undo(edits)
+
+
+def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
+    """Raise UserError where somebody has what these edits would take from him."""
+    users = users_left(edits, project)
+    if users:
+        names = [f"{words_of(kind_name(decl))} {decl.name}" for decl, _ in users]
+        changed = next((edit for edit in edits if edit.after is not None), None)
+        wrong = users[0][1].problems[0]
+        said = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
+        raise mistake(where, f"in use by {', '.join(names)}{said}", "nobody who needs it as it is")
+    after = with_edits(project, edits)
+    for check in (read_routines, read_replies, check_library):
+        try:
+            check(after)
+        except UserError as wrong:
+            raise mistake(where, f"in use: {wrong.lines()[0]}", "nobody who needs it as it is") from None
+
+
+# -- what a line does to a project ------------------------------------------------------------------------
+
+
+def edits_of(command: Mend, project: Project) -> Edits:
+    """Return what a line does to a project."""
+    match command:
+        case Add() | AddData():
+            with_it = command.with_it if isinstance(command, Add) else ()
+            return tuple([adding(decl, project) for decl in (*with_it, command.decl)])
+        case Change(kind, name, _, _, decl):
+            before = entry(kind, name, project)
+            return (changing(before, decl, project),) if before is not None else ()
+        case Remove(kind, name):
+            gone = entry(kind, name, project)
+            return (changing(gone, None, project),) if gone is not None else ()
+        case Undo():
+            return taken_back(project)
+
+
+def told(command: Mend, project: Project) -> str:
+    """Return what a line has done to this project: what was before it, what is now, who begins anew."""
+    if isinstance(command, Add | AddData):
+        return told_on_the_way(command)
+    said = [_told(edit) for edit in edits_of(command, project)]
+    anew = dict.fromkeys(what for edit in edits_of(command, project) for what in _anew(edit, project))
+    back = "taken back: " if isinstance(command, Undo) else ""
+    return back + ", ".join(said) + (f"; begins anew: {', '.join(anew)}" if anew else "")
+
+
+def port_text(port: int) -> str:
+    """Return the words that a chosen port has at the end of a line."""
+    return f" LocalPort={port}"
+
+
+def told_on_the_way(command: Add | AddData) -> str:
+    """Return what is made beside an instance, "" for nothing."""
+    made = command.with_it if isinstance(command, Add) else ()
+    return f"with {', '.join(map(_made, made))}" if made else ""
+
+
+def _made(decl: Declaration) -> str:
+    what = f"{words_of(kind_name(decl))} {decl.name}"
+    match decl:
+        case ConnectConfig() | UdpConfig():
+            return f"{what} at {decl.local}"
+        case DataDecl():
+            return f"{what}, {decl.type_name}"
+        case _:
+            return what
+
+
+def _told(edit: Edit) -> str:
+    what = f"{words_of(edit.kind)} {edit.name}"
+    if edit.before is None or edit.after is None:
+        keys = " ".join(_pair(key, value) for key, value in keys_of(edit.after)) if edit.after else ""
+        return f"{what} is added: {keys}" if edit.after else f"{what} is removed"
+    before, now = (dict(forms_of(decl)[-2:][0]) for decl in (edit.before, edit.after))
+    changes = [
+        f"{key} {_shown(before.get(key))} before, {_shown(now.get(key))} now"
+        for key in {**before, **now}
+        if before.get(key) != now.get(key)
+    ]
+    return f"{what}: {', '.join(changes) or 'as it was'}"
+
+
+def _shown(value: KeyValue | None) -> str:
+    return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _anew(edit: Edit, project: Project) -> list[str]:
+    """Return who is built anew by a change."""
+    if edit.before is None or edit.after is None:
+        return []
+    if edit.kind in (INSTANCE, "peer"):
+        return [f"{edit.kind} {edit.name}"]
+    has: dict[str, Callable[[InstanceDecl], bool]] = {
+        "connect": lambda i: i.connect == edit.name and not i.on_config and not block_row(i.block).on_buffer,
+        "udp_config": lambda i: i.connect == edit.name and i.on_config,
+        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).on_buffer,
+        "addr": lambda i: i.addr == edit.name,
+    }
+    if edit.kind not in has:
+        return []
+    return [
+        f"{words_of(edit.kind)} {edit.name}",
+        *(f"instance {i.name}" for i in project.instances if has[edit.kind](i)),
+    ]
+
+
+def add_line(command: Add | AddData) -> str:
+    """Return the line that `read_add` reads as this command."""
+    if isinstance(command, Add) and command.text:
+        return command.text
+    decl = command.decl
+    start = f"add {kind_name(decl)} {decl.name}"
+    match decl:
+        case DataDecl():
+            return " ".join([f"{start} {decl.type_name}", *(_pair(k, v) for k, v in keys_of(decl)[1:])])
+        case MessageDecl():
+            return f"{start} {f'peer={decl.peer} ' if decl.peer else ''}{decl.text}"
+        case SequenceDecl():
+            return " ".join([start, *decl.steps])
+        case _:
+            return " ".join([start, *(_pair(key, value) for key, value in keys_of(decl))])
+
+
+def _pair(key: str, value: KeyValue) -> str:
+    match value:
+        case bool():
+            return f"{key}={str(value).lower()}"
+        case list():
+            return " ".join(f"{key}={quoted(text)}" for text in value)
+        case str() if " " in value or not value:
+            return f"{key}={quoted(value)}"
+        case _:
+            return f"{key}={value}"

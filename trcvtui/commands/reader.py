@@ -1,0 +1,419 @@
+"""Lines of inputs, the running program, the PLC, the wire, faults and time, read into frozen commands."""
+
+from __future__ import annotations
+
+import re
+from typing import Final, Literal
+
+from trcvtui.blocks.pins import Direction, Pin, PinValue
+from trcvtui.blocks.table import block_row, known_blocks
+from trcvtui.commands.conditions import read_instance
+from trcvtui.commands.edit import edits_of, read_change
+from trcvtui.commands.tokens import (
+    FORMS,
+    Payload,
+    Words,
+    duration,
+    is_payload,
+    pin_value,
+    read_payload,
+    value_of,
+)
+from trcvtui.commands.words import (
+    FOREVER,
+    Add,
+    AddData,
+    BenchCommand,
+    Change,
+    Create,
+    Delete,
+    Doctor,
+    Download,
+    FaultClear,
+    FaultOn,
+    FeedLine,
+    Intervene,
+    Link,
+    PlcRun,
+    PlcStop,
+    Pulse,
+    Remove,
+    Resize,
+    RunFor,
+    RunScans,
+    Set,
+    Undo,
+)
+from trcvtui.errors import UserError
+from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
+from trcvtui.net.kernel import CALLS
+from trcvtui.net.serial_line import SERIAL_CALLS
+from trcvtui.project.edit import edited, undone
+from trcvtui.project.file import WORDS
+from trcvtui.project.keys import link_key
+from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
+from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier, shown, whole, with_article
+from trcvtui.records import NamedTuple, replace
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import NO_CHOICE
+from trcvtui.udt.sources import parse_type
+
+# Later lines are read against the project as these commands leave it: `after` says how that is.
+
+
+def read_create(words: Words, project: Project) -> Create:
+    """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
+    blocks = known_blocks(project.dialect.blocks)
+    block = words.next("a block such as TRCV_C")
+    if block not in blocks:
+        raise words.wrong(shown(block), expected_name(block, blocks, "block"))
+    name = _new_name(words, project)
+    given = _read_pairs(words)
+    link = _link(given, block, words, project)
+    data = None
+    if block_row(block).data_pin:
+        data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
+    known = [d.name for d in project.data]
+    pointers = [_reference(given, key, known, "DATA", words) or "" for key in block_row(block).pointers]
+    task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
+    inputs = _inputs(given, block, words, project)
+    task = task or project.tasks[0].name
+    made = InstanceDecl(
+        name, block, link.name, data, task, inputs, link.addr, link.is_config, tuple(pointers)
+    )
+    return Create(made)
+
+
+class _Link(NamedTuple):
+    """What a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer, and an ADDR where it has one."""
+
+    name: str
+    addr: str | None = None
+    is_config: bool = False
+
+
+def _link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
+    row = block_row(block)
+    if row.on_buffer:
+        return _Link(_must(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
+    connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
+    if row.speaks_udp and not (row.datagrams and "connect" in given):
+        config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
+        return _Link(config, _must(given, "addr", addrs, "ADDR", words), is_config=True)
+    connect = _must(given, "connect", connects, "CONNECT", words)
+    if row.speaks_udp:
+        return _Link(connect, _must(given, "addr", addrs, "ADDR", words))
+    takes_addr = row.builds and project.dialect.describes_connects
+    return _Link(connect, _reference(given, "addr", addrs, "ADDR", words) if takes_addr else None)
+
+
+def _must(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:
+    name = _reference(given, key, names, what, words)
+    if name is None:
+        raise words.wrong(f"no {key}=", f"{key}= and the name of {with_article(what)}")
+    return name
+
+
+def _new_name(words: Words, project: Project) -> str:
+    name = words.next("a name for the new instance")
+    if not is_identifier(name) or name in WORDS:
+        raise words.wrong(shown(name), IDENTIFIER_TEXT)
+    if project.instance(name) is not None or project.data_decl(name) is not None:
+        raise words.wrong(f"{shown(name)}, which is there already", "a name of its own")
+    return name
+
+
+def _read_pairs(words: Words) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for word in words.rest():
+        key, equals, text = word.partition("=")
+        if not equals or key in pairs:
+            raise words.wrong(shown(word), "KEY=VALUE once each, such as connect=C1 data=rx CONT=1")
+        pairs[key] = text
+    return pairs
+
+
+def _reference(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str | None:
+    name = given.pop(key, None)
+    if name is not None and name not in names:
+        raise words.wrong(f"{key}={name}", expected_name(name, names, what))
+    return name
+
+
+def _inputs(
+    given: dict[str, str], block: str, words: Words, project: Project
+) -> tuple[tuple[str, PinValue], ...]:
+    row = block_row(block)
+    pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
+    link = ("config", "addr") if row.speaks_udp else (link_key(block), *row.pointers)
+    keys = (*link, "task", *pins)
+    for key in given:
+        if key == "data":
+            raise words.wrong("'data'", f"nothing: {block} has no DATA")
+        if key not in pins:
+            with_data = ("data", *keys) if row.data_pin else keys
+            raise words.wrong(shown(key), expected_name(key, with_data, "key or input"))
+    return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
+
+
+def read_delete(words: Words, project: Project) -> Delete:
+    """Return `delete TRCV_C_1`; raise UserError."""
+    return Delete(read_instance(words, project).name)
+
+
+def read_download(words: Words, project: Project) -> Download:
+    """Return `download TRCV_C_1`; raise UserError."""
+    return Download(read_instance(words, project).name)
+
+
+def read_resize(words: Words, project: Project) -> Resize:
+    """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
+    name = words.next("the name of a DATA variable")
+    if project.data_decl(name) is None:
+        raise words.wrong(shown(name), expected_name(name, [d.name for d in project.data], "DATA"))
+    type_name = words.rest_text("an IEC type or a UDT")
+    try:
+        return Resize(name, type_name, declare(name, type_name, project, words.where))
+    except UserError as refused:
+        if all(wrong.where.startswith(words.where) for wrong in refused.problems):
+            raise
+        raise UserError(
+            replace(wrong, where=f"{words.where}: {wrong.where}") for wrong in refused.problems
+        ) from None
+
+
+def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl:
+    """Return a global variable of this type, laid out as it or the project says; raise UserError."""
+    type_ = parse_type(type_name, project.types, where)
+    known = project.data_decl(name)
+    choice = known.choice if known is not None else NO_CHOICE
+    layout = lay_out(type_, choice.rules(project.layout), name)
+    is_optimized = known is not None and known.optimized
+    return DataDecl(name, type_name, type_, layout, layout.size, is_optimized, choice)
+
+
+def after(command: BenchCommand, project: Project) -> Project:
+    """Return the project as a command leaves it."""
+    match command:
+        case Create(decl):
+            return project.with_instance(decl)
+        case Add() | AddData() | Change() | Remove():
+            return edited(project, edits_of(command, project))
+        case Undo():
+            return undone(project)
+        case Delete(name):
+            return project.without_instance(name)
+        case Resize(_, _, decl):
+            return project.with_data(decl)
+        case _:
+            return project
+
+
+BREAK: Final = "break"
+
+
+def may_be_fed(buffer: ComBufferDecl) -> bool:
+    """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
+    return buffer.source in (SIMULATED, SERIAL) and not buffer.line
+
+
+def read_feed(words: Words, project: Project) -> FeedLine:
+    """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
+    name = words.next("the name of a ComBuffer")
+    lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
+    if name not in lines:
+        raise words.wrong(shown(name), expected_name(name, lines, f'ComBuffer with source = "{SIMULATED}"'))
+    if words.peek() == BREAK:
+        words.next(BREAK)
+        return FeedLine(name, None)
+    form = words.peek()
+    if form and not is_payload(form):
+        expected = expected_name(form, (*FORMS, BREAK), "form of payload")
+        raise words.wrong(shown(words.next(BREAK)), expected)
+    payload = read_payload(words, project)
+    return FeedLine(name, payload.content, payload.text)
+
+
+SCANS: Final = whole(1, 1_000_000_000)
+COUNT: Final = whole(1, 1_000_000_000)
+
+
+# -- inputs ----------------------------------------------------------------------------------------------
+
+
+def read_set(words: Words, project: Project) -> Set | Change:
+    change = read_change(words, project)
+    if change is not None:
+        return change
+    instance = read_instance(words, project)
+    pins: list[tuple[str, PinValue | Literal["blink"]]] = []
+    for word in words.rest() or [words.next("an input such as CONT=1")]:
+        name, equals, text = word.partition("=")
+        if not equals:
+            raise words.wrong(shown(word), "PIN=VALUE such as CONT=1")
+        pin = _input(name, instance, words, project)
+        if text == "blink" and pin.is_bool:
+            pins.append((pin.name, "blink"))
+        else:
+            pins.append((pin.name, pin_value(pin, text, words.where)))
+    return Set(instance.name, tuple(pins))
+
+
+def read_pulse(words: Words, project: Project) -> Pulse:
+    instance = read_instance(words, project)
+    pin = _input(words.next("an input such as EN_R"), instance, words, project)
+    if not pin.is_bool:
+        raise words.wrong(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
+    return Pulse(instance.name, pin.name)
+
+
+def _input(name: str, instance: InstanceDecl, words: Words, project: Project) -> Pin:
+    pins = project.pins(instance.block)
+    inputs = {pin.name: pin for pin in pins if pin.direction is not Direction.OUT}
+    if name in inputs:
+        return inputs[name]
+    is_output = any(pin.name == name for pin in pins)
+    found = f"{shown(name)}, an output" if is_output else shown(name)
+    raise words.wrong(
+        found, f"one of {', '.join(inputs)}" if is_output else expected_name(name, inputs, "input")
+    )
+
+
+# -- the PLC, the wire, faults ---------------------------------------------------------------------------
+
+
+def read_plc(words: Words, project: Project) -> PlcStop | PlcRun:
+    return PlcRun() if _one_of(words, "stop", "run") == "run" else PlcStop()
+
+
+def read_link(words: Words, project: Project) -> Link:
+    name = _connect(words, project)
+    return Link(name, _one_of(words, "down", "up") == "up")
+
+
+def read_doctor(words: Words, project: Project) -> Doctor:
+    """Read an instance or a CONNECT, then a cause; a word that is neither name is a cause."""
+    names = {each.name for each in project.instances} | set(project.links())
+    name = words.next("") if words and words.peek() in names else ""
+    cause = words.next("") if words else ""
+    if not CAUSE.fullmatch(cause):
+        raise words.wrong(shown(cause), "an instance, a CONNECT, a cause such as frame-short, or healthy")
+    return Doctor(name, cause)
+
+
+CAUSE: Final = re.compile("[a-z-]*")
+MOST_INSERTED: Final = 1 << 20  # bytes: what a tap holds at most
+PLACE_IN_HELD: Final = whole(0, MOST_INSERTED)
+CONVERSATION: Final = whole(1, (1 << 32) - 1)
+# What follows each verb: sizes (their mark and how many), or bytes.
+INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
+    "hold": ("", ""),
+    "go": ("", ""),
+    "drop": ("N", ""),
+    "insert": ("", "bytes"),
+    "edit": ("OFFSET", "bytes"),
+    "delay": ("T#..", ""),
+    "split": ("3,7", ""),
+    "rst": ("", ""),
+    "fin": ("", ""),
+}
+
+
+def read_tap(words: Words, project: Project) -> Intervene:
+    name, names = words.next("the name of a tap"), [tap.name for tap in project.taps]
+    if name not in names:
+        raise words.wrong(shown(name), expected_name(name, names, "tap"))
+    to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
+    conversation = 0
+    if words.peek() == "conversation":
+        words.next("conversation")
+        conversation = value_of(CONVERSATION, words.next("N"), "conversation ", words.where)
+    verb = _one_of(words, *INTERVENTIONS)
+    tail = words.cut(lambda word: word == "conversation")
+    if tail:
+        if len(tail) != 2:
+            raise words.wrong(shown(" ".join(tail)), "conversation N at the end")
+        conversation = value_of(CONVERSATION, tail[1], "conversation ", words.where)
+    mark, takes_bytes = INTERVENTIONS[verb]
+    sizes: tuple[int, ...] = ()
+    if mark:
+        text = words.next(mark)
+        if verb == "delay":
+            sizes = (duration(text, "delay ", words.where),)
+        else:
+            kind = PLACE_IN_HELD if verb == "edit" else COUNT
+            parts = text.split(",") if verb == "split" else [text]
+            sizes = tuple([value_of(kind, part, f"{verb} ", words.where) for part in parts])
+    payload = read_payload(words, project) if takes_bytes else Payload(b"", "")
+    if len(payload.content) > MOST_INSERTED:
+        raise words.wrong(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
+    words.finish()
+    return Intervene(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
+
+
+def _one_of(words: Words, *known: str) -> str:
+    word = words.next(" or ".join(known))
+    if word not in known:
+        raise words.wrong(shown(word), " or ".join(known))
+    return word
+
+
+def _connect(words: Words, project: Project) -> str:
+    name = words.next("the name of a CONNECT")
+    names = project.links()
+    if name not in names:
+        raise words.wrong(shown(name), expected_name(name, names, "CONNECT"))
+    return name
+
+
+def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
+    call = words.next("a kernel call such as bind, or clear")
+    if call == "clear":
+        return FaultClear()
+    ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
+    calls = (*CALLS, *SERIAL_CALLS) if ports else CALLS
+    if call not in calls:
+        raise words.wrong(shown(call), expected_name(call, (*calls, "clear"), "call"))
+    error = _error(words, call)
+    on, counts = None, {"nth": 1, "times": 1}
+    while words:
+        word = words.next("")
+        key, equals, text = word.partition("=")
+        if word == "on" and on is None:
+            on = _port(words, ports) if call in SERIAL_CALLS else _connect(words, project)
+        elif key in counts and equals:
+            forever = key == "times" and text == "forever"
+            counts[key] = FOREVER if forever else value_of(COUNT, text, f"{key}=", words.where)
+        else:
+            owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
+            raise words.wrong(shown(word), f"on {owner}, nth=1, times=1 or times=forever")
+    return FaultOn(call, error, on, counts["nth"], counts["times"])
+
+
+def _port(words: Words, ports: tuple[str, ...]) -> str:
+    name = words.next("the name of a ComBuffer")
+    if name not in ports:
+        raise words.wrong(shown(name), expected_name(name, ports, 'ComBuffer with source = "serial"'))
+    return name
+
+
+def _error(words: Words, call: str) -> str | None:
+    if not re.match(r"[Ee]\w+$", words.peek()):
+        return None
+    error = words.next("")
+    if error not in KNOWN_ERRORS:
+        near = expected_name(error, sorted(KNOWN_ERRORS), "errno")
+        raise words.wrong(
+            shown(error), f"an errno name such as {DEFAULT_ERROR[call]}" if "," in near else near
+        )
+    return error
+
+
+# -- time ------------------------------------------------------------------------------------------------
+
+
+def read_run(words: Words, project: Project) -> RunScans | RunFor:
+    text = words.next("a number of scans or a duration such as T#200ms")
+    if "#" in text and not text.startswith(("2#", "8#", "16#")):
+        return RunFor(duration(text, "", words.where))
+    return RunScans(value_of(SCANS, text, "", words.where))

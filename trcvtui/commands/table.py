@@ -1,0 +1,532 @@
+"""One row a bench command: how its line is read, written and completed, and what it does.
+
+Whoever reads, writes, completes or carries out a line asks these rows; nothing else lists commands.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol
+
+from trcvtui.blocks.table import block_row, is_time
+from trcvtui.commands import completion, reader, words
+from trcvtui.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write
+from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
+from trcvtui.commands.edit import add_line, read_add, read_remove, read_undo
+from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, read_peer_command
+from trcvtui.commands.reader import after, read_create, read_delete, read_download, read_resize
+from trcvtui.commands.tokens import Words, quoted
+from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Matches, Mend, Starts, Step
+from trcvtui.errors import Problem, UserError
+from trcvtui.plc import commands
+from trcvtui.project.keys import link_key
+from trcvtui.project.project import Project
+from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.literals import format_time
+
+MILLISECOND: Final = 1_000_000
+_LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
+
+
+def set_line(c: words.Set) -> str:
+    return f"set {c.instance} {_pins(c.pins)}"
+
+
+def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
+    return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
+
+
+def _pin_text(name: str, value: bool | int | str) -> str:
+    if isinstance(value, str):
+        return value
+    if is_time(name):
+        return format_time(value * MILLISECOND)
+    return f"{value:04X}" if name == "STATUS" else str(int(value))
+
+
+def write_line(c: words.Write) -> str:
+    return f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}"
+
+
+def _bytes_of(data: str, offset: int, payload: bytes) -> str:
+    return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
+
+
+def create_line(c: words.Create) -> str:
+    decl = c.decl
+    parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
+    parts += [f"data={decl.data}"] if decl.data is not None else []
+    named = zip(block_row(decl.block).pointers, decl.pointers, strict=False)
+    parts += [f"{key}={name}" for key, name in named if name]
+    parts += [f"task={decl.task}"] if decl.task else []
+    return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
+
+
+def feed_line(c: words.FeedLine) -> str:
+    """Return `feed RX hex 01`."""
+    return f"feed {c.buffer} {_fed(c)}"
+
+
+def _fed(c: words.FeedLine) -> str:
+    return "break" if c.payload is None else c.text or f"hex {c.payload.hex(' ')}"
+
+
+def send_line(c: words.PeerSend) -> str:
+    return f"peer {c.peer} send {message_text(c)}"
+
+
+def message_text(c: words.PeerSend) -> str:
+    """Return what stands after `peer P1 send`."""
+    if c.text.startswith("message "):
+        return c.text  # the library has the rest
+    parts = [c.text or f"hex {c.payload.hex(' ')}"]
+    parts += [_fill(fill) for fill in c.fills if not (fill.hole and c.text)]
+    if c.split:
+        parts.append(f"split={','.join(map(str, c.split))}")
+    if c.gap_ns or c.gaps_ns:
+        parts.append(f"gap={','.join(map(format_time, c.gaps_ns or (c.gap_ns,)))}")
+    if c.repeat != 1:
+        parts.append(f"repeat={c.repeat}")
+    if c.every_ns:
+        parts.append(f"every={format_time(c.every_ns)}")
+    return " ".join(parts)
+
+
+def _fill(fill: Fill) -> str:
+    text = f"{fill.kind}={fill.offset}"
+    if fill.kind in NUMBERS:
+        text += f":{fill.width}"
+    return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DIGITS else "")
+
+
+def rule_text(c: words.ReplyOn) -> str:
+    """Return a rule as a project file has it in `replies`."""
+    return f"{match_text(c.match)} send {message_text(c.send)}"
+
+
+def match_text(match: Match) -> str:
+    """Return what a rule looks for."""
+    match match:
+        case Contains(payload, text):
+            return f"contains {text or 'hex ' + payload.hex(' ')}"
+        case Starts(payload, text):
+            return f"starts {text or 'hex ' + payload.hex(' ')}"
+        case Matches(pattern):
+            return f'regex "{pattern}"'
+        case FieldIs(type_name, path, value):
+            return f"field {type_name}.{path} = {value_text(value)}"
+
+
+def check_line(c: words.CheckOn) -> str:
+    parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
+    return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
+
+
+def try_splits_line(c: words.TrySplits) -> str:
+    parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
+    if c.gap_ns:
+        parts.append(f"gap={format_time(c.gap_ns)}")
+    if c.differ != 0:
+        parts.append(f"differ={'any' if c.differ is None else c.differ}")
+    return " ".join(parts)
+
+
+def tap_line(c: words.Intervene) -> str:
+    sizes = format_time(c.sizes[0]) if c.verb == "delay" else ",".join(map(str, c.sizes))
+    data = c.text or (f"hex {c.payload.hex(' ')}" if c.payload else "")
+    newest = f"conversation {c.conversation}" if c.conversation else ""
+    parts = "tap", c.tap, "to-plc" if c.to_plc else "from-plc", c.verb, sizes, data, newest
+    return " ".join(filter(None, parts))
+
+
+def fault_line(c: words.FaultOn) -> str:
+    parts = ["fault", c.call]
+    if c.error is not None:
+        parts.append(c.error)
+    if c.on is not None:
+        parts += ["on", c.on]
+    if c.nth != 1:
+        parts.append(f"nth={c.nth}")
+    if c.times != 1:
+        parts.append(f"times={'forever' if c.times == words.FOREVER else c.times}")
+    return " ".join(parts)
+
+
+def wait_line(c: words.Wait) -> str:
+    limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_time(c.within_ns)}"
+    return f"wait {condition_text(c.condition)}{limit}"
+
+
+def expect_line(c: words.Expect) -> str:
+    limit = "" if c.within_ns is None else f" within {format_time(c.within_ns)}"
+    return f"expect {condition_text(c.condition)}{limit}"
+
+
+def condition_text(condition: words.Condition) -> str:
+    """Return a condition as `wait` and `expect` write it."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return f"{instance} {_pins(pins)}"
+        case words.PeerIs(peer, state):
+            return f"peer {peer} {state}"
+        case words.PeerReceived(peer, payload, text):
+            return f"peer {peer} received {text or ('hex ' + payload.hex(' ') if payload else 'nothing')}"
+        case words.DataIs(data, offset, payload, text):
+            return text or _bytes_of(data, offset, payload)
+        case words.MemberIs(data, path, value):
+            return f"{data}{'.' if path and not path.startswith('[') else ''}{path} {value_text(value)}"
+
+
+def value_text(value: Value) -> str:
+    """Return a member's value as the commands write it."""
+    match value:
+        case bool():
+            return str(value).upper()
+        case float() if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        case str():
+            return value if _LITERAL.fullmatch(value) else quoted(value)
+        case _:
+            return repr(value)
+
+
+LONGEST_LINE: Final = 1_000_000
+LONGEST_SHOWN: Final = 60
+
+
+class ActsOnBench(Protocol):
+    """What the rows ask of the bench; each answers what is wrong, or ""."""
+
+    now: int
+
+    @property
+    def peers(self) -> Mapping[str, ActsOnPeer]:
+        """Return the peers by name."""
+
+    def submit(self, *orders: commands.Command) -> str:
+        """Tell the PLC what to do in its next scan."""
+
+    def change(self, command: BenchCommand, order: commands.Command) -> str:
+        """Change the project, and tell the PLC."""
+
+    def mend(self, command: Mend) -> str:
+        """Let the project be another one, and what runs with it."""
+
+    def check_on(self, command: words.CheckOn) -> str:
+        """Let a peer send self-checking traffic."""
+
+    def check_off(self, command: words.CheckOff) -> str:
+        """End the self-checking traffic of a peer."""
+
+    def set_link(self, command: words.Link) -> str:
+        """Let the wire go silent, or speak again."""
+
+    def tap(self, command: words.Intervene) -> str:
+        """Let a tap do something with the bytes of a direction."""
+
+    def arm_fault(self, command: words.FaultOn) -> str:
+        """Let a kernel call fail."""
+
+    def clear_faults(self) -> str:
+        """Forget all faults."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordRow:
+    """One frozen command: the line of it, and what it does; `act` None: scans pass, and a runner takes it."""
+
+    record: type
+    write: Callable[[Any], str]
+    act: Callable[[ActsOnBench, Any], str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRow:
+    """What begins with one verb. `next_words` are those that may stand after the words of a line."""
+
+    verb: str
+    read: Callable[[Words, Project], BenchCommand]
+    next_words: completion.NextWords
+    records: tuple[RecordRow, ...]
+    at_prompt: bool = True
+
+
+def _set(bench: ActsOnBench, c: words.Set) -> str:
+    orders = [
+        commands.BlinkInput(c.instance, pin)
+        if isinstance(value, str)
+        else commands.SetInput(c.instance, pin, value)
+        for pin, value in c.pins
+    ]
+    return bench.submit(*orders)
+
+
+_MENDED: Final = tuple(
+    RecordRow(record, write, lambda bench, c: bench.mend(c))
+    for record, write in (
+        (words.Change, lambda c: f"set {c.kind} {c.name} {c.written}"),
+        (words.Add, add_line),
+        (words.AddData, add_line),
+        (words.Remove, lambda c: f"remove {c.kind} {c.name}"),
+        (words.Undo, lambda c: "undo"),
+    )
+)
+
+
+def _simple(verb: str, row: SimpleVerb) -> RecordRow:
+    """Return the row of a word of a peer with nothing after it."""
+    return RecordRow(
+        row.record,
+        lambda c: f"peer {c.peer} {verb}",
+        lambda bench, c: row.act(bench.peers[c.peer], bench.now),
+    )
+
+
+_PEER: Final = (
+    RecordRow(words.PeerSend, send_line, lambda bench, c: bench.peers[c.peer].send(c, bench.now)),
+    RecordRow(
+        words.PeerPlay,
+        lambda c: f"peer {c.peer} play {c.name}",
+        lambda bench, c: bench.peers[c.peer].play(c, bench.now),
+    ),
+    *(_simple(verb, row) for verb, row in SIMPLE.items()),
+    RecordRow(
+        words.ReplyOn,
+        lambda c: f"peer {c.peer} reply on {rule_text(c)}",
+        lambda bench, c: bench.peers[c.peer].replies.add(c),
+    ),
+    RecordRow(
+        words.ReplyOff,
+        lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
+        lambda bench, c: bench.peers[c.peer].replies.remove(c.number, c.peer),
+    ),
+    RecordRow(words.CheckOn, check_line, lambda bench, c: bench.check_on(c)),
+    RecordRow(words.CheckOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.check_off(c)),
+    RecordRow(words.TrySplits, try_splits_line),
+    # a test of splits in a scenario has ended with its step
+    RecordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
+)
+_MARK: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
+
+# In the order in which completion offers them.
+ROWS: Final = (
+    CommandRow(
+        "set",
+        reader.read_set,
+        completion.after_set,
+        (RecordRow(words.Set, set_line, _set), _MENDED[0]),
+    ),
+    CommandRow(
+        "pulse",
+        reader.read_pulse,
+        completion.after_pulse,
+        (
+            RecordRow(
+                words.Pulse,
+                lambda c: f"pulse {c.instance} {c.pin}",
+                lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
+            ),
+        ),
+    ),
+    CommandRow("peer", read_peer_command, completion.after_peer, _PEER),
+    CommandRow(
+        "write",
+        read_write,
+        completion.after_write,
+        (
+            RecordRow(
+                words.Write,
+                write_line,
+                lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
+            ),
+        ),
+    ),
+    CommandRow(
+        "fault",
+        reader.read_fault,
+        completion.after_fault,
+        (
+            RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
+            RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
+        ),
+    ),
+    CommandRow(
+        "link",
+        reader.read_link,
+        completion.after_link,
+        (
+            RecordRow(
+                words.Link,
+                lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
+                lambda bench, c: bench.set_link(c),
+            ),
+        ),
+    ),
+    CommandRow(
+        "plc",
+        reader.read_plc,
+        completion.only("stop", "run"),
+        (
+            RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
+            RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
+        ),
+    ),
+    CommandRow(
+        "run",
+        reader.read_run,
+        completion.nothing,
+        (
+            RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
+            RecordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
+        ),
+    ),
+    CommandRow(
+        "expect",
+        read_expect,
+        completion.after_expect,
+        (
+            RecordRow(words.Expect, expect_line),
+            RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
+        ),
+    ),
+    CommandRow(
+        "create",
+        read_create,
+        completion.after_create,
+        (
+            RecordRow(
+                words.Create, create_line, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
+            ),
+        ),
+    ),
+    CommandRow(
+        "delete",
+        read_delete,
+        completion.an_instance,
+        (
+            RecordRow(
+                words.Delete,
+                lambda c: f"delete {c.instance}",
+                lambda bench, c: bench.change(c, commands.DeleteInstance(c.instance)),
+            ),
+        ),
+    ),
+    CommandRow(
+        "download",
+        read_download,
+        completion.an_instance,
+        (
+            RecordRow(
+                words.Download,
+                lambda c: f"download {c.instance}",
+                lambda bench, c: bench.change(c, commands.DownloadInstance(c.instance)),
+            ),
+        ),
+    ),
+    CommandRow(
+        "resize",
+        read_resize,
+        completion.after_resize,
+        (
+            RecordRow(
+                words.Resize,
+                lambda c: f"resize {c.data} {c.type_name}",
+                lambda bench, c: bench.change(c, commands.ResizeData(c.decl)),
+            ),
+        ),
+    ),
+    CommandRow("add", read_add, completion.after_add, _MENDED[1:3]),
+    CommandRow("remove", read_remove, completion.after_remove, _MENDED[3:4]),
+    CommandRow("undo", read_undo, completion.nothing, _MENDED[4:]),
+    CommandRow(
+        "feed",
+        reader.read_feed,
+        completion.after_feed,
+        (
+            RecordRow(
+                words.FeedLine,
+                feed_line,
+                lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
+            ),
+        ),
+    ),
+    CommandRow("prefix", read_prefix, completion.after_mark, (_MARK,)),
+    CommandRow("suffix", read_suffix, completion.after_mark, ()),
+    CommandRow(
+        "doctor",
+        reader.read_doctor,
+        completion.after_doctor,
+        (RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),),
+    ),
+    CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
+    CommandRow(
+        "tap",
+        reader.read_tap,
+        completion.after_tap,
+        (RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),),
+    ),
+)
+COMMANDS: Final = {row.verb: row for row in ROWS}
+
+
+def to_line(command: BenchCommand) -> str:
+    """Return the line that `parse_line` reads as this command."""
+    return record_row(type(command)).write(command)
+
+
+def record_row(record: type) -> RecordRow:
+    """Return the row of a frozen command."""
+    return next(known for row in COMMANDS.values() for known in row.records if known.record is record)
+
+
+def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
+    """Return the command of one line, None for a blank line or a comment; raise UserError.
+
+    `where` stands at the beginning of each message.
+    """
+    if len(text) > LONGEST_LINE:
+        raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))
+    return read_line(text, project, where)
+
+
+def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
+    """Return the command of a line that may be as long as a command in words is."""
+    tokens = Words(text, where)
+    if not tokens:
+        return None
+    verb = tokens.next("a command")
+    if verb not in COMMANDS:
+        raise tokens.wrong(shown(verb), expected_name(verb, COMMANDS, "command"))
+    command = COMMANDS[verb].read(tokens, project)
+    tokens.finish()
+    return command
+
+
+def parse_script(text: str, project: Project, where: str) -> list[Step]:
+    """Return the commands of a script, numbered from 1; raise UserError with the mistakes of all lines."""
+    steps: list[Step] = []
+    problems: list[Problem] = []
+    number = 0
+    for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
+        if not line or line.startswith("#"):
+            continue
+        number += 1
+        try:
+            command = parse_line(line, project, f"{where}: step {number} ({_short(line)})")
+        except UserError as wrong:
+            problems += wrong.problems
+            continue
+        if command is not None:
+            steps.append(Step(number, line, command))
+            project = after(command, project)
+    if problems:
+        raise UserError(problems)
+    return steps
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= LONGEST_SHOWN else line[: LONGEST_SHOWN - 3] + "..."

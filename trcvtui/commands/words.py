@@ -1,0 +1,568 @@
+"""The bench commands as frozen values: one class a command, one a condition.
+
+What a command was resolved from (`text`) is kept for display and saving; equality is decided by the rest.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from trcvtui.blocks.pins import PinValue
+from trcvtui.commands.counters_and_checksums import Fill
+from trcvtui.commands.patterns import TracePattern
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
+from trcvtui.plc import commands
+from trcvtui.project.project import (
+    CertificateDecl,
+    ComBufferDecl,
+    DataDecl,
+    Declaration,
+    Edits,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+    TapDecl,
+    WatchDecl,
+)
+from trcvtui.records import dataclass, field
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.layout import Layout
+
+AddedDecl = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+    | CertificateDecl
+    | WatchDecl
+    | TapDecl
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Add:
+    """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
+
+    decl: AddedDecl
+    with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
+    text: str = field(default="", compare=False)  # as it was written, where more is made on the way
+    port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`
+
+
+@dataclass(frozen=True, slots=True)
+class AddData:
+    """`add data rx2 ARRAY[0..99] OF BYTE`: one more global variable; its bytes are 0."""
+
+    data: str
+    type_name: str
+    decl: DataDecl = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """`set connect C2 LocalPort=2500`: other keys of an entry; what runs on it is built anew."""
+
+    kind: str
+    name: str
+    written: str  # `LocalPort=2500`
+    before: Declaration = field(compare=False)
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """`remove connect C2`: an entry that nobody uses is there no more."""
+
+    kind: str
+    name: str
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """`undo`: the newest edit of the project is taken back."""
+
+    edits: Edits = field(compare=False)
+
+
+Mend = Add | AddData | Change | Remove | Undo
+MENDS = (Add, AddData, Change, Remove, Undo)
+
+
+@dataclass(frozen=True, slots=True)
+class Contains:
+    """`contains hex 05`: these bytes anywhere in the stream, also when they come in pieces."""
+
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """`starts hex 01 02`: the first bytes of the connection, or the first that come in a scan."""
+
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """`regex "id=[0-9]+;"`: a pattern over the stream, found with its last byte; as between the quotes."""
+
+    pattern: str
+
+
+@dataclass(frozen=True, slots=True)
+class FieldIs:
+    """`field Telegram.id = 7`: the stream cut into Telegrams from its beginning, and a member of one."""
+
+    type_name: str
+    path: str
+    value: Value
+    layout: Layout = field(compare=False, repr=False)
+
+
+Match = Contains | Starts | Matches | FieldIs
+
+
+NONE: Final = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class SetMark:
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin` is the length, "" of a STRING."""
+
+    instance: str
+    mark: str
+    payload: bytes
+    data: str
+    pin: str
+    size: int  # of the variable
+    text: str = field(default="", compare=False)
+
+    def orders(self) -> tuple[commands.Command, ...]:
+        """Return what the PLC is told; all of it takes effect in the same scan."""
+        content = self.payload if self.pin else (self.payload + b"\0")[: self.size]
+        write = (commands.WriteData(self.data, 0, content),) if content else ()
+        length = (commands.SetInput(self.instance, self.pin, len(self.payload)),) if self.pin else ()
+        return (*write, *length)
+
+    def line(self) -> str:
+        """Return the command as it is written."""
+        written = self.text or (f"hex {self.payload.hex(' ')}" if self.payload else NONE)
+        return f"{self.mark} {self.instance} {written}"
+
+
+DEFAULT_LIMIT_NS: Final = 10_000_000_000
+DEFAULT_CHECK_NS: Final = 100_000_000
+DEFAULT_CHECK_SIZE: Final = 64
+FOREVER: Final = 0  # FaultOn.times
+PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
+
+
+@dataclass(frozen=True, slots=True)
+class Set:
+    """`set TRCV_C_1 CONT=1 EN_R=1 REQ=blink`: write inputs."""
+
+    instance: str
+    pins: tuple[tuple[str, PinValue | Literal["blink"]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """`pulse TSEND_C_1 REQ`: TRUE for one call, then FALSE."""
+
+    instance: str
+    pin: str
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """`write rx hex 01 02`, `write rx+4 hex 03`, `write rx.speed 12.5`: write bytes of a DATA variable."""
+
+    data: str
+    offset: int
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Create:
+    """`create TRCV_C TRCV_C_2 connect=C1 data=rx EN_R=1`: a new instance."""
+
+    decl: InstanceDecl
+
+
+@dataclass(frozen=True, slots=True)
+class Delete:
+    """`delete TRCV_C_1`: the instance is gone; its connection and the lock of a running job stay."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class Download:
+    """`download TRCV_C_1`: incremental download of a changed initial value, which makes the instance anew."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class Resize:
+    """`resize rx ARRAY[0..9] OF BYTE`: another type for a DATA variable, while the program runs."""
+
+    data: str
+    type_name: str
+    decl: DataDecl = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PlcStop:
+    """`plc stop`: CPU STOP."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlcRun:
+    """`plc run`: CPU RUN."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeerConnect:
+    """`peer P1 connect`: one attempt of an active peer."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerListen:
+    """`peer P1 listen`: a passive peer opens its listener, where it has none."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerClose:
+    """`peer P1 close`: FIN."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerRst:
+    """`peer P1 rst`: RST."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerShutdown:
+    """`peer P1 shutdown`: FIN, but keep reading (half-close)."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerSend:
+    """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
+
+    `split` are the sizes of the first chunks in bytes; times in ns, 0 = at once. `text` is `hex 01 02`.
+    `gaps_ns` are the pauses of the single cuts, where they differ; the last, which is `gap_ns`, goes on.
+    `fills` is what each message gets anew.
+    """
+
+    peer: str
+    payload: bytes
+    split: tuple[int, ...] = ()
+    gap_ns: int = 0
+    repeat: int = 1
+    every_ns: int = 0
+    text: str = field(default="", compare=False)
+    gaps_ns: tuple[int, ...] = ()
+    fills: tuple[Fill, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PeerPlay:
+    """`peer P1 play start_up`: the messages of a sequence, each with the pause before it in ns."""
+
+    peer: str
+    name: str
+    steps: tuple[tuple[int, PeerSend], ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOn:
+    """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, judged where they arrive."""
+
+    peer: str
+    size: int = DEFAULT_CHECK_SIZE
+    every_ns: int = DEFAULT_CHECK_NS
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOff:
+    """`peer P1 check off`: no more frames."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyOn:
+    """`peer P1 reply on contains hex 05 send hex 06`: one more rule of what a peer answers."""
+
+    peer: str
+    match: Match
+    send: PeerSend
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyOff:
+    """`peer P1 reply off`: no more replies; `reply off 2`: without rule 2 (`number` 0: all of them)."""
+
+    peer: str
+    number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class TrySplits:
+    """`peer P1 try-splits hex 01 02 03 on TRCV_C_1`: the message whole, then in two chunks, each cut once.
+
+    `gap_ns` 0: three intervals of the fastest task. `differ` splits shall end otherwise than the whole
+    message; None: any number.
+    """
+
+    peer: str
+    payload: bytes
+    instance: str
+    gap_ns: int = 0
+    differ: int | None = 0
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class TryStop:
+    """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerStall:
+    """`peer P1 stall`: stop reading, so that the window closes."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerResume:
+    """`peer P1 resume`: read again."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class FeedLine:
+    """`feed RX hex 01 02`: bytes arrive on the simulated line of a ComBuffer; `feed RX break`: it is cut."""
+
+    buffer: str
+    payload: bytes | None
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
+
+    connect: str
+    up: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Intervene:
+    """`tap T to-plc edit 3 hex 0A conversation 2`: what the tap does with bytes in one direction.
+
+    `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
+    """
+
+    tap: str
+    to_plc: bool
+    verb: str
+    sizes: tuple[int, ...] = ()
+    payload: bytes = b""
+    text: str = ""
+    conversation: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Doctor:
+    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with anyone).
+
+    `cause`: what has to be found first, or `healthy`; "": whatever it is.
+    """
+
+    name: str = ""
+    cause: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultOn:
+    """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
+
+    `error` None: the usual error of that call. `on` None: any CONNECT. `times` FOREVER (0): until cleared.
+    """
+
+    call: str
+    error: str | None = None
+    on: str | None = None
+    nth: int = 1
+    times: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FaultClear:
+    """`fault clear`: forget all faults."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunScans:
+    """`run 5`: let scans of the fastest task pass."""
+
+    scans: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunFor:
+    """`run T#200ms`: let the scans pass that fit; time in ns."""
+
+    ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class PinsAre:
+    """`TRCV_C_1 STATUS=7008 DONE=1`: pins, inputs too, have these values."""
+
+    instance: str
+    pins: tuple[tuple[str, PinValue], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PeerIs:
+    """`peer P1 connected`: see `Peer.is_in`."""
+
+    peer: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerReceived:
+    """`peer P1 received hex 01 02`, `peer P1 received nothing`: see `Peer.has_received`."""
+
+    peer: str
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class DataIs:
+    """`rx hex 01 02` or `rx+4 hex 01`: the variable holds these bytes from `offset` on."""
+
+    data: str
+    offset: int
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MemberIs:
+    """`rx.speed 12.5`: the member at `path` (empty: the variable itself) decodes to `value`."""
+
+    data: str
+    path: str
+    value: Value
+
+
+Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until it holds; time in ns."""
+
+    condition: Condition
+    within_ns: int = DEFAULT_LIMIT_NS
+
+
+@dataclass(frozen=True, slots=True)
+class Expect:
+    """`expect ...`: holds now, or within a time in ns."""
+
+    condition: Condition
+    within_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectTrace:
+    """`expect TRCV_C_1 trace 0001 7001 7002+`: the STATUS per scan since the previous trace."""
+
+    instance: str
+    pattern: TracePattern
+
+
+BenchCommand = (
+    Set
+    | Pulse
+    | Write
+    | Create
+    | Delete
+    | Add
+    | AddData
+    | Change
+    | Remove
+    | Undo
+    | Download
+    | Resize
+    | PlcStop
+    | PlcRun
+    | PeerConnect
+    | PeerListen
+    | PeerClose
+    | PeerRst
+    | PeerShutdown
+    | PeerSend
+    | PeerPlay
+    | CheckOn
+    | CheckOff
+    | ReplyOn
+    | ReplyOff
+    | TrySplits
+    | TryStop
+    | PeerStall
+    | PeerResume
+    | FeedLine
+    | SetMark
+    | Link
+    | Intervene
+    | Doctor
+    | FaultOn
+    | FaultClear
+    | RunScans
+    | RunFor
+    | Wait
+    | Expect
+    | ExpectTrace
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One command of a script: its 1-based number, its line, its value."""
+
+    number: int
+    line: str
+    command: BenchCommand

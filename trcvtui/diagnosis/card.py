@@ -1,0 +1,154 @@
+"""The whole card of one instance: what the evidence proves, then what messages and bytes of DATA say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trcvtui.diagnosis.advice import Advice, advice_on
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.diagnosis.receive import is_stuck
+from trcvtui.errors import one_line
+from trcvtui.history.records import MessageSpan
+from trcvtui.history.stream_index import StreamIndex
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.records import NamedTuple
+from trcvtui.wording import count
+
+if TYPE_CHECKING:  # the screen explains before it knows what a project is
+    from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.project.project import DataDecl
+
+
+class DataBytes(NamedTuple):
+    """DATA of an instance, its bytes, and those that the running job has collected."""
+
+    decl: DataDecl | None
+    content: bytes
+    partial: bytes
+
+
+class Card:
+    """Explains one instance after the other; the last answers about bytes are kept."""
+
+    def __init__(self) -> None:
+        self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion
+        self._asked: tuple[object, int | None, bytes] | None = None
+        self._offer: Offer | None = None
+
+    def on(
+        self,
+        e: Evidence,
+        instance: InstanceSnapshot,
+        index: StreamIndex,
+        data: DataBytes,
+        reads: str,
+        has_values: bool = True,
+    ) -> Advice:
+        """Return what is known after the last scan; `reads`: how to read DATA in another layout.
+
+        Without `has_values` no value of DATA is told.
+        """
+        told = advice_on(e)
+        causes = told.causes if told.checks else tuple(notes_of(instance, index))
+        swapped = self._swapped(e, data) if has_values else ""
+        offer, do = self.offer(e, data), told.do
+        if offer is not None:
+            read = f"{reads} {offer.choice}"
+            do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
+            swapped = swapped or one_line(offer.why)
+        return Advice(
+            told.why + _missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
+        )
+
+    def offer(self, e: Evidence, data: DataBytes) -> Offer | None:
+        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        decl, content = data.decl, data.content
+        if decl is None or e.facts.drop is not None:
+            return None
+        size = e.facts.messages.only
+        if size is None and e.have and is_stuck(e):
+            size = e.have
+        if size is None or size != decl.size:
+            content = data.partial or content
+        elif e.done_scan is None or _wanders(e):
+            return None
+        asked = decl.layout, size, content
+        if asked != self._asked:
+            from trcvtui.diagnosis.data_view import offer_for  # read when the first bytes are here
+
+            self._asked, self._offer = asked, offer_for(decl, size, content)
+        return self._offer
+
+    def _swapped(self, e: Evidence, data: DataBytes) -> str:
+        """Return whether the last frame's members look swapped; a shifted one proves nothing."""
+        decl, content = data.decl, data.content
+        if decl is None or e.done_scan is None or e.facts.drop is not None or _wanders(e):
+            return ""
+        if self._suspected is None or self._suspected[:2] != (decl.layout, content):
+            from trcvtui.diagnosis.data_view import (
+                byte_order_suspicion,  # read when the first frame is here
+            )
+
+            self._suspected = decl.layout, content, str(byte_order_suspicion(decl.layout, content) or "")
+        return self._suspected[2]
+
+
+def _wanders(e: Evidence) -> bool:
+    size = e.facts.messages.only
+    return e.facts.messages.count > 1 and (size is None or size != e.done_len)
+
+
+def _missing(e: Evidence, decl: DataDecl | None) -> str:
+    """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
+    if decl is None or decl.size != e.need or not is_stuck(e):
+        return ""
+    if e.facts.drop is not None or _wanders(e):
+        return ""
+    number = decl.layout.leaves_within(e.have)
+    if not number or number == decl.layout.leaf_count:
+        return ""
+    last, next_ = decl.layout.leaf(number - 1), decl.layout.leaf(number)
+    if not last.path or last.path.startswith("["):
+        return ""  # an array's index says no more than the number of bytes does
+    missing = f"{'the rest of ' if next_.offset < e.have else ''}{one_line(next_.path)}"
+    after = decl.layout.leaf_count - number - 1
+    if after == 1:
+        missing += f" and {one_line(decl.layout.leaf(number + 1).path)}"
+    elif after:
+        missing += f" and the {after} members after it"
+    return f". The last whole member is {one_line(last.path)}; {missing} {'are' if after else 'is'} missing"
+
+
+def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+    """Return what is proven about frames and messages of an instance; nothing where they agree."""
+    if instance.adhoc:
+        return []
+    return [*_shifted(instance, index), *_unfinished(instance, index)]
+
+
+def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+    """A message that begins inside DATA with the end of another one before it: the frames are shifted."""
+    messages = index.messages(instance.name, of_job=False)
+    if not messages or messages[0].begins:
+        return []
+    if len(messages) == 1:
+        part = messages[0]
+        return [f"DATA begins with byte {part.first} of {_name(part)}: one message fills several frames"]
+    first = messages[1]
+    return [f"{_name(first)} begins at byte {first.position} of DATA: frames and messages are shifted"]
+
+
+def _unfinished(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
+    """The newest message is wholly here, and the job still waits for bytes that nobody has sent."""
+    messages = index.messages(instance.name, of_job=True)
+    if not messages or not 0 < instance.have < instance.need:
+        return []
+    newest = messages[-1]
+    if newest.position - newest.first + newest.whole != instance.have:
+        return []
+    missing = count(instance.need - instance.have, "byte")
+    return [f"{_name(newest)}, {newest.whole} B, is wholly here and ends {missing} before the frame does"]
+
+
+def _name(message: MessageSpan) -> str:
+    return f"{one_line(message.peer)}'s message {message.number}"

@@ -1,0 +1,107 @@
+"""What is said of each cause: a title, the remedy, the STATUS that it leads to, a filter for Wireshark."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.diagnosis.sign import Mend
+from trcvtui.records import NamedTuple
+
+
+class CauseWords(NamedTuple):
+    """One row; `filter` shows the evidence among the packets of its conversation, "": all of them."""
+
+    title: str
+    remedy: str = ""
+    leads_to: tuple[Condition, ...] = ()
+    filter: str = ""
+
+
+_SYN, _RST, _DATA = "tcp.flags.syn == 1", "tcp.flags.reset == 1", "tcp.len > 0"
+_COPY: Final = "tcp.analysis.retransmission"
+_LOST: Final = f"{_COPY} || tcp.analysis.out_of_order || tcp.analysis.lost_segment"
+_CLOSED: Final = "tcp.window_size == 0 || tcp.analysis.window_update"
+_GONE: Final = (Condition.PARTNER_CLOSED,)
+_WAITS: Final = (Condition.RECEIVING_PART,)
+# fmt: off
+_ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
+    ("address", "the ends do not look for each other where they are",
+     "let one end call and the other listen, on one port", (Condition.ESTABLISHING,), _SYN),
+    ("second-client", "a further client wants the connection of another one",
+     "end the first connection before, or give the second client a CONNECT and a port of its own",
+     (), f"{_SYN} || {_RST}"),
+    ("refused", "nothing listens on the port that is called",
+     "start the listener before the call, or correct the port",
+     (Condition.REFUSED,), f"{_SYN} || {_RST}"),
+    ("filtered", "no answer to a call",
+     "look for a firewall, a wrong address, a cable: nothing comes back",
+     (Condition.UNREACHABLE, Condition.ESTABLISHING), _SYN),
+    ("wrong-tsap", "the TSAPs of both ends do not fit",
+     "make the TSAPs of both ends the same: the local one here is the remote one there", _GONE,
+     f"{_DATA} || tcp.flags.fin == 1 || {_RST}"),
+    ("tls-refused", "the TLS handshake failed",
+     "let both ends speak TLS, and trust the certificate that the other one shows",
+     (Condition.TLS_HANDSHAKE,), "tls"),
+    ("line-errors", "the serial line garbles bytes",
+     "give both ends the same baud rate, data bits, parity and stop bits; look at cable and shield", (), ""),
+    ("closes-each-message", "the partner ends its connection after each message",
+     "let the partner keep its connection open; each close costs a receiver its 80C5",
+     _GONE, "tcp.flags.fin == 1"),
+    ("reconnect-storm", "connections are lost and built again",
+     "find out which end closes the connections, and why",
+     _GONE, f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
+    ("no-keep-alive", "an idle connection was forgotten on the way",
+     "set KeepAliveTimeInterval below the time after which the way forgets an idle connection",
+     (Condition.LINK_DEAD,), "tcp.time_delta > 20"),
+    ("dead-link", "one end has fallen silent",
+     "look at cable, switch and power of the end that is silent; keep-alive tells it sooner",
+     (Condition.LINK_DEAD,), f"{_COPY} || tcp.analysis.keep_alive"),
+    ("resets", "an end resets the connection",
+     "check the log of the device that sends the reset: a crash, a timeout, a connection limit",
+     (Condition.RECEIVE_FAILED,), _RST),
+    ("plc-not-reading", "the PLC does not take what is there",
+     "keep EN_R at 1, or call the block in each scan: nothing takes the bytes", (), _CLOSED),
+    ("partner-not-reading", "the partner does not take what is there",
+     "let the partner read, or send less often", (Condition.SENDING,), _CLOSED),
+    ("flood", "more comes than the block takes",
+     "let the partner send less often, call the block faster, or take several messages a job",
+     (), f"{_DATA} || {_CLOSED}"),
+    ("slow-ack", "small writes wait for late acknowledgements",
+     "send a message with one write, or set TCP_NODELAY at the end that waits",
+     (), f"{_DATA} || tcp.analysis.ack_rtt > 0.03"),
+    ("loss", "packets get lost on the way",
+     "look at cable, duplex, switch and radio of this way", _WAITS, _LOST),
+    ("capture-incomplete", "the capture lacks packets that arrived",
+     "", (), "tcp.analysis.ack_lost_segment || tcp.analysis.lost_segment"),
+    ("header", "bytes stand before or after the members", "declare them as members", (), _DATA),
+    ("padding", "the partner packs its members otherwise", "give DATA its layout", (), _DATA),
+    ("byte-order", "the partner's numbers are turned round", "give DATA its byte order", (), _DATA),
+    ("frame-short", "messages are shorter than a job waits for", "LEN of a message", _WAITS, _DATA),
+    ("frame-long", "messages are longer than a job takes", "LEN, and DATA, of a message", (), _DATA),
+    ("adhoc-missing", "messages of several lengths meet a job of one length",
+     "receive ad hoc", _WAITS, _DATA),
+    ("shifted", "jobs begin inside messages",
+     "reset the connection (COM_RST) so that frames begin anew", (), _DATA),
+    ("adhoc-splits", "a message comes in pieces, and each ends an ad-hoc job",
+     "receive static with a fixed LEN, or ReceiveData with a frame", (), _DATA),
+    ("merged", "several messages come at once", "receive static with LEN of one message", (), _DATA),
+    ("datagram-size", "a datagram is larger than LEN or DATA",
+     "DATA, and LEN, of the largest datagram", (Condition.MESSAGE_TOO_LONG,), "udp"),
+    ("framing", "messages lack the marks that a frame has",
+     "set prefix and suffix as the partner sends them", (), _DATA),
+    ("limits", "the project asks for more than the PLC does", "", (), ""),
+    ("request-too-fast", "REQ rises before the job before has ended",
+     "wait for DONE or ERROR before the next REQ", (), ""),
+    ("not-connected-request", "a job is asked for without a connection",
+     "set EN_R or REQ after 7004: the connection stands then", (Condition.NOT_CONNECTED,), ""),
+)
+# fmt: on
+CAUSES: Final = {row[0]: CauseWords(*row[1:]) for row in _ROWS}
+TOLD: Final = frozenset(condition for row in CAUSES.values() for condition in row.leads_to)
+
+
+def remedy_of(cause: str) -> tuple[Mend, ...]:
+    """Return what mends a cause where nothing better is known; (): nothing."""
+    text = CAUSES[cause].remedy
+    return (Mend(text),) if text else ()

@@ -1,0 +1,830 @@
+"""The rules of the doctor, one row a cause: what speaks for it, what silences it, and the remedy.
+
+Rule 1: a judge that lacks a fact says nothing; "healthy" is what is left when no rule speaks.
+Rule 2: a row that explains another one silences it, so that a storm is not told as ten resets.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from trcvtui.capture.quality import Quality
+from trcvtui.diagnosis.cause_words import remedy_of
+from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule
+from trcvtui.diagnosis.line_facts import (
+    MOST_SHOWN,
+    ClosedWindow,
+    DirectionFacts,
+    LateAck,
+    LineFacts,
+    Reads,
+    SaidBytes,
+)
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
+from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.records import NamedTuple
+from trcvtui.wording import count, duration, times
+
+SECOND: Final = 1_000_000_000
+UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
+IDLE_NS: Final = 20 * SECOND
+CLOSED_NS: Final = SECOND  # a window that stays closed
+AT_ONCE_NS: Final = 2 * SECOND
+RELEASED_NS: Final = 1_500_000  # after the ACK that it waited for, a write leaves so soon
+NEAR_NS: Final = 30_000_000
+SHORT_LIFE_NS: Final = 30 * SECOND
+STORM: Final = 4  # connections
+NEW_NS: Final = 10 * SECOND  # in which the same ends build a new connection
+TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
+SURE: Final = 0.95  # a fact of the protocol, or a remedy that was tried
+UNTRIED: Final = 0.85
+MOST_AROUND: Final = 64  # conversations that one is compared with
+
+
+class EndsGroup:
+    """The conversations between the same two ends, in their order."""
+
+    def __init__(self, lines: tuple[LineFacts, ...]) -> None:
+        self.lines = lines
+
+    @cached_property
+    def built(self) -> tuple[LineFacts, ...]:
+        """Return those whose SYN and its answer are in the capture."""
+        return tuple([one for one in self.lines if one.has_begin and one.answered_ns is not None])
+
+    @cached_property
+    def ended(self) -> tuple[LineFacts, ...]:
+        return tuple([one for one in self.built if one.end is not None])
+
+    @cached_property
+    def one_message(self) -> tuple[LineFacts, ...]:
+        return tuple([one for one in self.ended if _is_one_message(one)])
+
+    @cached_property
+    def in_turn(self) -> tuple[LineFacts, ...]:
+        """Return those that were built and lost in turn; the others are parallel to one of them."""
+        found: list[LineFacts] = []
+        for one in self.built:
+            if not found or found[-1].last_ns <= one.first_ns:
+                found.append(one)
+        return tuple(found)
+
+    @cached_property
+    def harmful(self) -> int:
+        """Return how many ends did harm to a block, as far as that is known, and were not asked for."""
+        ends = [(one, one.end) for one in self.ended if one.end is not None and not one.end.is_ours]
+        return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
+
+    @cached_property
+    def stands_again(self) -> bool:
+        """Return whether one of them stands, and has for ten seconds."""
+        return any(one.is_built and one.end is None and one.lasted_ns >= NEW_NS for one in self.lines)
+
+    @cached_property
+    def goes_on(self) -> bool:
+        return any(one.is_built and one.end is None and len(one.messages) >= FEW for one in self.lines)
+
+    @cached_property
+    def has_stood(self) -> bool:
+        return any(one.is_built for one in self.lines)
+
+    @cached_property
+    def ordinary(self) -> int:
+        """Return how many the caller itself ended: both had sent bytes, nothing was on its way to it."""
+        return sum(1 for one in self.ended if _is_ordinary(one))
+
+    @cached_property
+    def refusals(self) -> int:
+        return sum(1 for one in self.lines if not one.is_built and one.listener.reset is not None)
+
+    @cached_property
+    def by_plc_and_resets(self) -> tuple[int, int]:
+        """Return how many of them the PLC end ended, and how many of all ended by RST."""
+        ends = [one.end for one in self.ended if one.end is not None]
+        return sum(1 for end in ends if end.by_plc), sum(1 for end in ends if end.kind == "rst")
+
+    @cached_property
+    def life_and_period_ns(self) -> tuple[int, int]:
+        """Return how long connections stood, and after what time the next one was built."""
+        life = int(median(one.lasted_ns for one in self.ended))
+        return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
+
+
+class LineCase(NamedTuple):
+    """What is judged: a conversation, those between the same ends, those before it at the same listener."""
+
+    line: LineFacts
+    group: EndsGroup
+    older: tuple[LineFacts, ...]
+    reverse: EndsGroup  # the other end calls
+    receiver: Receiver | None
+    receivers: tuple[Receiver, ...]
+    last_ns: int
+
+
+class LineFinding(NamedTuple):
+    """One cause found."""
+
+    cause: str
+    confidence: float
+    said: Sign
+    mend: tuple[Mend, ...]
+
+
+class LineVerdict(NamedTuple):
+    """What is found, the surest first; what is worth knowing; what the capture cannot show, and why."""
+
+    findings: tuple[LineFinding, ...]
+    remarks: tuple[LineFinding, ...]
+    not_judged: tuple[tuple[str, Quality], ...]
+
+
+class CauseRule(NamedTuple):
+    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
+
+    `blind`: what a capture may lack so that the row cannot judge.
+    """
+
+    cause: str
+    judge: Callable[[LineCase], Sign | None]
+    silenced_by: tuple[str, ...] = ()
+    weakened_by: tuple[str, ...] = ()
+    blind: tuple[Quality, ...] = ()
+
+
+# -- building a connection -----------------------------------------------------------------------------------
+
+
+def _syns(line: LineFacts) -> list[SaidBytes]:
+    return line.caller.syns
+
+
+def _is_tcp(case: LineCase) -> bool:
+    return case.line.protocol == "tcp"
+
+
+def _refused(case: LineCase) -> Sign | None:
+    line = case.line
+    reset = line.listener.reset
+    if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not _syns(line):
+        return None
+    who = "the partner" if line.plc_calls else "the PLC end"
+    text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
+    return Sign(
+        0.97,
+        (text, f"{times(case.group.refusals)} in this capture"),
+        way=_from_listener(line),
+        at=reset,
+        is_fact=True,
+    )
+
+
+def _filtered(case: LineCase) -> Sign | None:
+    line, syns = case.line, _syns(case.line)
+    if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
+        return None
+    if line.listener.segments or line.listener.acks or line.caller.segments:
+        return None
+    waited = case.last_ns - syns[0].ns
+    if waited < SECOND or (len(syns) < 2 and waited < UNANSWERED_NS):
+        return None
+    text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {duration(waited)}"
+    before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
+    if before is not None and _outage(before):
+        return Sign(0.6, (text, "a connection between the same ends died before it"), way=_to_listener(line))
+    return Sign(0.95 if len(syns) > 2 else 0.85, (text,), way=_to_listener(line), at=syns[0])
+
+
+def _second_client(case: LineCase) -> Sign | None:
+    line = case.line
+    if not _is_tcp(case) or not line.has_begin or line.plc_calls:
+        return None
+    older = [one for one in case.older if _lives_at(one, line.first_ns)]
+    if not older:
+        return None
+    first = older[0]
+    since = f"the PLC end serves {first.partner} since {duration(line.first_ns - first.first_ns)} before"
+    if not line.is_built:
+        reset = line.listener.reset
+        if reset is not None:
+            return Sign(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
+        if _filtered(case) is not None:
+            return Sign(0.85, (since, f"{count(len(_syns(line)), 'SYN')} without an answer"), way="to-plc")
+        return None
+    ended = line.end
+    if ended is not None and ended.by_plc and not line.from_plc.segments:
+        begun = line.established_ns or line.answered_ns or line.first_ns
+        at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
+        if at_once or ended.kind == "rst":
+            word = "RST" if ended.kind == "rst" else "FIN"
+            text = f"{word} from the PLC end after {duration(ended.ns - begun)}, it had said nothing"
+            return Sign(0.93, (since, text), way="from-plc", at=SaidBytes(ended.ns, 0, 0, ended.packet))
+    said = line.to_plc.segments
+    still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
+    if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
+        text = f"it stands without a byte for {duration(still)}"
+        return Sign(0.75 if ended is None else 0.6, (since, text), way="to-plc")
+    has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
+    if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
+        text = f"{count(said, 'segment')} of this client in {duration(line.lasted_ns)}, and no answer"
+        return Sign(0.7, (since, text), way="to-plc")
+    return None
+
+
+def _address(case: LineCase) -> Sign | None:
+    line = case.line
+    if not _is_tcp(case) or not line.has_begin:
+        return None
+    has_stood = case.group.has_stood or case.reverse.has_stood
+    if not line.is_built and case.reverse.lines and not has_stood:
+        texts = ("both ends call each other, and neither listens: both are active",)
+        return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
+    receiver = case.receiver
+    is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
+    if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
+        is_said = "active" if receiver.active else "passive"
+        who = "the PLC end" if line.plc_calls else "the partner"
+        text = f"{receiver.connect} is {is_said} in the project, and {who} calls"
+        return Sign(0.85, (text,), instance=receiver.instance)
+    if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
+        ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
+        if ports and line.plc_end[1] not in ports and _refused(case) is not None:
+            text = f"the partner calls port {line.plc_end[1]}, the project listens on {ports[0]}"
+            return Sign(0.98, (text,), way="to-plc")
+    return None
+
+
+# -- a connection that ends ----------------------------------------------------------------------------------
+
+
+def _is_one_message(line: LineFacts) -> bool:
+    end = line.end
+    return (
+        end is not None
+        and not end.by_plc
+        and end.kind == "fin"
+        and (len(line.messages) == 1 or _is_short(line.to_plc.writes))
+        and len(line.answers) <= 1
+        and (line.has_begin or len(line.to_plc.writes) == 1)
+        and end.ns - line.messages[0].ns < 5 * SECOND
+    )
+
+
+def _is_short(writes: Sequence[SaidBytes]) -> bool:
+    """Return whether these writes may be pieces of one message."""
+    return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
+
+
+def _closes(case: LineCase) -> Sign | None:
+    if not _is_tcp(case) or not case.line.is_built:
+        return None
+    ended, alike, stood = case.group.ended, case.group.one_message, len(case.group.built)
+    if len(alike) < 2 or len(alike) < 0.7 * stood - 1 or len(alike) < 0.7 * len(ended):
+        return None
+    sure = 0.95 if len(alike) > 3 else 0.85 if len(alike) > 2 else 0.7
+    end = alike[0].end
+    texts = (f"the partner ended {len(alike)} of {count(stood, 'connection')} after one message",)
+    at = SaidBytes(end.ns, 0, 0, end.packet) if end is not None else None
+    return Sign(sure, texts, way="to-plc", at=at)
+
+
+def _is_ordinary(line: LineFacts) -> bool:
+    end = line.end
+    is_caller = end is not None and end.by_plc == bool(line.plc_calls)
+    return is_caller and bool(line.to_plc.bytes and line.from_plc.bytes) and not line.listener.unacked
+
+
+def _storm(case: LineCase) -> Sign | None:
+    if not _is_tcp(case) or not case.line.is_built:
+        return None
+    built, ended = case.group.in_turn, case.group.ended
+    if len(built) < STORM or len(ended) < len(case.group.built) - 1 or _closes(case) is not None:
+        return None
+    if case.receiver is None and case.group.ordinary * 2 >= len(ended):
+        return None  # short sessions that their caller ended
+    if case.group.harmful * 2 <= len(ended):
+        return None
+    life, period = case.group.life_and_period_ns
+    most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
+    if life > most or period > 2 * most:
+        return None
+    by_plc, resets = case.group.by_plc_and_resets
+    who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
+    texts = (
+        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
+        f"{who}; {resets} by RST; each stood {duration(life)}",
+    )
+    at = SaidBytes(built[0].first_ns, 0, 0, 0)
+    packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
+    return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
+
+
+def _resets(case: LineCase) -> Sign | None:
+    line, end = case.line, case.line.end
+    if end is None or not end.is_reset or not line.is_built or not _is_tcp(case):
+        return None
+    who, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
+    lost = line.to_plc if end.by_plc else line.from_plc
+    size = line.to_plc.bytes + line.from_plc.bytes
+    text = f"RST from {who} at {line.seconds(end.ns):.3f} s, after {count(size, 'byte')}"
+    way = "from-plc" if end.by_plc else "to-plc"
+    at = SaidBytes(end.ns, line.to_plc.bytes, 0, end.packet)
+
+    def said(confidence: float, *texts: str, is_remark: bool = False) -> Sign:
+        return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
+
+    later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
+    if end.is_ours or (end.by_plc and line.connect is not None):
+        return said(0.0, "it was asked for here", is_remark=True)
+    if not line.has_harm_at(end.ns):
+        return said(0.0, "no block lost anything by it", is_remark=True)
+    part = _part_of_job(line, case.receiver) or _part_of_message(line)
+    if part:
+        return said(0.96, part)
+    if Quality.NO_LIFE in line.qualities:
+        is_new = any(0 <= ns - end.ns < NEW_NS for ns in later)
+        if case.receiver is None or is_new:
+            return said(0.0, "the answer to an old connection", is_remark=True)
+    if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
+        return said(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
+    sizes = [one.size for one in line.messages]
+    is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
+    if line.harms is None and (case.receiver is None or (is_even and not later)):
+        return said(0.0, "ends by RST, with nothing on its way", is_remark=True)
+    text_of_harm = "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stand"
+    return said(0.85 if size else 0.6, text_of_harm)
+
+
+def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
+    """Return that the stream ends inside a job, "" where it does not, or that is not known."""
+    said = line.to_plc
+    if receiver is None or not line.has_begin or said.missing:
+        return ""
+    if receiver.is_whole:
+        at, content = 0, said.content
+        while at + 4 <= len(content) and content[at] == TPKT:
+            at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
+        return "in mid unit of ISO-on-TCP" if len(content) == said.bytes and at != len(content) else ""
+    part = said.bytes % receiver.need if receiver.need and not receiver.adhoc else 0
+    return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
+
+
+def _part_of_message(line: LineFacts) -> str:
+    """Return that three messages had one size, and the last one, no unit of ISO-on-TCP, is shorter."""
+    sizes = [one.size for one in line.messages]
+    usual = max(set(sizes), key=sizes.count) if sizes else 0
+    if line.qualities & {Quality.SNAPLEN, Quality.CLOCK}:
+        return ""
+    if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
+        return ""
+    content, part = bytes(line.to_plc.content), line.messages[-1]
+    whole = [content[one.at : one.at + part.size] for one in line.messages if one.size == usual]
+    begin = content[part.at : part.at + part.size]
+    if any(
+        len({each[n : n + 1] for each in whole}) == 1 and begin[n : n + 1] != whole[0][n : n + 1]
+        for n in (0, 1)
+    ):
+        return ""  # it begins as none of them: a message of another kind
+    last = begin[:4]
+    is_unit = last[:1] == bytes([TPKT]) and int.from_bytes(last[2:4], "big") == sizes[-1]
+    return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had come"
+
+
+# -- silence -------------------------------------------------------------------------------------------------
+
+
+def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
+    """Return who said copies alone, how many, from when, how long, whether it came back, the first packet."""
+    for said in (line.from_plc, line.to_plc):
+        other = line.to_plc if said is line.from_plc else line.from_plc
+        for one in said.outages:
+            until = one.until_ns if one.until_ns is not None else line.last_ns
+            closed = any(
+                window.ns <= one.ns and (window.until_ns is None or window.until_ns >= one.ns)
+                for window in other.closed
+            )
+            since = _said_before(said, one.ns)
+            if until - since >= SECOND and not closed:
+                return said, one.copies, since, until - since, one.until_ns is not None, one.packet
+    return None
+
+
+def _said_before(said: DirectionFacts, ns: int) -> int:
+    """Return when the bytes were said that were said again at `ns`."""
+    before = [write.ns for write in said.writes if write.ns <= ns]
+    return before[-1] if before else ns
+
+
+def _dead_link(case: LineCase) -> Sign | None:
+    line = case.line
+    if not _is_tcp(case) or not line.is_built:
+        return None
+    found = _outage(line)
+    if found is not None:
+        said, copies, since, size, back, packet = found
+        who = "the PLC end" if said is line.from_plc else "the partner"
+        other = "the partner" if said is line.from_plc else "the PLC end"
+        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {duration(size)}"]
+        if said.unacked:
+            texts.append(f"{said.unacked} bytes were never acknowledged")
+        sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
+        at = SaidBytes(since, 0, 0, packet)
+        way = "from-plc" if said is line.from_plc else "to-plc"
+        return Sign(sure, tuple(texts), way=way, at=at) if sure else None
+    for said in (line.from_plc, line.to_plc):
+        lacking = said.keep_alives - said.keep_alives_answered
+        if line.is_wire and lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
+            who = "the PLC end" if said is line.from_plc else "the partner"
+            way = "from-plc" if said is line.from_plc else "to-plc"
+            return Sign(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
+    return None
+
+
+def _no_keep_alive(case: LineCase) -> Sign | None:
+    line = case.line
+    if not _is_tcp(case) or not line.is_built or not line.is_wire:
+        return None
+    if line.to_plc.keep_alives or line.from_plc.keep_alives:
+        return None
+    dead = _outage(line)
+    end = line.end
+    for idle in line.idles:
+        if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
+            continue  # it was idle, and not waiting for an answer
+        texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
+        at = SaidBytes(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
+        is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
+        is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
+        if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
+            texts.append("then RST: one end had forgotten the connection")
+            return Sign(0.93, tuple(texts), at=at)
+        if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
+            texts.append("then bytes that were not acknowledged")
+            return Sign(0.93, tuple(texts), at=at)
+    if end is None:
+        lines = case.group.lines
+        after = next((one for one in lines[-MOST_AROUND:] if one.first_ns > line.last_ns), None)
+        size = after.first_ns - line.last_ns if after is not None else 0
+        if size >= IDLE_NS and dead is None:
+            texts = [
+                f"{duration(size)} without a packet, no keep-alive probe",
+                "then a new connection between the same ends: the old one was never ended",
+            ]
+            return Sign(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
+    return _left_behind(case)
+
+
+def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
+    writes = (line.from_plc if by_plc else line.to_plc).writes
+    return bool(writes) and writes[-1].ns >= since_ns
+
+
+def _left_behind(case: LineCase) -> Sign | None:
+    """Return that a silent connection got no answer any more where a new one stood already."""
+    line = case.line
+    for idle in line.idles:
+        since = idle.until_ns - idle.size_ns
+        heard = sum(said.last_ns > since for said in (line.to_plc, line.from_plc))
+        new = [
+            one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
+        ]
+        if new and heard < 2:
+            texts = (
+                f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
+                "then a new connection between the same ends, and no answer on the old one",
+            )
+            return Sign(0.85, texts, at=SaidBytes(since, 0, 0, idle.packet))
+    return None
+
+
+# -- windows, delays, losses ---------------------------------------------------------------------------------
+
+
+def _closed(line: LineFacts, said: DirectionFacts, last_ns: int) -> tuple[int, int, ClosedWindow] | None:
+    """Return how often a window was closed, the longest time of it, and the first one."""
+    if not line.is_wire or not said.closed:
+        return None
+    ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in said.closed]
+    longest = max(end - one.ns for end, one in zip(ends, said.closed, strict=True))
+    return len(said.closed), longest, said.closed[0]
+
+
+def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
+    line = case.line
+    said = line.from_plc if by_plc else line.to_plc
+    found = _closed(line, said, case.last_ns)
+    if found is None or not _is_tcp(case):
+        return None
+    often, longest, first = found
+    if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
+        return None
+    if by_plc and often > 1 and said.closed[0].until_ns is not None and _too_fast(case):
+        return None  # it reads, and too slowly
+    who = "the PLC end" if by_plc else "the partner"
+    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {duration(longest)}",)
+    sure = 0.95 if longest >= CLOSED_NS else 0.75
+    way = "to-plc" if by_plc else "from-plc"
+    packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
+    return Sign(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet), packets=packets)
+
+
+def _flood(case: LineCase) -> Sign | None:
+    line, said = case.line, case.line.from_plc
+    found = _closed(line, said, case.last_ns)
+    rate = _too_fast(case)
+    if found is not None and _is_tcp(case) and (found[0] >= 3 or (found[0] >= 2 and rate)):
+        often, longest, first = found
+        opened = sum(1 for one in said.closed if one.until_ns is not None)
+        if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
+            texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
+            at = SaidBytes(first.ns, 0, 0, first.packet)
+            return Sign(0.9, (*texts, *rate), way="to-plc", at=at)
+    low, high = said.lowest_window, said.highest_window
+    if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:
+        falls = said.last_window * 3 < high or rate
+        if falls and line.to_plc.bytes > 2 * (high - low) // 3:
+            text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
+            return Sign(0.8, (text, *rate), way="to-plc", at=line.to_plc.writes[0])
+    return Sign(0.8, rate, way="to-plc", at=line.to_plc.writes[0]) if rate else None
+
+
+def _too_fast(case: LineCase) -> tuple[str, ...]:
+    """Return that messages come faster than scans, if so; a closed window holds the sender back."""
+    line, receiver = case.line, case.receiver
+    closed = line.from_plc.closed
+    writes = [one for one in line.to_plc.writes if not closed or one.ns <= closed[0].ns]
+    if receiver is None or not receiver.interval_ns or len(writes) < 50:
+        return ()
+    taken = max(writes[-1].ns - writes[0].ns, 1)
+    size = writes[-1].at + writes[-1].size - writes[0].at
+    jobs = size / receiver.need if receiver.need and not receiver.adhoc else len(line.messages)
+    scans = taken / receiver.interval_ns
+    if taken < SECOND // (100 if closed else 2) or jobs <= scans * 1.05:
+        return ()
+    ms = receiver.interval_ns / 1e6
+    return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
+
+
+def _slow_ack(case: LineCase) -> Sign | None:
+    line = case.line
+    if not line.is_wire:
+        return None
+    begun = line.established_ns
+    trip = 2 * RELEASED_NS if begun is None else begun - line.first_ns  # its begin is not in the capture
+    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        limit = RELEASED_NS + (trip if trip < 100 * RELEASED_NS else 0)
+        slow = [one for one in said.slow if one.after_ns <= limit]
+        near = [one for one in said.slow if limit < one.after_ns <= limit + NEAR_NS]
+        if len(slow) < 3 or len(slow) * 6 < min(said.segments, 256) or len(near) * 3 > len(slow):
+            continue  # a sender with a period meets ACKs by chance: then before and after them, too
+        if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
+            continue
+        usual, packets = (
+            median(one.wait_ns for one in slow),
+            tuple([one.write.packet for one in slow[:MOST_SHOWN]]),
+        )
+        texts = (
+            f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
+            "and the next one left with it",
+        )
+        return Sign(
+            0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write, packets=packets[:MOST_SHOWN]
+        )
+    return None
+
+
+def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[LateAck]) -> bool:
+    """Return whether writes that waited neither for an ACK nor for an answer came after the same time."""
+    waited, answers = {one.write.at for one in slow}, [write.ns for write in other.writes]
+    others = [
+        b.ns - a.ns
+        for a, b in pairwise(said.writes)
+        if a.at not in waited and bisect(answers, a.ns) == bisect(answers, b.ns)
+    ]
+    usual = median(one.wait_ns + one.after_ns for one in slow)
+    return len(others) > 2 and 0.75 * usual <= median(others) <= 1.33 * usual
+
+
+def _loss(case: LineCase) -> Sign | None:
+    line = case.line
+    if not _is_tcp(case):
+        return None
+    best: Sign | None = None
+    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        odd = said.resent + said.late
+        if _no_keep_alive(case) is not None:
+            odd -= sum(one.copies for one in said.outages)  # what a forgotten connection repeats
+        share = odd / max(said.segments + said.resent, 1)
+        is_often = odd >= 3 and odd * 100 >= said.segments
+        is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
+        again, of_all = count(said.resent, "segment"), said.segments + said.resent
+        text = f"{again} sent again, {said.late} came late, of {of_all}: {share:.1%}"
+        at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent")
+        if is_often or is_long:
+            waited = f"the longest wait for a copy was {duration(said.longest_wait_ns)}"
+            sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
+            texts = (text, *([waited] if said.longest_wait_ns else []))
+            found = Sign(sure, texts, way=way, at=at, packets=packets)
+        elif said.spurious >= 3 and said.spurious * 20 > said.segments:
+            lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
+            packets = said.packets_of("spurious")
+            found = Sign(0.7, (lost,), way=way, at=said.first_of("spurious"), packets=packets)
+        elif odd:
+            found = Sign(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
+        else:
+            continue
+        best = found if best is None or found.confidence > best.confidence else best
+    return best
+
+
+def _incomplete(case: LineCase) -> Sign | None:
+    if Quality.GAPS not in case.line.qualities:
+        return None
+    texts, at = [], None
+    for said, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
+        size = "more bytes than can be" if said.has_jumped else count(said.missing, "byte")
+        texts += [f"{size} {way}: missing in the capture only"] if said.missing else []
+        at = at or said.first_of("missing")
+    texts = texts or ["its sequence numbers jump further than any window"]
+    return Sign(0.0, tuple(texts), at=at, is_remark=True)
+
+
+# -- the rows ------------------------------------------------------------------------------------------------
+
+
+def _listener_end(line: LineFacts) -> tuple[bytes, int]:
+    return line.partner_end if line.plc_calls else line.plc_end
+
+
+def _from_listener(line: LineFacts) -> str:
+    return "to-plc" if line.plc_calls else "from-plc"
+
+
+def _to_listener(line: LineFacts) -> str:
+    return "from-plc" if line.plc_calls else "to-plc"
+
+
+def _lives_at(line: LineFacts, ns: int) -> bool:
+    """Return whether a connection stands, and is no corpse."""
+    if not line.is_built or (line.end is not None and line.end.ns <= ns):
+        return False
+    return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
+
+
+def _of(
+    judge: Callable[[LineFacts, Receiver | None], Sign | None],
+) -> Callable[[LineCase], Sign | None]:
+    return lambda case: judge(case.line, case.receiver)
+
+
+def _without_receiver(
+    judge: Callable[[LineCase], Sign | None],
+) -> Callable[[LineCase], Sign | None]:
+    """Return a judge whose finding is a remark where it is not known what the PLC takes."""
+
+    def weaker(case: LineCase) -> Sign | None:
+        said = judge(case)
+        return said if said is None or case.receiver is not None else said._replace(is_remark=True)
+
+    return weaker
+
+
+_NO_TIMES: Final = (Quality.CLOCK,)
+_NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
+LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
+_REFUSED: Final = ("second-client", "wrong-tsap", "tls-refused")
+_READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
+_NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
+RULES: Final = (
+    CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
+    CauseRule("second-client", _second_client, ("address",)),
+    CauseRule("refused", _refused, ("address", "second-client")),
+    CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
+    CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
+    CauseRule("tls-refused", lambda case: tls_refused(case.line)),
+    CauseRule("line-errors", lambda case: line_errors(case.line)),
+    CauseRule("closes-each-message", _closes, _REFUSED),
+    CauseRule("reconnect-storm", _storm, (*_REFUSED, "closes-each-message"), blind=_NO_TIMES),
+    CauseRule("no-keep-alive", _no_keep_alive, blind=_NO_WAY_BACK),
+    CauseRule("dead-link", _dead_link, ("no-keep-alive",), blind=_NO_WAY_BACK),
+    CauseRule("resets", _resets, (*_REFUSED, *LOSES, "no-keep-alive"), (*_READ_WRONG, "reconnect-storm")),
+    CauseRule("plc-not-reading", lambda case: _not_reading(case, True), blind=_NO_TIMES),
+    CauseRule("partner-not-reading", lambda case: _not_reading(case, False), blind=_NO_TIMES),
+    CauseRule("flood", _without_receiver(_flood), (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
+    CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
+    CauseRule("capture-incomplete", _incomplete),
+    *(CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by) for row in FRAME_JUDGES),
+)
+
+
+def verdict_of(case: LineCase) -> LineVerdict:
+    """Return what is found, and what is worth knowing of one conversation."""
+    blind = [(rule.cause, each) for rule in RULES for each in rule.blind if each in case.line.qualities]
+    seen = {rule.cause: rule for rule in RULES if rule.cause not in dict(blind)}
+
+    def judge(receiver: Receiver | None) -> dict[str, Sign]:
+        told = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
+        return {cause: said for cause, said in told.items() if said is not None}
+
+    by_cause = judge(case.receiver)
+    remarks = [
+        LineFinding(cause, 0.0, by_cause.pop(cause), ())
+        for cause in tuple(by_cause)
+        if by_cause[cause].is_remark
+    ]
+    causes = tuple(dict.fromkeys(cause for cause, _ in blind if _is_tcp(case)))
+    return LineVerdict(
+        weighed(by_cause, RULES, judge),
+        tuple(remarks),
+        tuple((cause, dict(blind)[cause]) for cause in causes),
+    )
+
+
+def weighed(
+    by_cause: Mapping[str, Sign],
+    rules: Sequence[CauseRule | FrameRule],
+    judge: Callable[[Receiver], Mapping[str, Sign]],
+) -> tuple[LineFinding, ...]:
+    """Return the findings of what the rules say, the surest first.
+
+    What one offers is tried: `judge` says what would be found with another receiver. What leaves the cause
+    there, or brings another one, is not offered.
+    """
+    found: list[LineFinding] = []
+    for rule in rules:
+        said = by_cause.get(rule.cause)
+        if said is None or any(cause in by_cause for cause in rule.silenced_by):
+            continue
+        share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
+        if by_cause.get("resets", said).confidence > SURE and rule.cause in ("resets", "reconnect-storm"):
+            share = 1.0 if rule.cause == "resets" else 0.5  # what cuts a message comes before how often
+        mend, is_tried = said.mend, said.is_fact
+        if said.cured is not None:
+            after = {cause for cause, one in judge(said.cured).items() if not one.is_remark}
+            is_tried = rule.cause not in after <= by_cause.keys()
+            mend = mend if is_tried else ()
+        sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
+        found.append(LineFinding(rule.cause, sure, said, mend or remedy_of(rule.cause)))
+    return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))
+
+
+def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:
+    """Yield the cases of one capture."""
+    between: dict[_Ends, list[LineFacts]] = {}
+    calls: dict[tuple[str, bytes, bytes], list[LineFacts]] = {}
+    for line in lines:
+        between.setdefault(_between(line), []).append(line)
+        calls.setdefault(_hosts(line), []).append(line)
+    groups = {ends: EndsGroup(tuple(found)) for ends, found in between.items()}
+    reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
+    only = _only_receiver(lines, receivers)
+    fitting = [_receiver_of(line, receivers, only) for line in lines]
+    before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
+    for line, receiver in zip(lines, fitting, strict=True):
+        older = before.setdefault((line.protocol, _listener_end(line)), deque(maxlen=MOST_AROUND))
+        kind, caller, listener = _hosts(line)
+        reverse = reverses.get((kind, listener, caller), _NO_LINES) if caller != listener else _NO_LINES
+        yield LineCase(line, groups[_between(line)], tuple(older), reverse, receiver, receivers, last_ns)
+        older.append(line)
+
+
+def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver | None) -> Receiver | None:
+    """Return who takes the messages of a conversation; tell the facts how much a job of it reads."""
+    found = next((one for one in receivers if one.fits(line)), None)
+    if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
+        found = only if only.has_end_of(line) else None
+    if found is not None:
+        line.since_ns, line.until_ns = found.since_ns, found.until_ns
+    if found is not None and found.need and not found.adhoc and not line.is_wire:
+        line.reads = Reads(found.need, found.interval_ns)
+    return found
+
+
+def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) -> Receiver | None:
+    """Return the only receiver of a project, where a foreign capture has its ends the other way round."""
+    known = [one for one in receivers if not one.is_serial]
+    if len(known) != 1 or any(known[0].fits(line) or line.connect is not None for line in lines):
+        return None
+    return known[0] if any(known[0].has_end_of(line) for line in lines) else None
+
+
+_Ends = tuple[str, bytes, tuple[bytes, int]]
+_NO_LINES: Final = EndsGroup(())
+
+
+def _between(line: LineFacts) -> _Ends:
+    caller = line.plc_end if line.plc_calls else line.partner_end
+    return line.protocol, caller[0], _listener_end(line)
+
+
+def _hosts(line: LineFacts) -> tuple[str, bytes, bytes]:
+    protocol, caller, listener = _between(line)
+    return protocol, caller, listener[0]

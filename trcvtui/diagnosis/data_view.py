@@ -1,0 +1,190 @@
+"""Another layout in which DATA would take what came: by the size of a message, or by its values.
+
+Rule: an offer needs evidence: a size that no other reading of the type has to explain, or a clear suspicion.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Final
+
+from trcvtui.project.project import DataDecl
+from trcvtui.records import NamedTuple, dataclass
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
+from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
+from trcvtui.udt.types import Elementary, Enumeration, ValueKind
+from trcvtui.wording import count
+
+# Rule: a suspicion needs two members, one of them of four bytes or more, and none that speaks against it (one
+# where there is no other). Small numbers look sensible in either order and say nothing.
+
+# Rule: between sensible and senseless there is room for doubt, and a doubt says nothing.
+
+SENSIBLE_REAL: Final = (1e-5, 1e8)
+SENSELESS_REAL: Final = (1e-15, 1e18)
+
+
+def swap_verdict(row: Elementary, read: float, swapped: float) -> int:
+    """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
+    if row.kind is ValueKind.REAL:
+        good, bad = is_sensible_real, is_senseless_real
+        return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
+    large = 1 << 8 * (row.size - 1)  # the highest byte is needed
+    small = 1 << 4 * row.size  # the upper half of the bytes is not
+    read, swapped = abs(read), abs(swapped)
+    return (read >= large and 0 < swapped < small) - (swapped >= large and 0 < read < small)
+
+
+def is_sensible_real(value: float, within: tuple[float, float] = SENSIBLE_REAL) -> bool:
+    """Return whether the magnitude is one that machines send; 0 is not, it says nothing."""
+    low, high = within
+    return math.isfinite(value) and low <= abs(value) <= high
+
+
+def is_senseless_real(value: float) -> bool:
+    """Return whether it is no number, or one that no machine sends."""
+    low, high = SENSELESS_REAL
+    return not math.isfinite(value) or 0 < abs(value) < low or abs(value) > high
+
+
+MOST_LEAVES: Final = 256  # that are looked at
+NAMED: Final = 2  # that the sentence names
+OTHER: Final = {"little": "big", "big": "little"}
+NUMBERS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A member and its value in the layout's byte order and in the other one."""
+
+    path: str
+    as_read: int | float
+    swapped: int | float
+
+
+@dataclass(frozen=True, slots=True)
+class Suspicion:
+    """The members that make sense in `other` order only."""
+
+    order: str
+    other: str
+    suspects: tuple[Suspect, ...]
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        named = self.suspects[:NAMED]
+        swapped = " and ".join(f"{s.path} = {_short(s.swapped)}" for s in named)
+        as_read = " and ".join(_short(s.as_read) for s in named)
+        more = len(self.suspects) - len(named)
+        others = f" (and {count(more, 'more member')})" if more else ""
+        return (
+            f"members look swapped: {swapped} in {self.other}-endian, but {as_read} in {self.order}-endian, "
+            f"as DATA is read now{others}"
+        )
+
+
+def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
+    """Return the members that only make sense when their bytes are swapped, None without clear evidence."""
+    order = layout.rules.byte_order
+    here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER[order]]
+    suspects: list[Suspect] = []
+    clear = asked = 0
+    for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
+        row = _number(leaf)
+        part = content[leaf.offset : leaf.offset + leaf.size]
+        if row is None or len(part) < leaf.size or leaf.bit is not None:
+            continue
+        (read,), (swapped,) = struct.unpack(here + row.code, part), struct.unpack(there + row.code, part)
+        asked += read != swapped
+        verdict = swap_verdict(row, read, swapped)
+        if verdict < 0:
+            return None
+        if verdict:
+            suspects.append(Suspect(leaf.path or "the value", read, swapped))
+            clear += leaf.size >= 4
+    if not clear or len(suspects) < min(2, asked):
+        return None
+    suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # the loudest first
+    return Suspicion(order, OTHER[order], tuple(suspects))
+
+
+def _number(leaf: Leaf) -> Elementary | None:
+    """Return the type of a number of more than one byte."""
+    row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
+    if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
+        return row
+    return None
+
+
+def _short(value: float) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+class Offer(NamedTuple):
+    """A layout for DATA, and what speaks for it."""
+
+    choice: LayoutChoice
+    why: str
+
+
+def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
+    """Return what to read DATA as: messages of `size` bytes came, `content` is the newest one, or its part.
+
+    None where the layout fits, where several sizes came, or where nothing else fits better.
+    """
+    if size is not None and size != decl.size:
+        found = _of_size(decl, size)
+        if found is None:
+            return None
+        order = _order(found, content)
+        name = found.rules.name
+        why = f"{count(size, 'byte')} came, and that is the size of {decl.type_name} in the layout {name}"
+        return Offer(_choice(name, order), why)
+    suspicion = byte_order_suspicion(decl.layout, content)
+    if suspicion is None:
+        return None
+    choice = decl.choice._replace(byte_order=suspicion.other)
+    return Offer(choice, f"the members make sense as {suspicion.other}-endian")
+
+
+def _of_size(decl: DataDecl, size: int) -> Layout | None:
+    """Return the type in the first layout that gives it this size; the byte order stays, where it can."""
+    own = decl.layout.rules
+    laid_out = same_layouts(decl.type, profiles_for(decl.type))
+    found = [layout for _, layout in laid_out if layout.size == size]
+    same = [layout for layout in found if layout.rules.byte_order == own.byte_order]
+    return next(iter([*same, *found]), None)
+
+
+def _order(layout: Layout, content: bytes) -> str:
+    suspicion = byte_order_suspicion(layout, content)
+    return layout.rules.byte_order if suspicion is None else suspicion.other
+
+
+def _choice(name: str, order: str) -> LayoutChoice:
+    return LayoutChoice(name, None if rules_for(name).byte_order == order else order)
+
+
+def view_line(decl: DataDecl, choice: LayoutChoice) -> str:
+    """Return the line that gives DATA this layout, and takes back what it had of its own."""
+    words = []
+    for name, now, wanted in zip(choice._fields, decl.choice, choice, strict=True):
+        if wanted != now:
+            words.append(f"{name}={'' if wanted is None else str(wanted).lower()}")
+    return f"set data {decl.name} {' '.join(words)}" if words else ""
+
+
+def chosen(layout: str, byte_order: str, text: str) -> LayoutChoice:
+    """Return the choice that gives these rules, without what the layout says by itself."""
+    rules = rules_for(layout)
+    return LayoutChoice(
+        layout,
+        None if rules.byte_order == byte_order else byte_order,
+        None if text in ("", rules.text.name) else text,
+    )
+
+
+def own_line(decl: DataDecl) -> str:
+    """Return the line that lets DATA lie as the PLC lays it out again, "" where it does."""
+    return view_line(decl, NO_CHOICE)

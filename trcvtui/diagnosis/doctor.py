@@ -1,0 +1,431 @@
+"""`trcvtui doctor`: captures and recordings judged, as text or as JSON, one object a conversation."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.capture.command import capture_notes
+from trcvtui.capture.packets import NotRead
+from trcvtui.capture.plc_end import KnownEnds, fits_nothing, parse_plc
+from trcvtui.capture.quality import Quality
+from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
+from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
+from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.errors import UserError, one_line
+from trcvtui.records import NamedTuple
+from trcvtui.wording import count, times
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import Project
+    from trcvtui.udt.layout.layout import Layout
+
+HEALTHY, FOUND, NOT_READ = 0, 1, 2
+NO_LINE: Final = 0  # the number of no conversation
+
+
+# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
+# `{instance}` in a remedy is whose.
+# fmt: off
+TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Mend, ...]]]] = {
+    "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
+                (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
+    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
+    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
+                        (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),)),
+    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
+    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
+    "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
+    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
+    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
+}
+# fmt: on
+OF_GROUP: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
+OF_ENDS: Final = (*OF_GROUP, "resets", "refused", "filtered", "second-client")
+LIKE_SHIFTED: Final = ("adhoc-missing", "frame-short", "frame-long")
+Verdict = dict[str, Any]
+
+
+class JobTrouble(NamedTuple):
+    """What a program did wrong: first in which scan, when (UTC), how often."""
+
+    cause: str
+    instance: str
+    connect: str
+    scan: int
+    ns: int
+    times: int
+
+
+class RecordedFacts(NamedTuple):
+    """What a recording of ours knows beside its packets; `connects` as of KnownEnds.
+
+    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job.
+    `until_ns`: UTC of its last scan; silence up to then is a fact. `lint`: what is wrong with its project as
+    its pins are at the end.
+    """
+
+    receivers: tuple[Receiver, ...]
+    connects: Mapping[tuple[int, str], str]
+    harms: Mapping[str, Sequence[int]]
+    troubles: tuple[JobTrouble, ...]
+    until_ns: int = 0
+    lint: tuple[LineFinding, ...] = ()
+    is_running: bool = False  # the run goes on
+
+
+class DoctorQuestion(NamedTuple):
+    """What stands beside the captures on the command line, as plain data: workers get it, too.
+
+    `recorded` returns what a recording knows; None: the capture is none.
+    """
+
+    plc: str | None = None
+    receivers: tuple[Receiver, ...] = ()
+    recorded: Callable[[str], RecordedFacts | None] | None = None
+
+    def known_ends(self) -> KnownEnds:
+        """Return the ports and addresses of the PLC and of its partners."""
+        some = [one for one in self.receivers if one.connect]
+        listens, calls = (
+            frozenset(one.local_port for one in some if not one.active) - {0},
+            frozenset(one.remote_port for one in some if one.active) - {0},
+        )
+        own, partners = {one.own_address for one in some}, {one.partner_address for one in some}
+        return KnownEnds(listens, calls, frozenset(own) - {b""}, frozenset(partners) - {b""})
+
+
+def receiver_of_type(layout: Layout) -> Receiver:
+    """Return a receiver that takes messages of one type, whatever the conversation."""
+    return Receiver(
+        "", "", layout.size, is_only=True, type_name=layout.name, type=layout.type, rules=layout.rules
+    )
+
+
+# -- one capture ---------------------------------------------------------------------------------------------
+
+
+def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], float]:
+    """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
+    given = None if asked.plc is None else parse_plc(asked.plc)
+    known = None if asked.recorded is None else asked.recorded(path)
+    if known is not None and not asked.receivers:
+        asked = asked._replace(receivers=known.receivers)
+    ends, until_ns = asked.known_ends(), 0
+    if known is not None:
+        ends, until_ns = ends._replace(connects=known.connects), known.until_ns
+    receives = any(not one.connect for one in asked.receivers)
+    facts = facts_of([path], given, ends, receives, until_ns)
+    if facts.troubles and not facts.found.packets:
+        raise UserError(facts.troubles)
+    if known is not None:
+        facts.found.not_read.pop(NotRead.JOURNAL, None)  # its journal
+        for line in facts.lines:
+            line.harms = known.harms.get(line.connect or "", ())
+    cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]
+    told = {} if known is None else _told_of(known.troubles, cases)
+    is_running = known is not None and known.is_running
+    verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
+    alone = told.get(NO_LINE, [])
+    if alone:
+        verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
+    hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
+    return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
+
+
+def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
+    found: dict[int, list[dict[str, Any]]] = {}
+    for one in troubles:
+        lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
+        line = next((each for each in lines if each.first_ns <= one.ns <= each.last_ns), None)
+        line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
+        line = line or (lines[0] if lines else None)
+        sure, text, mends = TROUBLES[one.cause]
+        mend = tuple([_for_instance(each, one.instance) for each in mends or remedy_of(one.cause)])
+        said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
+        made = finding_row(None, LineFinding(one.cause, sure, said, mend))
+        made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
+        made["where"]["scan"] = one.scan
+        found.setdefault(NO_LINE if line is None else line.number, []).append(made)
+    return found
+
+
+def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
+    """Return the conversations of the PLC end that was asked for; raise UserError where there is none."""
+    if asked.plc is None:
+        return facts.lines
+    found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
+    if not found and facts.lines:
+        raise fits_nothing("--plc", f"'{asked.plc}', which no conversation has", facts.found.all)
+    return found
+
+
+def verdict(
+    path: str, case: LineCase, told: Sequence[dict[str, Any]] = (), is_running: bool = False
+) -> Verdict:
+    """Return the verdict on one conversation, as JSON has it; `told`: what the program did, too.
+
+    In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
+    the messages of one when another one goes on.
+    """
+    line = case.line
+    ends = {"plc": line.plc, "partner": line.partner, "protocol": line.protocol}
+    judged = verdict_of(case)
+    words = case.receiver.words if case.receiver is not None else {}
+    found = judged.findings
+    if is_running:
+        is_over = case.group.stands_again, line.end is not None and case.group.goes_on
+        found = tuple([one for one in found if not is_over[one.cause not in OF_ENDS]])
+    made = _verdict(path, ends, found, line, words)
+    made["quality"] = sorted(line.qualities)
+    made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
+    made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
+    if told:
+        # What frames look like that the program has shifted is no cause of its own.
+        like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
+        made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
+        made["findings"] = sorted((*told, *made["findings"]), key=lambda one: -one["confidence"])
+        made["healthy"] = False
+    return made
+
+
+def _verdict(
+    path: str,
+    ends: dict[str, str] | None,
+    found: Sequence[LineFinding],
+    line: LineFacts | None,
+    words: Mapping[Condition, int] | None = None,
+) -> Verdict:
+    findings = [finding_row(line, one, words) for one in found]
+    empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
+    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings, **empty}
+
+
+def verdict_on_project(project: Project) -> Verdict:
+    """Return the verdict on a project that has not run."""
+    from trcvtui.diagnosis.lint import lint
+
+    return _verdict(str(project.path), None, lint(project), None)
+
+
+def _for_instance(mend: Mend, instance: str) -> Mend:
+    text, command, set_ = (part and part.replace("{instance}", instance) for part in mend)
+    return Mend(text or "", command, set_)
+
+
+def finding_row(
+    line: LineFacts | None, found: LineFinding, words: Mapping[Condition, int] | None = None
+) -> dict[str, Any]:
+    """Return a finding as JSON has it; `words`: the STATUS of each condition, where its block is known."""
+    status = [(words or {}).get(one) for one in CAUSES[found.cause].leads_to]
+    return {
+        **_remark_row(line, found),
+        "confidence": round(found.confidence, 2),
+        "status": [f"{one:04X}" for one in status if one is not None],
+        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+    }
+
+
+def _remark_row(line: LineFacts | None, found: LineFinding) -> dict[str, Any]:
+    said, words = found.said, CAUSES[found.cause]
+    at, packets = said.at, said.packets
+    if line is not None and not packets:
+        packets = (at.packet if at is not None and at.packet else line.first_packet,)
+    return {
+        "cause": found.cause,
+        "title": words.title,
+        "t_s": line.seconds(at.ns) if line is not None and at is not None else None,
+        "where": {
+            "direction": said.way,
+            "byte": at.at if at is not None and at.size else None,
+            "packet": at.packet or None if at is not None else None,
+            "scan": None,
+            "instance": said.instance,
+        },
+        "evidence": list(said.evidence),
+        "packets": [*packets],
+        "filter": "" if line is None else line.filter_of(words.filter, found.cause in OF_GROUP),
+    }
+
+
+# -- all of them ---------------------------------------------------------------------------------------------
+
+
+def doctor(
+    paths: Sequence[str],
+    asked: DoctorQuestion,
+    form: str,
+    jobs: int,
+    before: Iterable[Verdict] = (),
+    names: Mapping[str, str] | None = None,
+    scheduler: str | None = None,
+) -> int:
+    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing read.
+
+    `names`: how a file is called in its verdicts, where that is another name. `scheduler`: of a Dask cluster,
+    which judges in the place of `jobs` processes.
+    """
+    write, total, is_first = sys.stdout.write, _Total(), True
+    for made in before:
+        is_first = _write(write, [made], form, is_first)
+        total.add(made)
+    for path, answer in _answers(paths, asked, jobs, scheduler):
+        if isinstance(answer, UserError):
+            for text in answer.lines():
+                sys.stderr.write(f"{text}\n")
+            continue
+        verdicts, notes, hours = answer
+        total.files += 1
+        total.hours += hours
+        for made in verdicts:
+            made["file"] = (names or {}).get(path, path)
+            total.add(made)
+        is_first = _write(write, verdicts, form, is_first)
+        for note in notes:
+            sys.stderr.write(f"{(names or {}).get(path, path)}: {note}\n")
+        if len(paths) > 1 and sys.stderr.isatty():
+            sys.stderr.write(f"{total.files} of {len(paths)} captures\n")
+        sys.stdout.flush()
+    if form == "json":
+        write("[]\n" if is_first else "\n]\n")
+    if not (total.files or total.conversations):
+        return NOT_READ
+    if len(paths) > 1:
+        sys.stderr.write(total.text() + "\n")
+    return FOUND if total.causes else HEALTHY
+
+
+class _Total:
+    """What was found in all captures."""
+
+    def __init__(self) -> None:
+        self.files = self.conversations = 0
+        self.hours = 0.0
+        self.causes: Counter[str] = Counter()
+
+    def add(self, made: Verdict) -> None:
+        """Count a verdict."""
+        self.conversations += 1
+        self.causes.update({one["cause"] for one in made["findings"]})
+
+    def text(self) -> str:
+        """Return the summary in one line."""
+        found = ", ".join(f"{cause} {times}" for cause, times in self.causes.most_common())
+        return (
+            f"{count(self.files, 'capture')}, {count(self.conversations, 'conversation')}, "
+            f"{self.hours:.1f} h: {found or 'healthy'}"
+        )
+
+
+Answer = tuple[list[Verdict], list[str], float]
+
+
+def _answers(
+    paths: Sequence[str], asked: DoctorQuestion, jobs: int, scheduler: str | None
+) -> Iterator[tuple[str, Answer | UserError]]:
+    if scheduler is None and (jobs <= 1 or len(paths) == 1):
+        for path in paths:
+            yield path, try_to_judge(path, asked)
+        return
+    from trcvtui.diagnosis.workers import answers_of_cluster, answers_of_processes
+
+    if scheduler is None:
+        yield from answers_of_processes(paths, asked, try_to_judge, jobs)
+    else:
+        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler)
+
+
+def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:
+    """Return the verdicts on one capture, or why there are none."""
+    try:
+        return judge(path, asked)
+    except UserError as error:
+        return error
+
+
+def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, is_first: bool) -> bool:
+    if form == "text":
+        write("".join(f"{one_line(text)}\n" for text in _texts(made)))
+        return False
+    for one in made:
+        before = "" if form == "jsonl" else "[\n" if is_first else ",\n"
+        write(before + json.dumps(one) + ("\n" if form == "jsonl" else ""))
+        is_first = False
+    return is_first
+
+
+MARK: Final = "    "
+MOST_LINES: Final = 4  # that are named of those with equal findings
+
+
+def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Yield what is said of one file: equal findings of several conversations once, healthy ones last."""
+    groups: dict[object, tuple[dict[str, Any], list[str]]] = {}
+    for made in verdicts:
+        for one in made["findings"]:
+            same = groups.setdefault(same_finding(one, made["conversation"]), (one, []))
+            same[1].extend(_ends_text(made["conversation"]))
+    file, before = verdicts[0]["file"] if verdicts else "", None
+    for one, lines in sorted(groups.values(), key=lambda each: -each[0]["confidence"]):
+        what = count(len(lines), "conversation") if len(lines) > 1 else "".join(lines)
+        if lines != before:
+            yield ": ".join(filter(None, (file, what)))
+        before = lines
+        yield from _finding_texts(one)
+        if len(lines) > 1:
+            more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
+            yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
+    healthy = [made for made in verdicts if made["healthy"]]
+    if healthy:
+        ends = "".join(_ends_text(healthy[0]["conversation"])) if len(healthy) == 1 else ""
+        what = count(len(healthy), "conversation") if len(healthy) > 1 else ends
+        yield ": ".join(filter(None, (file, what, "healthy")))
+    yield from _notes(verdicts)
+
+
+def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
+    """Return what equal findings of several conversations have in common: the cause, whose, which port."""
+    where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
+    ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
+    return one["cause"], where["direction"], where["instance"], min(ports, default=0)
+
+
+def _ends_text(ends: dict[str, str] | None) -> list[str]:
+    return [f"{ends['protocol']} {ends['plc']} <- {ends['partner']}"] if ends is not None else []
+
+
+def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
+    when = "" if one["t_s"] is None else f" at {one['t_s']:.3f} s"
+    way = one["where"]["direction"]
+    place = "".join(f", {each}" for each in (way and way.replace("-", " "), one["where"]["instance"]) if each)
+    yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
+    yield from (MARK + text for text in one["evidence"])
+    if one["status"]:
+        yield f"{MARK}STATUS {', '.join(one['status'])}"
+    packets = ", ".join(map(str, one["packets"]))
+    seen = filter(None, (f"packets {packets}" if packets else "", one["filter"]))
+    yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one["filter"] else []
+    for mend in one["mend"]:
+        yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+
+
+def _notes(some: Sequence[Verdict]) -> Iterator[str]:
+    remarks = Counter(f"{one['cause']}: {one['evidence'][-1]}" for made in some for one in made["remarks"])
+    yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
+                remarks.most_common(MOST_LINES))  # fmt: skip
+    qualities = Counter(each for made in some for each in made["quality"] if each != Quality.ENDS_EARLY)
+    if qualities:
+        told = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
+        yield f"  quality: {', '.join(told)}"
+    blind: dict[str, list[str]] = {}
+    for each in (each for made in some for each in made["not_judged"]):
+        causes = blind.setdefault(each["quality"], [])
+        causes += [] if each["cause"] in causes else [each["cause"]]
+    for quality, causes in blind.items():
+        yield f"  cannot be judged with {quality}: {', '.join(causes)}"

@@ -1,0 +1,574 @@
+"""Messages against what a receiver expects: sizes, where they begin, what their bytes mean.
+
+Rule: a receiver (of a project, of a type) alone knows LEN and members. Without one these rules stay silent,
+but for messages that come several at once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import gcd
+from typing import TYPE_CHECKING, Final, TypedDict
+
+from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.records import NamedTuple
+from trcvtui.wording import count
+
+if TYPE_CHECKING:
+    from trcvtui.udt.layout.layout import Layout, Profile
+    from trcvtui.udt.layout.rules import LayoutRules
+
+SECOND: Final = 1_000_000_000
+FEW: Final = 3  # messages, below which sizes say little
+SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
+STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
+CLEAR: Final = 6.0  # points of `fit`, ahead of our own reading
+MOST_FRAMES: Final = 8
+MOST_OF_FIT: Final = 8  # bytes of a header that `fit` tries
+LONGEST_HEADER: Final = 64
+
+
+class FrameRule(NamedTuple):
+    """One row: as a CauseRule, with a judge that asks the receiver."""
+
+    cause: str
+    judge: Callable[[LineFacts, Receiver | None], Sign | None]
+    silenced_by: tuple[str, ...] = ()
+    weakened_by: tuple[str, ...] = ()
+
+
+class UsualSize(NamedTuple):
+    """The sizes of messages: the usual one, its share, how many different ones."""
+
+    usual: int
+    share: float
+    different: int
+    messages: int
+
+
+def judged_messages(line: LineFacts) -> tuple[LineMessage, ...]:
+    """Return the messages that are whole: not what the capture, an end, or a closed window may have cut."""
+    found = line.messages
+    closed = line.from_plc.closed
+    if closed:
+        free = tuple([one for one in found if one.ns < closed[0].ns][:-1])
+        found = free if len(free) >= FEW else found
+    if len(found) > FEW and not line.has_begin:
+        found = found[1:]
+    if len(found) > FEW and line.end is not None:
+        found = found[:-1]
+    return found
+
+
+def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
+    """Return the sizes of messages; several messages at once count as theirs."""
+    counted = Counter(one.size for one in messages)
+    if not counted:
+        return UsualSize(0, 0.0, 0, 0)
+    base = min((size for size, often in counted.items() if often * 3 >= len(messages)), default=0)
+    usual, often = counted.most_common(1)[0]
+    if base and len(messages) >= 5 and usual % base == 0:
+        multiples = sum(n for size, n in counted.items() if size % base == 0)
+        if multiples * 10 >= len(messages) * 9 and len(counted) > 1:
+            return UsualSize(base, multiples / len(messages), len(counted), len(messages))
+    return UsualSize(usual, often / len(messages), len(counted), len(messages))
+
+
+def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+    """Return the receiver where it is of this kind, and the bytes are its own."""
+    if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
+        return None
+    if (
+        len(line.from_plc.closed) >= FEW
+        and line.messages[FEW:]
+        and line.from_plc.closed[0].ns <= line.messages[FEW].ns
+    ):
+        return None  # the window has cut the stream, and no pause
+    known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
+    return receiver if known == kind and not is_session(line) else None
+
+
+def _aligned(messages: Sequence[LineMessage], need: int, start: int) -> list[bool]:
+    return [(one.at + one.size - start) % need == 0 for one in messages]
+
+
+def _start(line: LineFacts) -> int:
+    return 0 if line.has_begin else line.messages[0].at
+
+
+def _is_right(line: LineFacts, need: int) -> bool:
+    """Return whether frames of `need` bytes end where messages end."""
+    found = judged_messages(line)
+    start = _start(line) if line.has_begin else found[0].at
+    hits = _aligned(found, need, start)
+    if sum(hits) * 100 >= 97 * len(hits):
+        return True
+    ends = {one.at + one.size for one in found}
+    frames = range(start + need, found[-1].at + found[-1].size + 1, need)
+    whole = sum(end in frames for end in ends)  # a hole may be as wide as two gigabytes
+    is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
+    return is_varied and len(frames) >= FEW and whole * 100 >= 97 * len(frames)  # each frame in pieces
+
+
+def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, UsualSize] | None:
+    """Return the static receiver and the sizes, where sizes are not right."""
+    found = _ready(line, receiver, STATIC)
+    if found is None or not line.messages or _is_right(line, found.need):
+        return None
+    return found, sizes_of(judged_messages(line))
+
+
+def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+    name, has_len = receiver.instance, receiver.need < receiver.room
+    if not name:
+        return (Mend(f"a type, or LEN, of {size} bytes"),)
+    length = Mend(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
+    if not receiver.room or size <= receiver.room:
+        return (length._replace(text=f"LEN {size}, and DATA of that size"),)
+    more = _room_mends(receiver, size)
+    return (*more, length._replace(command=None)) if has_len and more[0].set else more
+
+
+class RemedyOffer(TypedDict):
+    """What a rule offers, and the receiver as it would be with all of it."""
+
+    mend: tuple[Mend, ...]
+    cured: Receiver
+
+
+def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
+    room = max(receiver.room, size) if receiver.room else 0
+    return RemedyOffer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
+
+
+def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+    """Return what gives DATA room for so many bytes; (): it has it."""
+    if not receiver.room or size <= receiver.room:
+        return ()
+    element = getattr(receiver.type, "element", None)
+    if getattr(element, "size", 0) != 1:
+        return (Mend(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
+    array = f"ARRAY[0..{size - 1}] OF BYTE"
+    return (Mend(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
+
+
+def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    if sizes.usual >= wanted.need or (sizes.share < 0.7 and sizes.messages >= FEW):
+        return None
+    last = line.messages[-1]
+    of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')}"
+    text = f"{of_all} have {sizes.usual} bytes, a job wants {wanted.need}"
+    sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
+    is_soon = last.ns - line.messages[0].ns < 2_000_000_000  # pieces come soon after each other
+    whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
+    if sizes.messages < FEW and (whole or any(one.size == wanted.need for one in line.messages)):
+        return None
+    if sizes.messages < FEW and line.end is None and line.last_ns - last.ns < SECOND:
+        return None
+    end = line.end
+    if end is not None and (
+        (end.is_reset and not end.by_plc and sizes.messages < FEW)
+        or (line.connect is not None and end.by_plc and end.ns - last.ns < SECOND and len(line.messages) < 2)
+    ):
+        return None  # the rest may have been on its way
+    if is_soon and last.at + last.size - _start(line) == wanted.need:
+        return None  # the pieces of one job
+    sign = Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None)
+    if sizes.messages < 2 and line.end is not None:
+        return sign  # one message may have been cut
+    return sign._replace(**_with_len(wanted, sizes.usual))
+
+
+def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    found = _static(line, receiver)
+    if found is not None:
+        wanted, sizes = found
+        if sizes.usual <= wanted.need or sizes.usual % wanted.need == 0:
+            return None
+        if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW):
+            return None
+        left = sizes.usual % wanted.need
+        of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
+        text = f"{of_all}, a job takes {wanted.need}"
+        more = f"the next frame begins {left} bytes before its message"
+        sure = 0.95 if sizes.messages >= 5 else 0.8
+        at, offer = _at(line.messages[0]), _with_len(wanted, sizes.usual)
+        return Sign(sure, (text, more), "to-plc", at, wanted.instance or None, **offer)
+    room = _ready(line, receiver, AD_HOC)
+    if room is None:
+        return None
+    sizes = sizes_of(judged_messages(line))
+    too_long = [one for one in judged_messages(line) if one.size > room.need]
+    if len(too_long) * 2 < sizes.messages or len(too_long) < FEW or sizes.usual % room.need == 0:
+        return None
+    most = max(one.size for one in too_long)
+    text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
+    at, offer = _at(too_long[0]), _with_len(room, most)
+    return Sign(0.93, (text, f"up to {most}"), "to-plc", at, room.instance or None, **offer)
+
+
+def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    messages = judged_messages(line)
+    counted = Counter(one.size for one in messages)
+    if sizes.messages < FEW or sizes.share >= 0.85 or (sizes.different < 3 and sizes.share > 0.8):
+        return None
+    some = sorted(counted)
+    if len(some) > 2 and sum(counted.values()) < 4:
+        return None
+    sure = 0.94 if sizes.share < 0.7 and sizes.messages >= 5 else 0.7
+    spread = f"messages have {some[0]} to {some[-1]} bytes ({sizes.different} sizes)"
+    text = f"{spread}, a static job wants {wanted.need}"
+    name = wanted.instance
+    mend = Mend(
+        "receive ad hoc, with DATA for the longest message",
+        f"set {name} ADHOC=1",
+        f"instance.{name}.ADHOC=true",
+    )
+    room = _room_mends(wanted, some[-1])
+    cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
+    offer = RemedyOffer(mend=(mend, *room) if name else (), cured=cured)
+    return Sign(sure, (text,), "to-plc", _at(messages[0]), name or None, **offer)
+
+
+def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    found = _static(line, receiver)
+    if found is None:
+        return None
+    wanted, sizes = found
+    need, messages = wanted.need, line.messages
+    if sizes.messages < 4 or sizes.share < 0.6 or sizes.usual % need:
+        return None
+    start = _start(line)
+    off = [(one.at + one.size - start) % need for one in messages]
+    if line.end is not None and off:
+        off.pop()
+    since = next(
+        (n for n, rest in enumerate(off) if rest and sum(map(bool, off[n:])) * 10 >= 8 * len(off[n:])), None
+    )
+    if since is None or len(off) - since < 2:
+        return None
+    odd, rest = messages[since], Counter(off[since:]).most_common(1)[0][0]
+    what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
+    before = f"{since} messages fitted before" if since else "from the first message on"
+    text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
+    return Sign(0.95, (text, f"{what}; {before}"), "to-plc", _at(odd), wanted.instance or None)
+
+
+def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    wanted = _ready(line, receiver, AD_HOC)
+    messages = judged_messages(line)
+    if wanted is None or len(messages) < FEW:
+        return None
+    split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
+    if len(split) < 2 or len(split) * 8 < len(messages):
+        return None
+    sizes = sizes_of(messages)
+    sure = 0.94 if sizes.share > 0.7 or sizes.usual == wanted.need else 0.8
+    pause = sorted(one.pause_ns for one in split)[len(split) // 2]
+    pieces = max(one.pieces for one in split)
+    text = (
+        f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
+    )
+    more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
+    name = wanted.instance
+    mend = Mend(
+        f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
+        f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
+    )  # fmt: skip
+    size = Mend(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
+    cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
+    offer = RemedyOffer(mend=(mend, size) if name else (), cured=cured)
+    return Sign(sure, (text, more), "to-plc", _at(split[0]), name or None, **offer)
+
+
+def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _ready(line, receiver, STATIC) is not None:
+        return None
+    known = _ready(line, receiver, AD_HOC)
+    if (receiver is not None and known is None) or is_session(line):
+        return None
+    writes = line.to_plc.writes
+    counted = Counter(write.size for write in writes)
+    base, often = min(
+        counted.most_common(3), key=lambda one: one[0] if one[1] * 5 >= len(writes) else 1 << 30
+    )
+    several = {size: n for size, n in counted.items() if size > base and size % base == 0}
+    amount, others = sum(several.values()), len(writes) - often - sum(several.values())
+    share = amount / len(writes)
+    sure = 0.92 if known is not None else 0.7
+    if known is not None and known.type is not None and base % known.need == 0 and base > known.need:
+        base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
+        several = counted
+    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _recurs(line, beat):
+        several = {size: n for size, n in counted.items() if size > beat}
+        base, often, amount, share, others = beat, 0, sum(several.values()), 1.0, 0
+    elif known is not None and not several and _recurs(line, base):
+        return _merged_in_a_scan(writes, known, base)
+    elif base < 4 or often < 2 or amount < FEW or share < 0.08 or others * 8 > len(writes):
+        return None
+    if known is None and often and not _begins_alike(line, base):
+        return None
+    most = max(several) // base
+    at = next(write for write in writes if write.size in several)
+    text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
+    name = known.instance if known is not None else ""
+    mend, cured = _one_a_job(known, base)
+    return Sign(sure, (text,), "to-plc", at, name or None, mend, is_remark=known is None, cured=cured)
+
+
+def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Sign | None:
+    """Return that messages of one size come so soon after each other that a scan finds several."""
+    soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
+    if len(soon) < FEW or len(soon) * 5 < len(writes):
+        return None
+    ms = receiver.interval_ns / 1e6
+    text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
+    mend, cured = _one_a_job(receiver, base)
+    return Sign(0.85, (text,), "to-plc", soon[0], receiver.instance or None, mend, cured=cured)
+
+
+def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Mend, ...], Receiver | None]:
+    """Return what lets a job take one message, and the receiver as it is then."""
+    if receiver is None or not receiver.instance:
+        return (), None
+    text = f"receive static with LEN {base}: a job then takes one message"
+    cured = receiver._replace(adhoc=False, need=base)
+    return (Mend(text, f"set {receiver.instance} ADHOC=0 LEN={base}", None),), cured
+
+
+def is_session(line: LineFacts) -> bool:
+    """Return whether bytes to the PLC are TLS, or ISO-on-TCP."""
+    begins = bytes(line.to_plc.content[:3])
+    return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
+
+
+def _recurs(line: LineFacts, beat: int) -> bool:
+    """Return whether each piece of `beat` bytes begins as all others do, and they do not all say the same."""
+    content = line.to_plc.content
+    parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
+    if len(parts) < 2 * FEW or any(write.size % beat for write in line.to_plc.writes):
+        return False
+    fixed = [n for n in range(beat) if len({part[n] for part in parts}) == 1]
+    return len(fixed) < beat and fixed[:1] == [0] and any(parts[0][n] for n in fixed)
+
+
+def _begins_alike(line: LineFacts, base: int) -> bool:
+    """Return whether a segment with several messages looks like several: bytes that never change recur."""
+    content = line.to_plc.content
+    single = [
+        content[w.at : w.at + base]
+        for w in line.to_plc.writes
+        if w.size == base and w.at + base <= len(content)
+    ]
+    inner = [
+        content[w.at + n * base : w.at + (n + 1) * base]
+        for w in line.to_plc.writes
+        if w.size > base and w.size % base == 0 and w.at + w.size <= len(content)
+        for n in range(1, w.size // base)
+    ]
+    if not single or not inner:
+        return False
+    fixed = [n for n in range(base) if len({part[n] for part in single}) == 1]
+    return bool(fixed) and all(
+        sum(part[n] == single[0][n] for n in fixed) * 10 >= 9 * len(fixed) for part in inner
+    )
+
+
+def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    wanted = _ready(line, receiver, DATAGRAM)
+    if wanted is None:
+        return None
+    large = [one for one in line.to_plc.writes if one.size > wanted.need]
+    if not large:
+        return None
+    most = max(one.size for one in large)
+    of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
+    text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
+    return Sign(0.95, (text,), "to-plc", large[0], wanted.instance or None, **_with_len(wanted, most))
+
+
+def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+    if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW:
+        return None
+    content = bytes(line.to_plc.content)
+    messages = [
+        content[one.at : one.at + one.size] for one in line.messages if one.at + one.size <= len(content)
+    ]
+    for mark, place, fits in (
+        (receiver.marks[0], "prefix", bytes.startswith), (receiver.marks[1], "suffix", bytes.endswith),
+    ):  # fmt: skip
+        hits = sum(fits(one, mark) for one in messages) if mark else len(messages)
+        if messages and hits * 2 < len(messages) and content.count(mark) * 2 < len(messages):
+            shown = mark.hex(" ").upper()
+            seen = Counter(one[: len(mark)] if place == "prefix" else one[-len(mark) :] for one in messages)
+            usual, often = seen.most_common(1)[0]
+            texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
+            if often * 2 > len(messages):
+                texts.append(f"{often} have {usual.hex(' ').upper()} there")
+            return Sign(0.9, tuple(texts), "to-plc", _at(line.messages[0]), receiver.instance or None)
+    return None
+
+
+# -- what the bytes mean -------------------------------------------------------------------------------------
+
+
+def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
+    """Return messages as they came, or frames of the stream where those end with messages."""
+    content, need = bytes(line.to_plc.content), receiver.need
+    found = judged_messages(line) or line.messages
+    sizes = sizes_of(found)
+    if line.protocol == "tcp" and not receiver.adhoc and _is_right(line, need):
+        start = _start(line) if line.has_begin else found[0].at
+        parts = [content[at : at + need] for at in range(start, len(content) - need + 1, need)]
+    else:
+        parts = [
+            content[m.at : m.at + m.size]
+            for m in found
+            if m.size == sizes.usual and m.at + m.size <= len(content)
+        ]
+        if sizes.share < 0.6:
+            return []
+    step = max(len(parts) // MOST_FRAMES, 1)
+    return parts[::step][-MOST_FRAMES:]
+
+
+_READ: Final[dict[tuple[object, ...], tuple[str, Sign] | None]] = {}
+MOST_READ: Final = 256
+
+
+def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | None:
+    """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
+    if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
+        return None
+    if receiver.is_whole or is_session(line) or line.to_plc.cut:
+        return None
+    frames = _frames(line, receiver)
+    if len(frames) < 2 or len(frames[0]) > 4096:
+        return None
+    key = (receiver.instance, receiver.need, receiver.type, receiver.rules, tuple(frames))
+    if key not in _READ:
+        if len(_READ) >= MOST_READ:
+            _READ.clear()
+        _READ[key] = _read(frames, receiver)
+    found = _READ[key]
+    return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
+
+
+def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
+    from trcvtui.udt.compare.fit import MOST_LEAVES, fit
+    from trcvtui.udt.compare.likelihood import has_length_field
+
+    rules, type_ = receiver.rules, receiver.type
+    if type_ is None or rules is None:
+        return None
+    extra = len(frames[0]) - receiver.need
+    if MOST_OF_FIT < extra <= LONGEST_HEADER:
+        fitted = [fit(type_, [one[at:][: receiver.need] for one in frames], own=rules) for at in (extra, 0)]
+        after, before = (
+            max((one.members for one in found if not one.cause.kind), default=0.0) for found in fitted
+        )
+        if after > max(before, 0.0) + 2 * CLEAR:
+            text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
+            mend = Mend(f"declare the {extra} bytes before the members, or let the partner leave them out")
+            return "header", Sign(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
+    fits = fit(type_, frames, receiver.type_name, own=rules)
+    own = next(
+        (
+            one
+            for one in fits
+            if not one.cause.kind
+            and any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
+        ),
+        None,
+    )
+    best = fits[0] if fits else None
+    if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
+        return None
+    ahead = best.score - own.score if own is not None else 40.0
+    is_own_size = own is not None and own.layout.size == len(frames[0])
+    is_clear = best.fits_best or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
+    if ahead < CLEAR or (is_own_size and not is_clear):
+        return None
+    kind, name = best.cause.kind, receiver.data
+    order = best.layout.rules.byte_order
+    ours = "none" if own is None else f"{own.score:+.1f}"
+    said = (
+        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
+    )
+    texts = (said, *(reason.text for reason in best.reasons[:2]))
+    sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
+    if kind in ("header", "trailer"):
+        if not _has_numbers(best.layout, MOST_LEAVES) and not has_length_field(
+            best.cause, frames, receiver.need
+        ):
+            return None  # bytes alone read as well wherever they begin
+        side = "before" if kind == "header" else "after"
+        mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
+        return "header", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+    if kind in ("word-swap", "byte-swap"):
+        mend = Mend("swap what the partner swaps: words or bytes of each number")
+        return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+    if kind is not None:
+        return None
+    if best.layout.size != receiver.need or order == rules.byte_order:
+        mends = _as_partner(f"the partner packs as {best.profile}", best.profile, rules, name)
+        return "padding", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
+    mends = _as_partner(f"the partner's numbers are {order}-endian", best.profile, rules, name)
+    return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
+
+
+def _has_numbers(layout: Layout, most: int) -> bool:
+    return any(leaf.size > 1 for leaf in layout.leaves(0, most))
+
+
+def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Mend, ...]:
+    """Return what lets DATA lie as the partner sends: a remedy for each thing that is otherwise."""
+    ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
+    theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
+    other = [f"{key}={has}" for (key, had), has in theirs if has != had]
+    if not (data and other):
+        return (Mend(text),)
+    return tuple(
+        [Mend(text if not n else f"with it {one}", None, f"data.{data}.{one}") for n, one in enumerate(other)]
+    )
+
+
+def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
+    def judge(line: LineFacts, receiver: Receiver | None) -> Sign | None:
+        found = _reading(line, receiver)
+        return found[1] if found is not None and found[0] == cause else None
+
+    return judge
+
+
+def _at(message: LineMessage) -> SaidBytes:
+    return SaidBytes(message.ns, message.at, message.size, message.packet)
+
+
+_MEANT: Final = ("header", "padding")
+_OTHER: Final = ("wrong-tsap", "tls-refused")
+FRAME_JUDGES: Final = (
+    FrameRule("header", _means("header"), _OTHER),
+    FrameRule("padding", _means("padding"), _OTHER),
+    FrameRule("byte-order", _means("byte-order"), _OTHER),
+    FrameRule("frame-short", _frame_short, _OTHER, _MEANT),
+    FrameRule("frame-long", _frame_long, (*_OTHER, "merged"), _MEANT),
+    FrameRule("adhoc-missing", _adhoc_missing, (*_OTHER, *_MEANT, "shifted")),
+    FrameRule("shifted", _shifted, _OTHER),
+    FrameRule("adhoc-splits", _adhoc_splits, (*_OTHER, "frame-long")),
+    FrameRule("merged", _merged, (*_OTHER, "closes-each-message"), ("flood",)),
+    FrameRule("datagram-size", _datagram_size),
+    FrameRule("framing", _framing, (), ("line-errors",)),
+)

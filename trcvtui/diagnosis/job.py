@@ -1,0 +1,313 @@
+"""What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
+
+Each rule takes the evidence and answers one sentence, or "" where it does not apply. After DO comes what
+to do about it; a rule that proves nothing by itself answers that alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.blocks.table import block_row
+from trcvtui.commands.snapshots import PeerSnapshot
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.history.records import Drop, Facts
+from trcvtui.net.connection.description import selector_text
+from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.net.layer import TlsError
+from trcvtui.wording import age, count
+
+Tell = Callable[[Evidence], str]
+DO: Final = "\n"
+
+GONE: Final = " (gone)"
+
+
+# -- sending ----------------------------------------------------------------------------------------------
+
+
+def how_far(e: Evidence) -> str:
+    """Return how much of a send job the local stack has taken, and what is on the way."""
+    text = f"the local stack has taken {e.have} of {count(e.need, 'byte')}"
+    if e.is_past:
+        return text
+    if e.have < e.need and e.quiet_ns is not None:
+        text += f", none in the last {age(e.quiet_ns)}"
+    return text + _on_the_way(e)
+
+
+def _on_the_way(e: Evidence) -> str:
+    waiting = e.link.unacknowledged if e.link is not None else None
+    return f"; {count(waiting, 'byte')} not acknowledged by the partner" if waiting else ""
+
+
+def does_not_read(e: Evidence) -> str:
+    """Bytes of ours stay unacknowledged, or the stack takes no more: the partner does not read."""
+    if e.is_past:
+        return ""
+    waiting = e.link.unacknowledged if e.link is not None else None
+    stuck = e.condition == "send buffer full" or e.have < e.need
+    if not stuck:
+        return ""
+    who = e.link.remote if e.link is not None and e.link.remote else "the partner"
+    held = f"{count(waiting, 'byte')} of ours are not acknowledged, " if waiting else ""
+    return f"{held}the window is closed: {who} does not read; its receive call is off, or slower than REQ"
+
+
+def stalled_peer(e: Evidence) -> str:
+    """The partner is a peer of this bench that was told not to read."""
+    peer = partner(e)
+    if peer is None or not peer.stalled:
+        return ""
+    return f"{peer.name} was told to stop reading{DO}`peer {peer.name} resume`"
+
+
+def partner(e: Evidence) -> PeerSnapshot | None:
+    """Return the peer of this bench at the other end of the connection."""
+    if e.link is None or e.link.state != "connected":
+        return None
+    ends = e.link.remote, e.link.local
+    return next((p for p in e.peers if p.state == "connected" and (p.local, p.remote) == ends), None)
+
+
+# -- who holds the CONNECT --------------------------------------------------------------------------------
+
+
+def who_holds(e: Evidence) -> str:
+    """Another instance works on this CONNECT: which one, and how it lets go."""
+    sends = block_row(e.block).sends
+    owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
+    holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
+    holder = holder or e.cause.holder
+    if not holder:
+        return ""
+    side = "send" if sends else "receive"
+    connect = e.link.name if e.link is not None else e.config.name if e.config is not None else "this CONNECT"
+    if holder.endswith(GONE) or e.cause.is_orphan:
+        return (
+            f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
+            f"side of {connect}{DO}free it: CONT 0 then 1, or COM_RST"
+        )
+    cure = "wait for its DONE or ERROR" if sends else f"`set {holder} EN_R=0` frees it"
+    return f"{holder} holds the {side} side of {connect}{DO}{cure}; better give each a CONNECT of its own"
+
+
+# -- pins and parameters ----------------------------------------------------------------------------------
+
+
+def wrong_length(e: Evidence) -> str:
+    """LEN does not fit: which of the two limits, and what would."""
+    have, most = e.cause.have, e.cause.need
+    if have is None or most is None:
+        return ""
+    data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
+    if e.cause.value:
+        way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
+        return f"LEN is {e.cause.value}, {data}: {have - most} too many{DO}{way}, or enlarge DATA"
+    return f"LEN is 0 and {data}, {have - most} more than one job can have{DO}set LEN to at most {most}"
+
+
+def no_data(e: Evidence) -> str:
+    """DATA is open or empty."""
+    return f"the DATA pin is open{DO}give the instance a variable" if not e.data else f"{e.data} has no byte"
+
+
+def nobody_reads_here(e: Evidence) -> str:
+    """Connected, EN_R is 0, and the stream was left in the middle of a frame."""
+    is_off = e.cause.value == 0 if e.cause.pin == "EN_R" and e.is_past else e.pin("EN_R") == 0
+    if not is_off or e.condition != "connected":
+        return ""
+    drop = e.facts.drop
+    if drop is None:
+        return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
+    text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
+    return f"{text}; they were dropped, and the next frame {_begins(e.facts, drop)}"
+
+
+def _begins(facts: Facts, drop: Drop) -> str:
+    """Return with what the frame after a drop begins."""
+    if facts.drop_cuts is False:
+        return "begins with a message"
+    cure = f"{DO}pulse COM_RST before EN_R=1"
+    if facts.drop_cuts is None or facts.after_drop is None:
+        return f"may begin in the middle of a message{cure}"
+    byte, message = drop.end - facts.after_drop.offset, facts.after_drop.number
+    return f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}{cure}"
+
+
+def no_edge(e: Evidence) -> str:
+    """Connected, and REQ stays 1: that is no edge."""
+    if e.pin("REQ") != 1 or e.condition != "connected":
+        return ""
+    return f"REQ stays 1: a job starts with a rising edge only{DO}set REQ to 0 first"
+
+
+def cont_is_missing(e: Evidence) -> str:
+    """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
+    if e.pin("CONT") != 0 or e.condition != "no job":
+        return ""
+    keeps = f"`set {e.instance} CONT=1` to stay connected"
+    if e.cause.pin == "REQ":
+        first = f"REQ stays 1{DO}set it to 0 first, then " if e.pin("REQ") else DO
+        return f"{first}`pulse {e.instance} REQ` to connect, send and disconnect, or {keeps}"
+    if e.cause.pin == "EN_R":
+        return f"{DO}`set {e.instance} EN_R=1` to connect, receive and disconnect, or {keeps}"
+    asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
+    return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}{DO}`set {e.instance} CONT=1`"
+
+
+def not_called(e: Evidence) -> str:
+    """Nothing is called in STOP."""
+    if e.is_stopped:
+        return f"the PLC is in STOP, no block is called{DO}`plc run`"
+    return "" if e.is_past else f"no scan has called {e.instance} yet{DO}check whether its task runs"
+
+
+def limit(e: Evidence) -> str:
+    """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
+    length = e.pin("LEN")
+    if length == 0 or (length is None and e.need == e.data_size):
+        return f"LEN is 0 and DATA ({e.data}) has {count(e.data_size, 'byte')}"
+    return f"LEN is {e.need}"
+
+
+ISO_PORT: Final = 102
+MOST_BYTES: Final = 8
+
+
+def says(sentence: str) -> Tell:
+    """Return the rule that always answers this; {connect}, {peer} and {instance} are filled in.
+
+    Without a line break all of it is to be done; one that ends with a line break leaves nothing to do.
+    """
+    answer = sentence if DO in sentence else DO + sentence
+
+    def rule(e: Evidence) -> str:
+        return answer.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
+
+    return rule
+
+
+def _connect(e: Evidence) -> str:
+    return e.config.name if e.config is not None else "this CONNECT"
+
+
+def _peer(e: Evidence) -> str:
+    return e.cause.peer or (e.link.remote if e.link is not None else "") or "the partner"
+
+
+# -- the description -------------------------------------------------------------------------------------
+
+
+def where_the_flaw_is(e: Evidence) -> str:
+    """Return which bytes of the description hold the flaw."""
+    if e.config is None or e.config.description is None or e.config.flaw is None:
+        return ""
+    field = e.config.description.structure.field(e.config.flaw.field)
+    if field is None:
+        return ""
+    raw = e.config.description.data[field.offset : field.offset + field.size]
+    held = raw[:MOST_BYTES].hex(" ") + (" …" if len(raw) > MOST_BYTES else "")
+    structure = e.config.description.structure.name
+    return (
+        f"{structure}.{field.name} is byte {field.offset} of {e.config.name}, and holds {held or 'nothing'}"
+    )
+
+
+def press_c(e: Evidence) -> str:
+    """The screen shows the description byte for byte."""
+    if e.cause.call != "description" or e.config is None or e.config.description is None:
+        return ""
+    return f"{DO}press `C`: the description of {e.config.name} byte for byte, what is wrong with it first"
+
+
+def another_port(e: Evidence) -> str:
+    """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
+    config = e.config
+    if config is None:
+        return ""
+    says_iso = config.description is not None and meaning(config.description).protocol is Protocol.ISO
+    if config.local.port == ISO_PORT or says_iso:
+        return (
+            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks{DO}where it is taken, or not "
+            f"for every user: `IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too"
+        )
+    return f"LocalPort of {config.name} is {config.local.port}{DO}take a free one, 2000 to 5000"
+
+
+def ask_for_the_name(e: Evidence) -> str:
+    """Return how to ask for the partner's name outside of the bench."""
+    name = e.config.remote_name if e.config is not None else ""
+    if not name and e.config is not None and e.config.description is not None:
+        name = meaning(e.config.description).remote_name
+    return (
+        f"{DO}`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
+        if name
+        else ""
+    )
+
+
+# -- the partner -----------------------------------------------------------------------------------------
+
+
+def no_such_selector(e: Evidence) -> str:
+    """The partner took the call and refused its T-selector."""
+    if e.cause.call != "session" or e.config is None or e.config.description is None:
+        return ""
+    says_what = meaning(e.config.description)
+    if says_what.protocol is not Protocol.ISO:
+        return ""
+    ours = selector_text(says_what.local_tsap) or "none"
+    theirs = selector_text(says_what.remote_tsap) or "any"
+    return (
+        f"{_peer(e)} took the call and refused it{DO}make the selectors fit crosswise: its remote one has to "
+        f"be {ours} (our local one) and its local one {theirs} (our remote one)"
+    )
+
+
+def look_at_the_certificate(e: Evidence) -> str:
+    """Return how to look at what the partner shows."""
+    if e.config is None or not e.config.active or not e.cause.peer:
+        return ""
+    return f"{DO}`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
+
+
+def showed_no_certificate(e: Evidence) -> str:
+    """The partner showed no certificate, or one that will not do."""
+    if e.cause.error == TlsError.NO_CERTIFICATE:
+        return f"{_peer(e)} showed no certificate, and is asked for one{DO}set its own certificate there"
+    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
+
+
+# -- DATA and LEN ----------------------------------------------------------------------------------------
+
+
+def message_too_long(e: Evidence) -> str:
+    """A message comes whole or not at all: how much room it needs."""
+    have, need = e.cause.have, e.cause.need
+    if not have or not need:
+        return ""
+    return (
+        f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many, and it "
+        f"is lost{DO}give DATA and LEN at least {have}"
+    )
+
+
+def must_stay(e: Evidence) -> str:
+    """DATA or LEN changed while a job ran."""
+    pin = e.cause.pin or "DATA"
+    held = "until DONE or ERROR: change it while BUSY is 0"
+    if pin == "DATA":
+        return f"{DO}keep DATA as it is {held}, or fill a second variable and copy it before the edge"
+    return f"{DO}keep {pin} as it is {held}"
+
+
+def result_too_small(e: Evidence) -> str:
+    """RESULT cannot hold what is read."""
+    if e.cause.have is None or e.cause.need is None:
+        return ""
+    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis has {e.cause.need}"
+
+
+# What is more than the flaw itself, in the order of the conditions.

@@ -1,0 +1,291 @@
+"""What the set-up of a connection proves: who is waited for, since when, what answered, who was turned away.
+
+Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.commands.snapshots import PeerSnapshot
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.diagnosis.job import DO
+from trcvtui.history.records import NOT_BUILT, Failures
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.description import selector_text
+from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.wording import SECOND, age, count, duration, times
+
+ANY: Final = "0.0.0.0"
+MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
+
+# How an attempt failed -> what that proves, and after a line break what to do.
+FAILED: Final = {
+    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nothing listens on that port",
+    "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
+    "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
+    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router says no: wrong address, or it is off",
+    "connect ENETUNREACH": "no route leads to {peer}\nlook at LocalAddress, the mask and the gateway",
+    "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
+    "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}\nLocalPort 0 takes a free one",
+    "bind EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
+    "listen EADDRINUSE": "another program or CONNECT has {local}\n`ss -ltnp` names it",
+    "bind EACCES": "{local}: ports below 1024 are not for every user\ntake a larger LocalPort or IsoPort",
+    "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine\n`ip -br address` lists them",
+    "socket EMFILE": "the process has no descriptor left",
+}
+
+HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
+# What fails before the partner is called, or after it: in words, and no errno beside them.
+NO_CALL: Final = {
+    ("session", "ECONNREFUSED"): "taken and refused by the partner",
+    ("session", "ECONNRESET"): "taken and given up by the partner",
+}
+OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
+
+
+# -- what is waited for -----------------------------------------------------------------------------------
+
+
+def who_is_waited_for(e: Evidence) -> str:
+    """Return who a set-up waits for, since when, and how far it is; "" where nothing is known."""
+    if e.config is None:
+        return ""
+    return _not_built(e) or (_caller(e) if not e.config.active else _called(e))
+
+
+def _since(e: Evidence) -> str:
+    since = e.facts.down_since
+    return f" since scan {since.scan}, {age(e.age_of(since))}" if since is not None else ""
+
+
+def _caller(e: Evidence) -> str:
+    """Return what a passive CONNECT waits for."""
+    assert e.config is not None
+    anyone = e.config.remote_address == ANY
+    if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
+        return "the UDP port is being set up; no partner is needed for that"
+    who = "any partner" if anyone else f"a call from {e.config.remote_address}"
+    named = remote_tsap(e.config)
+    if named:
+        who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
+    local = e.link.local if e.link is not None else e.cause.local
+    if e.link is not None and e.link.retry_in_ns is not None:
+        return f"cannot listen{_since(e)}{_again(e)}"
+    where = f", listening on {local}" if local else ", not listening yet"
+    return f"waiting for {who}{_since(e)}{where}"
+
+
+def _again(e: Evidence) -> str:
+    assert e.link is not None
+    return f"; the next attempt in {age(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
+
+
+def _not_built(e: Evidence) -> str:
+    """Return why there is no endpoint at all: the description, or its ID, is not taken."""
+    attempt = e.facts.attempt
+    if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
+        return ""
+    detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
+    press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
+    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{press}{detail}{_again(e)}"
+
+
+def remote_tsap(config: ConnectConfig) -> str:
+    """Return the T-selector that the partner has to have, "" where there is none or any will do."""
+    if config.description is None or meaning(config.description).protocol is not Protocol.ISO:
+        return ""
+    return selector_text(meaning(config.description).remote_tsap)
+
+
+def _called(e: Evidence) -> str:
+    """Return what an active CONNECT waits for."""
+    assert e.config is not None
+    end = (
+        (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
+    )
+    text = f"waiting for {end}{_since(e)}"
+    newest = sorted(e.facts.failures, key=lambda failed: failed.last.scan)[-MOST_FAILURES:]
+    for failed in newest:
+        text += f"; {_times_failed(failed)}"
+    if len(newest) < len(e.facts.failures):
+        text += f"; {count(len(e.facts.failures) - len(newest), 'other failure')} before"
+    if e.link is None:
+        return text
+    if e.link.retry_in_ns is not None:
+        tried = "" if e.facts.failures else f"{count(e.link.attempts, 'attempt')} so far, "
+        return f"{text}; {tried}the next {'attempt ' if not tried else ''}in {age(e.link.retry_in_ns)}"
+    return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
+
+
+def _times_failed(failed: Failures) -> str:
+    call, errno = failed.call, failed.error
+    word = NO_CALL.get((call, errno))
+    if word and not failed.injected:
+        return f"{word} {times(failed.count)} (last in scan {failed.last.scan})"
+    word = OTHER.get(call) or HOW.get(errno, f"{call} failed")
+    injected = ", injected" if failed.injected else ""
+    return f"{word} {times(failed.count)} ({errno}{injected}, last in scan {failed.last.scan})"
+
+
+# -- what to look at --------------------------------------------------------------------------------------
+
+
+def injected(e: Evidence) -> str:
+    """The failure is one that was asked for."""
+    asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
+    return f"a fault that was injected here did that, not the network{DO}`fault clear`" if asked else ""
+
+
+def what_failed(e: Evidence) -> str:
+    """The newest failure of an attempt, in words."""
+    failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
+    newest = (failed.call, failed.error) if failed is not None else ("", "")
+    error = (e.cause.call, e.cause.error) if e.cause.call else newest
+    peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
+    local = e.config.local if e.config is not None else "the local port"
+    told = FAILED.get(" ".join(error), "").format(peer=peer, local=local)
+    if failed is None or newest != error or failed.count < 2 or not told:
+        return told
+    cause, mark, remedy = told.partition(DO)
+    return f"{cause} ({times(failed.count)}, last in scan {failed.last.scan}){mark}{remedy}"
+
+
+def unanswered(e: Evidence) -> str:
+    """An attempt is running, and none has failed yet."""
+    if e.config is None or not e.config.active or e.link is None or e.facts.failures:
+        return ""
+    if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
+        return ""
+    try_it = f"`nc -vz {e.link.remote.replace(':', ' ')}`"
+    return f"no answer from {e.link.remote} yet{DO}try {try_it} from this machine"
+
+
+def wrong_partner(e: Evidence) -> str:
+    """Somebody called who is not RemoteAddress."""
+    turned = e.facts.wrong_partner
+    if turned is None or e.config is None:
+        return ""
+    return (
+        f"{turned.peer} called {times(turned.count)} (last in scan {turned.last.scan}) and was turned away: "
+        f"RemoteAddress is {e.config.remote_address}"
+    )
+
+
+def second_client(e: Evidence) -> str:
+    """A client called while another one was connected."""
+    turned = e.facts.second_client
+    if turned is None:
+        return ""
+    return (
+        f"a second client, {turned.peer}, was turned away {times(turned.count)} (last in scan "
+        f"{turned.last.scan}): a CONNECT has one partner at a time"
+    )
+
+
+def let_go(e: Evidence) -> str:
+    """Somebody called, and was let go before he was a partner: his handshake, or another TSAP."""
+    dropped = e.facts.dropped
+    if dropped is None or e.config is None or e.config.active:
+        return ""
+    refused = next((p.name for p in e.peers if p.name in e.callers and p.state == "refused"), dropped.peer)
+    text = f"{refused} called and was refused in scan {dropped.at.scan}: {dropped.why}"
+    if e.config.description is None or meaning(e.config.description).protocol is not Protocol.ISO:
+        return text
+    ours = selector_text(meaning(e.config.description).local_tsap)
+    return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
+
+
+def peer_that_could_call(e: Evidence) -> str:
+    """A peer of this bench could be the partner, and does nothing."""
+    if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
+        return ""
+    if e.config.active:
+        return _peer_to_call(e)
+    callers = [peer for peer in e.peers if peer.name in e.callers]
+    if e.peers and not any(peer.active for peer in e.peers):
+        names = " and ".join(peer.name for peer in e.peers[:3])
+        return f"{e.config.name} and {names} are all passive{DO}make exactly one of two ends active"
+    busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
+    waiting = [peer for peer in callers if peer.state not in busy]
+    return _call(waiting[0]) if waiting else ""
+
+
+def _call(peer: PeerSnapshot) -> str:
+    return f"{peer.name} is active and {peer.state}{DO}`peer {peer.name} connect` lets it call"
+
+
+def _peer_to_call(e: Evidence) -> str:
+    port = e.config.remote_port if e.config is not None else 0
+    peer = next((p for p in e.peers if port == f"@{p.name}"), None)
+    if peer is None or peer.state in ("listening", "connected"):
+        return ""
+    return f"{peer.name} is {peer.state} and does not listen{DO}`peer {peer.name} listen`"
+
+
+def lost_before(e: Evidence) -> str:
+    """A connection stood before, and ended."""
+    loss = e.facts.loss
+    if loss is None or e.facts.up_since is not None:
+        return ""
+    error = f" ({loss.error}{', injected' if loss.injected else ''})" if loss.error else ""
+    lived = f" after {age(loss.up_ns)}" if loss.up_ns is not None else ""
+    often = f"; lost {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
+    return f"the connection with {loss.peer} ended in scan {loss.at.scan}{lived}: {loss.what}{error}{often}"
+
+
+def asked_too_early(e: Evidence) -> str:
+    """EN_R or REQ came before the connection."""
+    pin = e.cause.pin
+    since = e.facts.down_since
+    if not pin:
+        return ""
+    wait = f" since scan {since.scan} ({age(e.age_of(since))})" if since is not None else ""
+    text = f"{pin} came while the connection was still being built{wait}"
+    advice = "set it" if pin == "EN_R" else "repeat the edge"
+    return f"{text}{DO}{advice} when STATUS says connected"
+
+
+def no_connection_left(e: Evidence) -> str:
+    """The PLC's connections are all in use."""
+    used, most = e.budget
+    if e.cause.call != "budget":
+        return ""
+    return f"{used} of {count(most, 'connection')} are in use{DO}close one, or take a larger model"
+
+
+def dead_link(e: Evidence) -> str:
+    """Nobody acknowledged, as long as the keep-alive waits."""
+    if e.config is None:
+        return ""
+    limit = duration(3 * e.config.keep_alive_s * SECOND)
+    lived = e.facts.loss.up_ns if e.facts.loss is not None else None
+    stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
+    return (
+        f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
+        f"{e.config.keep_alive_s} s){stood}{DO}look at cable, switch and its power, not at its program"
+    )
+
+
+def ended_by_partner(e: Evidence) -> str:
+    """The partner closed or reset: in mid frame, and how often."""
+    cause, loss = e.cause, e.facts.loss
+    how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
+    text = f"{cause.peer or 'the partner'} {how}"
+    if cause.need:
+        text += f" with {cause.have} of {count(cause.need, 'byte')} of the job done"
+    if loss is not None and loss.up_ns is not None:
+        text += f", {age(loss.up_ns)} after it had connected"
+    often = f"; {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
+    return text + often
+
+
+def closed_after_its_message(e: Evidence) -> str:
+    """The partner had sent whole messages, and the frame wanted more."""
+    size, have, need = e.facts.messages.only, e.cause.have, e.cause.need
+    if not size or not have or not need or have % size or size >= need:
+        return ""
+    return (
+        f"it had sent whole messages: each has {count(size, 'byte')}, the frame wants {need}: "
+        f"{count(need - have, 'byte')} short"
+    )

@@ -1,0 +1,341 @@
+"""A project before its first scan: what its instances expect, and the causes that can be told already."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from ipaddress import ip_address
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.blocks.pins import PinValue
+from trcvtui.blocks.table import block_row
+from trcvtui.commands import words
+from trcvtui.commands.peer import read_routines
+from trcvtui.commands.table import parse_script
+from trcvtui.diagnosis.cause_words import TOLD
+from trcvtui.diagnosis.causes import LineFinding, weighed
+from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
+from trcvtui.diagnosis.line_facts import LineFacts, SaidBytes, line_of_writes
+from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
+from trcvtui.net.results import ANY_ADDRESS, octets
+from trcvtui.project.project import SERIAL
+from trcvtui.records import NamedTuple, replace
+from trcvtui.udt.types import Struct
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import InstanceDecl, PeerDecl, Project
+
+Pins = dict[str, PinValue]
+HeldPins = frozenset[tuple[str, str]]  # instance and input
+NO_PINS: Final[HeldPins] = frozenset()
+SAMPLES: Final = 8  # messages of a peer that are judged
+LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
+
+
+# -- what instances expect -----------------------------------------------------------------------------------
+
+
+def receivers_of(
+    project: Project, held: HeldPins = NO_PINS, pins: Mapping[str, Pins] | None = None
+) -> tuple[Receiver, ...]:
+    """Return what receives from a network in a project, `start` and `program` included.
+
+    `held`: inputs that no command changes. `pins`: the inputs of each instance now, where it runs.
+    """
+    project, bytes_of = _as_started(project, held, pins)
+    found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
+    if len(found) == 1:
+        found = [found[0]._replace(is_only=True)]
+    found = [_with_marks(project, each, bytes_of) for each in found]
+    return (*found, *_on_lines(project, bytes_of))
+
+
+def _as_started(
+    project: Project, held: HeldPins = NO_PINS, now: Mapping[str, Pins] | None = None
+) -> tuple[Project, dict[str, bytes]]:
+    steps = [
+        step
+        for text, place in ((project.start, "start"), (project.program, "program"))
+        for step in parse_script(text, project, f"{project.path}: {place}")
+    ]
+    pins: dict[str, Pins] = {}
+    written: dict[str, bytes] = {}
+    for step in steps:
+        if isinstance(step.command, words.Set):
+            known = pins.setdefault(step.command.instance, {})
+            for pin, value in step.command.pins:
+                if (step.command.instance, pin) not in held:
+                    known.setdefault(pin, True if value == "blink" else value)
+        elif isinstance(step.command, words.Write) and not step.command.offset:
+            written[step.command.data] = step.command.payload
+    instances = tuple(
+        [
+            replace(each, inputs=tuple({**dict(each.inputs), **(now or pins).get(each.name, {})}.items()))
+            for each in project.instances
+        ]
+    )
+    return replace(project, instances=instances), written
+
+
+def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
+    inputs = dict(decl.inputs)
+    config, udp = project.connect(decl.connect), project.udp_config(decl.connect)
+    data = project.data_decl(decl.data) if decl.data else None
+    asked = inputs.get("LEN")
+    length = asked if isinstance(asked, int) and not isinstance(asked, bool) else 0
+    size = data.size if data is not None else 0
+    has_adhoc = any(pin.name == "ADHOC" for pin in project.pins(decl.block))
+    is_adhoc = bool(inputs.get("ADHOC")) if has_adhoc else length in project.rules.area.adhoc_lens
+    task = project.task(decl.task)
+    is_datagram = udp is not None or (config is not None and config.is_datagram)
+    remote = config.remote_port if config is not None else 0
+    local = config.local if config is not None else udp.local if udp is not None else ANY_END
+    rules = project.rules
+    known = rules.status.keys() | rules.status_of.get(decl.block, {}).keys()
+    return Receiver(
+        decl.name,
+        decl.connect,
+        size if is_adhoc and not has_adhoc else min(length or size, size),
+        is_adhoc,
+        is_datagram,
+        config is not None and config.is_message_oriented and not config.is_datagram,
+        task.interval_ns if task is not None else 0,
+        config is not None and config.active,
+        local.port,
+        remote if isinstance(remote, int) else 0,
+        data=data.name if data is not None else "",
+        type_name=data.type_name if data is not None else "",
+        type=data.type if data is not None else None,
+        rules=None if data is None else data.choice.rules(project.layout),
+        room=size,
+        own_address=_host(local.address),
+        partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
+        words={one: rules.word(decl.block, one) for one in TOLD if one in known},
+    )
+
+
+def _host(address: str) -> bytes:
+    """Return the four bytes of an address, b"" where it is any, or a name."""
+    found = None if address == ANY_ADDRESS else octets(address)
+    return b"" if found is None else bytes(found)
+
+
+def _with_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) -> Receiver:
+    fed = {each.name for each in project.combuffers if each.source == receiver.instance}
+    for decl in project.instances:
+        if decl.connect in fed and block_row(decl.block).mark_lengths:
+            return receiver._replace(marks=_marks(decl, written), need=0, type=None)
+    return receiver
+
+
+def _on_lines(project: Project, written: dict[str, bytes]) -> Iterator[Receiver]:
+    lines = {each.name for each in project.combuffers if each.source == SERIAL}
+    for decl in project.instances:
+        if decl.connect in lines and block_row(decl.block).mark_lengths:
+            yield Receiver(decl.name, decl.connect, 0, is_serial=True, marks=_marks(decl, written))
+
+
+def _marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, bytes]:
+    inputs, marks = dict(decl.inputs), [b"", b""]
+    for number, pin in enumerate(block_row(decl.block).mark_lengths[:2]):
+        length = inputs.get(pin, 0)
+        pointer = decl.pointers[number] if number < len(decl.pointers) else ""
+        marks[number] = written.get(pointer, b"")[: length if isinstance(length, int) else 0]
+    return marks[0], marks[1]
+
+
+# -- the rows ------------------------------------------------------------------------------------------------
+
+
+class LintRule(NamedTuple):
+    """One row: the cause, and what is said of each place where it stands."""
+
+    cause: str
+    judge: Callable[[Project], Iterator[Sign]]
+
+
+def lint(project: Project, pins: Mapping[str, Pins] | None = None) -> tuple[LineFinding, ...]:
+    """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
+    started = replace(_as_started(project, now=pins)[0], start="", program="")
+    found = [
+        LineFinding(rule.cause, said.confidence, said, said.mend)
+        for rule in LINT_RULES
+        for said in rule.judge(started)
+    ]
+    found += _of_samples(project, pins)
+    return tuple(sorted(found, key=lambda one: -one.confidence))
+
+
+def _limits(project: Project) -> Iterator[Sign]:
+    used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
+    if len(used) > project.connection_limit:
+        text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
+        yield Sign(0.95, (text,), mend=(Mend("fewer CONNECTs, or a model with more connections"),))
+    priorities = {task.name: task.priority for task in project.tasks}
+    for decl in project.instances:
+        inputs = dict(decl.inputs)
+        length = inputs.get("LEN")
+        data = project.data_decl(decl.data) if decl.data else None
+        row = block_row(decl.block)
+        most = project.rules.max_datagram if row.speaks_udp else project.rules.max_len
+        if not isinstance(length, int) or isinstance(length, bool) or not row.moves_bytes:
+            continue
+        if data is not None and length > data.size and length not in project.rules.area.adhoc_lens:
+            text = f"LEN of {decl.name} is {length}, DATA {data.name} has {data.size} bytes"
+            mend = Mend(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
+            yield Sign(0.95, (text,), instance=decl.name, mend=(mend,))
+        elif length > most:
+            text = f"LEN of {decl.name} is {length}, the most is {most}"
+            yield Sign(0.95, (text,), instance=decl.name, mend=(Mend(f"LEN {most} or less"),))
+    for connect in project.connects:
+        on = [each for each in project.instances if each.connect == connect.name]
+        if len({priorities.get(each.task) for each in on}) > 1:
+            names = ", ".join(each.name for each in on)
+            text = f"{names} work on {connect.name} from tasks of different priority"
+            yield Sign(0.85, (text,), mend=(Mend("call all blocks of a CONNECT from one task"),))
+
+
+def _address(project: Project) -> Iterator[Sign]:
+    listens = Counter(
+        (each.local.address, each.local.port)
+        for each in project.connects
+        if not each.active and each.local.port and not each.is_datagram
+    )
+    for (address, port), times in listens.items():
+        names = [
+            each.name
+            for each in project.connects
+            if not each.active and (each.local.address, each.local.port) == (address, port)
+        ]
+        if times > 1:
+            text = f"{', '.join(names)} listen on the same end {address}:{port}"
+            yield Sign(0.85, (text,), mend=(Mend("give each passive CONNECT a LocalPort of its own"),))
+    for connect in project.connects:
+        if connect.is_datagram or connect.description is not None:
+            continue
+        if connect.active and connect.remote_port == 0:
+            text = f"{connect.name} is active and has no RemotePort"
+            yield Sign(0.95, (text,), mend=(Mend("set the RemotePort on which the partner listens"),))
+        yield from _of_peers(project, connect)
+
+
+def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
+    calls = {f"@{connect.name}"}
+    peers = [each for each in project.peers if not each.udp]
+    if connect.active and isinstance(connect.remote_port, str):
+        wanted = project.peer(connect.remote_port[1:])
+        if wanted is not None and wanted.active:
+            text = f"{connect.name} and {wanted.name} are both active: nobody listens"
+            yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
+    elif connect.active and any(each.active and each.end in calls for each in peers):
+        name = next(each.name for each in peers if each.active and each.end in calls)
+        text = f"{connect.name} and {name} are both active: nobody listens"
+        yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
+    elif (
+        not connect.active
+        and connect.remote_port
+        and len(project.connects) == 1
+        and peers
+        and not any(each.active for each in peers)
+    ):
+        text = f"{connect.name} and {peers[0].name} are both passive: nobody calls"
+        yield Sign(0.9, (text,), mend=(Mend("make one of them active"),))
+    for name, text in (("LocalAddress", connect.local.address), ("RemoteAddress", connect.remote_address)):
+        try:
+            ip_address(text)
+        except ValueError:
+            if not connect.remote_name or name == "LocalAddress":
+                yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Mend("four numbers"),))
+
+
+def _keep_alive(project: Project) -> Iterator[Sign]:
+    for connect in project.connects:
+        asked = connect.keep_alive_interval_s
+        if asked > LONG_KEEP_ALIVE_S:
+            text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
+            more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
+            yield Sign(0.7, (text, *more), mend=(Mend("0, which is 10 s, or some minutes at most"),))
+
+
+def _adhoc_fixed(project: Project) -> Iterator[Sign]:
+    for receiver in receivers_of(project):
+        is_stream = not receiver.is_datagram and not receiver.is_whole
+        if receiver.adhoc and isinstance(receiver.type, Struct) and is_stream:
+            text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
+            more = "a message that comes in two pieces makes two jobs"
+            name = receiver.instance
+            mend = Mend("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
+            yield Sign(0.6, (text, more), instance=name, mend=(mend,))
+
+
+def _short_len(project: Project) -> Iterator[Sign]:
+    for receiver in receivers_of(project):
+        data = project.data_decl(receiver.data) if receiver.data else None
+        if data is None or receiver.adhoc or not isinstance(receiver.type, Struct) or not receiver.need:
+            continue
+        if receiver.need < data.size and not receiver.is_datagram:
+            text = (
+                f"{receiver.instance} takes {receiver.need} bytes of {data.type_name}, which has {data.size}"
+            )
+            name = receiver.instance
+            mend = Mend("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
+            yield Sign(0.6, (text,), instance=name, mend=(mend,))
+
+
+LINT_RULES: Final = (
+    LintRule("limits", _limits),
+    LintRule("address", _address),
+    LintRule("no-keep-alive", _keep_alive),
+    LintRule("adhoc-splits", _adhoc_fixed),
+    LintRule("frame-long", _short_len),
+)
+
+
+# -- the partner's sample bytes ------------------------------------------------------------------------------
+
+
+def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[LineFinding]:
+    routines = read_routines(project)
+    for receiver in receivers_of(project, pins=pins):
+        peer = _peer_of(project, receiver)
+        routine = routines.get(peer.name) if peer is not None else None
+        if peer is None or routine is None or not routine.says or receiver.is_whole:
+            continue
+        writes: list[SaidBytes] = []
+        content, now = bytearray(), 0
+        for number in range(max(SAMPLES, len(routine.says))):
+            send = routine.says[number % len(routine.says)]
+            rest, at = send.payload, now
+            for size, gap in zip((*send.split, 0), (*(send.gaps_ns or [send.gap_ns] * 64), 0), strict=False):
+                part = rest[:size] if size else rest
+                if part:
+                    writes.append(SaidBytes(at, len(content), len(part), 0))
+                content += part
+                rest = rest[size:] if size else b""
+                at += gap
+            now = max(at, now) + max(routine.every_ns, 1_000_000_000)
+        line = line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
+
+        def judge(one: Receiver, line: LineFacts = line) -> dict[str, Sign]:
+            told = {row.cause: row.judge(line, one) for row in FRAME_JUDGES}
+            return {cause: said for cause, said in told.items() if said is not None and not said.is_remark}
+
+        for found in weighed(judge(receiver), FRAME_JUDGES, judge):
+            evidence = (f"{peer.name} says:", *found.said.evidence)
+            yield found._replace(said=found.said._replace(at=None, evidence=evidence))
+
+
+def _peer_of(project: Project, receiver: Receiver) -> PeerDecl | None:
+    connect = project.connect(receiver.connect)
+    for peer in project.peers:
+        if peer.end == f"@{receiver.connect}":
+            return peer
+        if connect is not None and connect.remote_port == f"@{peer.name}":
+            return peer
+        if connect is not None and not isinstance(peer.end, str):
+            port = connect.remote_port if connect.active else connect.local.port
+            if port and peer.end.port == port and peer.active != connect.active:
+                return peer
+    return None

@@ -1,0 +1,395 @@
+"""Recorded bytes to proposals how to cut them into frames, each tried with the real framer; pure and bounded.
+
+`advise(recording)` answers `FramingAdvice`: `.proposals`, the best first, and `.said`.
+`command.lines_for` has the bench lines that set an instance so. It takes some 10 ms, of long recordings 50 or
+more: the screen calls it in its own process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Final
+
+from trcvtui.blocks.framing import Framing
+from trcvtui.blocks.serial.com_buffer import LineRecording
+from trcvtui.diagnosis.readings.marks import (
+    FEW,
+    LONGEST_FRAME,
+    USUAL_WIDTHS,
+    Bursts,
+    bursts_of,
+    common_start,
+    fields_of,
+    marks_of,
+    places_of,
+    sizes_of,
+    splits_of,
+    stands_twice,
+    start_after_noise,
+    take_turns,
+    with_noise,
+)
+from trcvtui.diagnosis.readings.proposal import (
+    CutKind,
+    FramingAdvice,
+    Proposal,
+    doubt_of,
+    evidence_of,
+    instead_of,
+    shown,
+    title_of,
+)
+from trcvtui.diagnosis.readings.trial import (
+    KNOWN_ENDS,
+    KNOWN_STARTS,
+    TEXT,
+    Cut,
+    LengthField,
+    Placed,
+    Scale,
+    cut,
+    cut_by_length,
+    is_amid_lines,
+    joined,
+    scale_of,
+    weight,
+)
+from trcvtui.records import dataclass, replace
+from trcvtui.wording import count
+
+MILLISECOND: Final = 1_000_000
+WINDOWS: Final = (4096, 16_384)  # bytes that are tried: more, where fewer have too few frames
+ENOUGH_FRAMES: Final = 12
+LEAST_BYTES: Final = 8
+LEAST_FRAMES: Final = 3
+LEAST_BITS: Final = 16.0
+LEAST_SHARE: Final = 0.2  # of the best's weight
+LEAST_SHARE_OF_FRAMES: Final = 0.8
+LEAST_EXPLAINED: Final = 0.5
+MOST_GUESSES: Final = 48
+MOST_PROPOSALS: Final = 6
+MOST_FRAMES: Final = 200  # that are told
+MOST_TRIED: Final = 100  # of one trial
+MOST_SUFFIXES: Final = 8  # that are looked at for a prefix after noise
+MOST_HEADS: Final = 6  # of long suffixes, likewise
+GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
+MARKED: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """What is to be tried."""
+
+    kind: CutKind
+    framing: Framing
+    field: LengthField | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A guess with what came of it."""
+
+    guess: Guess
+    cut: Cut
+    bits: float
+
+
+def advise(recording: LineRecording) -> FramingAdvice:
+    """Return how the bytes of a recording may be cut into frames."""
+    total = recording.size
+    if total < LEAST_BYTES:
+        return FramingAdvice((), f"{count(total, 'byte')} recorded: too few to tell")
+    recording = _from_a_pause(recording)
+    best: list[Tried] = []
+    for most in WINDOWS:
+        window = recording.first(most)
+        best = _tried(window)
+        if (best and len(best[0].cut.good) >= ENOUGH_FRAMES) or window.size == recording.size:
+            break
+    if not best:
+        said = f"nothing fits: in {count(total, 'byte')} no mark, length, size or pause parts frames"
+        return FramingAdvice((), said)
+    proposals, ranks, clean = [], _ranks(best), None
+    plain = joined(recording)
+    for rank, each in zip(ranks, best, strict=True):
+        whole = _cut(recording, plain, each.guess, MOST_FRAMES)
+        clean = clean or (each.guess, whole)
+        proposals.append(_proposal(rank, each, whole, recording, clean))
+    return FramingAdvice(tuple(proposals), _said(recording, total))
+
+
+def _said(recording: LineRecording, total: int) -> str:
+    names = {"tcp": "a TCP stream", "serial": "a serial line", "sim": "a simulated line", "cable": "a cable"}
+    where = names.get(recording.source, recording.source)
+    return f"{count(total, 'byte')} in {count(len(recording.chunks), 'chunk')} of {where}"
+
+
+def _from_a_pause(recording: LineRecording) -> LineRecording:
+    """Return it from where a frame surely begins: what came before is not kept any more."""
+    if not recording.chunks or recording.chunks[0].begins:
+        return recording
+    bursts = bursts_of(recording)
+    if not bursts.is_clear or not bursts.pauses:
+        return recording
+    at = 0
+    for number, chunk in enumerate(recording.chunks):
+        if at == bursts.pauses[0]:
+            return replace(recording, chunks=recording.chunks[number:])
+        at += len(chunk.payload)
+    return recording
+
+
+# -- what is tried -------------------------------------------------------------------------------------------
+
+
+def _tried(recording: LineRecording) -> list[Tried]:
+    """Return what explains enough of a recording, the best first."""
+    stream = b"".join([chunk.payload for chunk in recording.chunks])
+    bursts = bursts_of(recording)
+    scale = scale_of(stream, bursts.pauses, bursts.starts)
+    found: dict[tuple[object, ...], Tried] = {}
+    starts: list[Tried] = []
+    plain, marks = joined(recording), marks_of(stream[: WINDOWS[0]])
+    for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts, marks)), MOST_GUESSES):
+        tried = _try(recording, plain, guess, scale)
+        if tried is not None:
+            starts.append(tried)
+    after = _after_noise(recording, plain, starts, marks, scale)
+    starts = [each for each in starts if each.bits >= LEAST_BITS]
+    for guess in dict.fromkeys(_with_prefix(starts)):
+        tried = _try(recording, plain, guess, scale)
+        if tried is not None and tried.bits >= LEAST_BITS:
+            starts.append(tried)
+    starts = [*after, *[each for each in starts if each.guess not in {one.guess for one in after}]]
+    starts.sort(key=_preference)
+    for tried in starts:
+        found.setdefault((tried.guess.kind, tried.cut.places), tried)
+    return _ranked(list(found.values()))
+
+
+def _guesses(
+    recording: LineRecording, stream: bytes, bursts: Bursts, marks: Sequence[bytes]
+) -> Iterator[Guess]:
+    size = LONGEST_FRAME
+    for mark in (*[known for known in KNOWN_ENDS if stream.count(known) >= LEAST_FRAMES - 1], *marks):
+        for place in splits_of(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
+            prefix, suffix = mark[place:], mark[:place]
+            if suffix:
+                kind = CutKind.PREFIX_SUFFIX if prefix else CutKind.SUFFIX
+                yield Guess(kind, Framing(size, prefix, suffix))
+    for fixed in sizes_of(stream, bursts, marks):
+        yield Guess(CutKind.SIZE, Framing(fixed))
+        for mark in marks:
+            prefix = mark[splits_of(mark, stream, bursts.pauses)[0] :] or mark
+            yield Guess(CutKind.PREFIX, Framing(fixed, prefix[:fixed]))
+    for field in fields_of(stream, bursts):
+        yield Guess(CutKind.LENGTH, Framing(field.head), field)
+    if bursts.is_clear:
+        middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
+        timeout = max(1, middle // MILLISECOND) * MILLISECOND
+        yield Guess(CutKind.GAP, Framing(size, timeout_ns=timeout))
+    places = {mark: places_of(mark, stream[: WINDOWS[0]]) for mark in marks}
+    for start in marks:
+        for end in marks:
+            if start != end and take_turns(places[start], places[end]):
+                yield Guess(CutKind.PREFIX_SUFFIX, Framing(size, start, end))
+
+
+def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
+    """Yield the best guesses again, with the bytes with which all their frames begin as the prefix."""
+    for each in _ranked(list(tried)):
+        guess = each.guess
+        if guess.kind not in (CutKind.SUFFIX, CutKind.SIZE, CutKind.GAP):
+            continue
+        room = guess.framing.size - 1 if guess.kind is CutKind.SIZE else LONGEST_FRAME
+        contents = [
+            frame.content[: len(frame.content) - len(guess.framing.suffix)] for frame in each.cut.good
+        ]
+        start = common_start(contents[1:])[: min(room, 8)]
+        kind = CutKind.PREFIX_SUFFIX if guess.kind is CutKind.SUFFIX else CutKind.PREFIX
+        for prefix in dict.fromkeys((_known(start), start)):
+            if prefix:
+                yield replace(guess, kind=kind, framing=replace(guess.framing, prefix=prefix))
+
+
+def _after_noise(
+    recording: LineRecording,
+    plain: LineRecording,
+    tried: Sequence[Tried],
+    marks: Sequence[bytes],
+    scale: Scale,
+) -> list[Tried]:
+    """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
+    found: list[Tried] = []
+    stream = b"".join([chunk.payload for chunk in plain.chunks])
+    ends = sorted([each for each in tried if each.guess.kind is CutKind.SUFFIX], key=lambda each: -each.bits)
+    known = {each.guess for each in ends}
+    shorter = [guess for guess in dict.fromkeys(_heads(ends)) if guess not in known][:MOST_HEADS]
+    more = [_try(recording, plain, guess, scale) for guess in shorter]
+    for each in (*ends[:MOST_SUFFIXES], *filter(None, more)):
+        suffix = each.guess.framing.suffix
+        is_both = stands_twice(suffix, stream)
+        prefix = suffix if is_both else start_after_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
+        guess = Guess(CutKind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
+        made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
+        if made is None or (is_both and not _is_in_step(made.cut, suffix)):
+            continue
+        bits = max(made.bits, each.bits) + 1
+        if bits >= LEAST_BITS:
+            found.append(replace(made, bits=bits))
+    return found
+
+
+def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
+    """Yield the starts of long suffixes: the rest may be the prefix of the next frame, most times."""
+    for each in ends[:3]:
+        suffix = each.guess.framing.suffix
+        for size in range(1, min(len(suffix), 5)):
+            yield Guess(CutKind.SUFFIX, Framing(LONGEST_FRAME, b"", suffix[:size]))
+
+
+def _is_in_step(made: Cut, flag: bytes) -> bool:
+    """Return whether the first of two flags begins a frame each time: no frame is empty, little is noise."""
+    return 3 * made.noise <= made.total and all(len(frame.content) > 2 * len(flag) for frame in made.good)
+
+
+def _known(start: bytes) -> bytes:
+    """Return the known mark with which bytes begin."""
+    return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
+
+
+def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
+    """Cut a recording; `plain` is the same without its times, for what does not depend on them."""
+    if guess.field is not None:
+        return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
+    return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
+
+
+def _try(
+    recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
+) -> Tried | None:
+    """Try a guess. `is_noise`: what is before a prefix is noise by other evidence, and no exception."""
+    made = _cut(recording, plain, guess, MOST_TRIED)
+    good = made.good
+    explained = sum([len(frame.content) for frame in good])
+    if len(good) < LEAST_FRAMES or explained < LEAST_EXPLAINED * made.total:
+        return None
+    framing = guess.framing
+    if is_amid_lines(good, scale, framing.suffix):
+        return None
+    if framing.timeout_ns:
+        scale = replace(scale, pauses=frozenset())  # they are what it cuts by: no evidence
+    weighed = replace(made, noise_runs=0, total=made.total - made.noise) if is_noise else made
+    bits = weight(weighed, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
+    if framing.timeout_ns:
+        each = GAP_BITS / 2 if recording.source == "tcp" else GAP_BITS
+        are_alike = len({len(frame.content) for frame in good}) == 1
+        bits = max(bits, 0.0) + each * min(len(good), 15) / (1.5 if are_alike else 1)
+    return Tried(guess, made, bits)
+
+
+# -- ranks ---------------------------------------------------------------------------------------------------
+
+
+def _group(tried: Tried) -> tuple[object, ...]:
+    """Return what two proposals have in common that cut alike by marks."""
+    is_marked = tried.guess.kind in MARKED and not tried.guess.framing.timeout_ns
+    return (is_marked or tried.guess, tried.cut.places)
+
+
+def _ranked(tried: list[Tried]) -> list[Tried]:
+    tried = [each for each in tried if not _is_chance(each, tried)]
+    weights: dict[tuple[object, ...], float] = {}
+    for each in tried:
+        weights[_group(each)] = max(weights.get(_group(each), 0.0), each.bits)
+    best = max(weights.values(), default=0.0)
+    kept = [each for each in tried if weights[_group(each)] >= LEAST_SHARE * best]
+    kept.sort(key=lambda each: (-weights[_group(each)], str(_group(each)[0]), _preference(each)))
+    proposals: list[Tried] = []
+    for each in kept:
+        if not any(_is_like(each, other) for other in proposals):
+            proposals.append(each)
+    return proposals[:MOST_PROPOSALS]
+
+
+def _is_like(tried: Tried, better: Tried) -> bool:
+    """Return whether it is a better one shifted, or with several of its frames as one."""
+    ours, theirs = tried.cut.places, better.cut.places
+    if ours == theirs:
+        return False
+    starts, known = {start for start, _ in ours}, {start for start, _ in theirs}
+    both = len(starts & known)
+    is_coarser = len(ours) < LEAST_SHARE_OF_FRAMES * len(theirs) and both >= 0.9 * len(ours)
+    is_shifted = 2 * both < len(ours) and abs(len(ours) - len(theirs)) <= 1 + len(theirs) // 8
+    return is_coarser or is_shifted
+
+
+def _is_chance(tried: Tried, others: Sequence[Tried]) -> bool:
+    """Return whether its suffix is another one that a few times had the same byte before it."""
+    suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
+    return frames < FEW and any(
+        other.guess.framing.suffix != suffix
+        and suffix.endswith(other.guess.framing.suffix or b"-")
+        and len(other.cut.good) >= FEW * frames
+        for other in others
+        if other.guess.kind is CutKind.SUFFIX
+    )
+
+
+def _ranks(tried: Sequence[Tried]) -> list[int]:
+    groups = list(dict.fromkeys(_group(each) for each in tried))
+    return [groups.index(_group(each)) + 1 for each in tried]
+
+
+def _preference(tried: Tried) -> tuple[int, int, int, int]:
+    """Return what goes first of those that cut alike: marks that say most, and no data among them."""
+    kind, framing = tried.guess.kind, tried.guess.framing
+    order = list(CutKind).index(kind) + 3
+    width = USUAL_WIDTHS.index(tried.guess.field.width) if tried.guess.field else 0
+    if kind is CutKind.PREFIX_SUFFIX:
+        is_both = framing.prefix == framing.suffix
+        is_mark = is_both or framing.prefix in KNOWN_STARTS or not set(framing.prefix) & TEXT
+        order = 0 if is_mark else 2
+    elif kind is CutKind.SUFFIX:
+        order = 1
+    return order, width, -len(framing.suffix), -len(framing.prefix)
+
+
+def _proposal(
+    rank: int, tried: Tried, made: Cut, recording: LineRecording, best: tuple[Guess, Cut]
+) -> Proposal:
+    guess, good = tried.guess, made.good
+    longest = max(len(frame.content) for frame in good)
+    framing = guess.framing
+    if guess.kind is not CutKind.SIZE and framing.size == LONGEST_FRAME:
+        framing = replace(framing, size=longest)
+    return Proposal(
+        rank=rank,
+        kind=guess.kind,
+        title=title_of(guess.kind, framing, guess.field),
+        framing=framing if guess.field is None else None,
+        field=guess.field,
+        evidence=evidence_of(guess.kind, framing, guess.field, made, recording),
+        doubt=(*doubt_of(guess.kind, framing, made, recording), *_doubt_of_noise(good, *best)),
+        instead=instead_of(guess.field),
+        frames=len(good),
+        of_frames=len(made.frames),
+        explained=sum([len(frame.content) for frame in good]),
+        total=made.total,
+        noise=made.noise,
+        left=made.left,
+        broken=made.broken,
+        longest=longest,
+        bits=round(tried.bits, 1),
+        preview=shown(made.frames),
+    )
+
+
+def _doubt_of_noise(good: Sequence[Placed], best: Guess, clean: Cut) -> tuple[str, ...]:
+    """Return what speaks against frames that contain what the best leaves out as noise."""
+    number = with_noise(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
+    if not number:
+        return ()
+    left_out = title_of(best.kind, best.framing, None)
+    return (f"{number} of {count(len(good), 'frame')} have noise in them, which {left_out} leaves out",)

@@ -1,0 +1,246 @@
+"""Blocks on a ComBuffer: what to look at when one shows an error, and what will go wrong with a framing.
+
+Each rule takes what is known and answers one sentence, or "" where it does not apply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.diagnosis.job import DO
+from trcvtui.net.serial_line import OVER_TCP
+from trcvtui.plc.port_hints import port_away, port_hint
+from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.project.project import ComBufferDecl, Project
+from trcvtui.records import dataclass
+from trcvtui.wording import count
+
+
+def frame_too_long(e: Evidence) -> str:
+    size = e.pin("SizeReceiveData")
+    frame = f"{count(size, 'byte')} came" if size else "the size was reached"
+    cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
+    return f"{cause}{DO}`framing {e.instance}` tells which"
+
+
+def size_does_not_fit(e: Evidence) -> str:
+    found = e.pin("SizeReceiveData")
+    room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "what the variable holds"
+    is_found = f"SizeReceiveData is {found}: it" if found is not None else "SizeReceiveData"
+    return f"{DO}{is_found} has to be {room}"
+
+
+def string_too_long(e: Evidence) -> str:
+    return f"the text is longer than the string, or its suffix differs{DO}`framing {e.instance}` tells"
+
+
+# Where nothing is wrong with the block itself, it waits for the line.
+WAITS: Final = frozenset(
+    {Condition.FRAME_AWAITED, Condition.FRAME_PART, Condition.BUFFER_EMPTY, Condition.SENDING}
+)
+
+
+def waits_for_the_port(e: Evidence) -> str:
+    """Return that the port is not there, for a block that waits for what comes or goes over it."""
+    return port_away(e.buffer) if e.condition in WAITS and not e.cause.pin else ""
+
+
+def port_trouble(e: Evidence) -> str:
+    away, hint = port_away(e.buffer), port_hint(e.buffer)
+    return hint if waits_for_the_port(e) else ": ".join(part for part in (away, hint) if part)
+
+
+# -- what will go wrong with a framing -------------------------------------------------------------------
+
+MS: Final = 1_000_000
+MUCH_NOISE: Final = 16  # bytes thrown away without a single frame
+
+
+@dataclass(frozen=True, slots=True)
+class Framed:
+    """A receiving block with its framer, its ComBuffer, and what feeds that (None: no TRCV_C)."""
+
+    instance: InstanceSnapshot
+    framer: FramerSnapshot
+    buffer: ComBufferDecl
+    feeder: InstanceSnapshot | None
+    readers: tuple[str, ...]
+    now: ComBufferSnapshot | None
+    interval_ns: int  # of the task that calls the block
+
+    @property
+    def prefix(self) -> bytes:
+        """Return the prefix, b"" for none."""
+        return self.framer.prefix or b""
+
+    @property
+    def suffix(self) -> bytes:
+        """Return the suffix, b"" for none."""
+        return self.framer.suffix or b""
+
+    @property
+    def is_tcp(self) -> bool:
+        """Return whether what comes has come over TCP."""
+        port = self.buffer.serial.port if self.buffer.serial is not None else ""
+        return self.feeder is not None or port.startswith(OVER_TCP)
+
+    @property
+    def size_pin(self) -> str:
+        """Return what the size of a frame is called."""
+        return "the string" if self.framer.is_text else "SizeReceiveData"
+
+
+def warnings_of(snapshot: Snapshot, project: Project, name: str) -> tuple[str, ...]:
+    """Return what matters now of an instance's framing, the worst first."""
+    framed = _framed(snapshot, project, name)
+    if framed is None:
+        return ()
+    return tuple([told for rule in FRAMING_RULES if (told := rule(framed))])
+
+
+def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
+    instance = snapshot.instance(name)
+    if instance is None or instance.framer is None:
+        return None
+    buffer = next((b for b in project.combuffers if b.name == instance.connect), None)
+    if buffer is None:
+        return None
+    task = project.task(instance.task)
+    readers = [
+        i.name
+        for i in snapshot.instances
+        if i.connect == instance.connect and block_row(i.block).reads_buffer
+    ]
+    return Framed(
+        instance,
+        instance.framer,
+        buffer,
+        snapshot.instance(buffer.source),
+        tuple(readers),
+        snapshot.combuffer(buffer.name),
+        task.interval_ns if task is not None else snapshot.interval_ns,
+    )
+
+
+# -- the marks and the size ----------------------------------------------------------------------------------
+
+
+def marks_too_long(f: Framed) -> str:
+    """The block runs into the overrun."""
+    marks = len(f.prefix) + len(f.suffix)
+    if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
+        return ""
+    end = "10 STRINGOVERRUN" if f.framer.is_text else "23 DATASIZEOVERRUN"
+    return (
+        f"prefix and suffix are {len(f.prefix)} + {len(f.suffix)} bytes, {f.size_pin} is {f.framer.size}: "
+        f"no frame can end with its suffix, each one ends as {end}"
+    )
+
+
+def no_end(f: Framed) -> str:
+    """The first row of "every combination": only Reset helps."""
+    if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
+        return ""
+    if f.framer.is_text:
+        return "no suffix and Timeout = 0: the end of a text is never seen; give it a suffix or a Timeout"
+    size = count(f.framer.size, "byte")
+    return f"no suffix and Timeout = 0: with fewer than {size} it waits for ever, only Reset helps"
+
+
+def equal_marks(f: Framed) -> str:
+    """Once out of step, the end of a frame is taken for the beginning of the next."""
+    if not f.prefix or f.prefix != f.suffix:
+        return ""
+    return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
+
+
+def only_noise(f: Framed) -> str:
+    """A prefix that never comes looks like silence."""
+    tally = f.framer.tally
+    if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
+        return ""
+    thrown = count(f.framer.discarded, "byte")
+    return f"{thrown} came, none of them began a frame: is {f.prefix.hex(' ').upper()} the sender's prefix?"
+
+
+# -- the gap -------------------------------------------------------------------------------------------------
+
+
+def gap_on_tcp(f: Framed) -> str:
+    """Section 6: a gap says nothing about what was sent together."""
+    if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
+        return ""
+    return (
+        "a gap is a guess over TCP: the network joins and splits what was sent (Nagle, retransmission, "
+        "proxies); a suffix or a fixed size is sure"
+    )
+
+
+def gap_below_the_cycle(f: Framed) -> str:
+    """Bytes come first, so a gap shorter than a scan is never seen."""
+    timeout = f.framer.timeout_ns
+    if not 0 < timeout < f.interval_ns:
+        return ""
+    return (
+        f"Timeout is {timeout / MS:g} ms, {f.instance.name} is called every {f.interval_ns / MS:g} ms: a gap "
+        "that ends before the next call is not seen"
+    )
+
+
+# -- what comes before the framer ----------------------------------------------------------------------------
+
+
+def static_feeder(f: Framed) -> str:
+    """Section 6: frames come late after blocks of LEN bytes."""
+    if f.feeder is None or f.feeder.pin("ADHOC"):
+        return ""
+    return (
+        f"{f.feeder.name} has ADHOC = 0: it hands on whole blocks of LEN bytes, so a frame comes late, "
+        "or not before the next one; ADHOC = 1 hands on whatever arrives"
+    )
+
+
+def idle_feeder(f: Framed) -> str:
+    """No bytes will come."""
+    if f.feeder is None or f.feeder.pin("EN_R") is not False:
+        return ""
+    return f"{f.feeder.name} has EN_R = 0: no bytes come"
+
+
+def dropping_buffer(f: Framed) -> str:
+    """With a size of its own, the ComBuffer drops what TCP could hold back."""
+    if f.feeder is None or not f.buffer.size:
+        return ""
+    return (
+        f"{f.buffer.name} has size = {f.buffer.size}: what has no room is dropped; without size the sender "
+        "is slowed instead"
+    )
+
+
+def port_is_away(f: Framed) -> str:
+    """A port that is not there looks like silence."""
+    return ": ".join(part for part in (port_away(f.now), port_hint(f.now)) if part)
+
+
+def lost_bytes(f: Framed) -> str:
+    """A frame with a hole."""
+    if f.now is None or not f.now.lost:
+        return ""
+    return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
+
+
+def shared_buffer(f: Framed) -> str:
+    """Each byte is taken once."""
+    if len(f.readers) < 2:
+        return ""
+    return f"{' and '.join(f.readers)} read {f.buffer.name}: each byte reaches one of them only"
+
+
+FRAMING_RULES: Final[tuple[Callable[[Framed], str], ...]] = (
+    port_is_away, marks_too_long, idle_feeder, gap_on_tcp, static_feeder, no_end, only_noise, lost_bytes,
+    dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
+)  # fmt: skip

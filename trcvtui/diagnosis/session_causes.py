@@ -1,0 +1,175 @@
+"""What the layer below or above TCP tells: ISO-on-TCP refused, TLS refused, errors of a serial line."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SaidBytes
+from trcvtui.diagnosis.sign import Sign
+from trcvtui.wording import count
+
+_ALERTS: Final = {
+    0: "close_notify", 10: "unexpected_message", 20: "bad_record_mac", 40: "handshake_failure",
+    42: "bad_certificate", 43: "unsupported_certificate", 44: "certificate_revoked",
+    45: "certificate_expired", 46: "certificate_unknown", 47: "illegal_parameter", 48: "unknown_ca",
+    49: "access_denied", 50: "decode_error", 51: "decrypt_error", 70: "protocol_version",
+    71: "insufficient_security", 80: "internal_error", 86: "inappropriate_fallback", 90: "user_canceled",
+    109: "missing_extension", 110: "unsupported_extension", 112: "unrecognized_name",
+    113: "bad_certificate_status_response", 115: "unknown_psk_identity", 116: "certificate_required",
+    120: "no_application_protocol",
+}  # fmt: skip
+_REASONS: Final = {
+    0: "no reason", 1: "congestion", 2: "not attached", 3: "address unknown", 0x80: "normal",
+    0x81: "congestion", 0x82: "negotiation failed", 0x83: "duplicate source", 0x84: "mismatched references",
+    0x85: "protocol error", 0x87: "reference overflow", 0x88: "refused on this network",
+    0x8A: "header length invalid",
+}  # fmt: skip
+_CR, _CC, _DR = 0xE0, 0xD0, 0x80
+_ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
+_HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
+
+
+def _first(said: DirectionFacts) -> SaidBytes | None:
+    return said.writes[0] if said.writes else None
+
+
+def _cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
+    """Return the kind of the first COTP packet and its bytes."""
+    if len(content) < 7 or content[0] != 3 or content[1] or content[4] > 0xFE:
+        return None
+    size = int.from_bytes(content[2:4], "big")
+    kind = content[5] & 0xF0
+    return (kind, bytes(content[:size])) if 7 <= size <= 8192 and kind in (_CR, _CC, _DR) else None
+
+
+def _tsaps(packet: bytes) -> str:
+    """Return which TSAPs a request asks for."""
+    at, end, found = 11, min(len(packet), packet[4] + 5), {}
+    while at + 2 <= end:
+        found[packet[at]] = packet[at + 2 : at + 2 + packet[at + 1]]
+        at += 2 + packet[at + 1]
+    texts = [
+        f"{name} {found[key].hex('.').upper()}"
+        for key, name in ((0xC1, "from"), (0xC2, "to"))
+        if key in found
+    ]
+    return ", ".join(texts)
+
+
+def wrong_tsap(line: LineFacts) -> Sign | None:
+    """Judge whether the listener refuses the TSAPs of the caller."""
+    asked = _cotp(line.caller.content)
+    if line.protocol != "tcp" or asked is None or asked[0] != _CR:
+        return None
+    told = _cotp(line.listener.content)
+    way = "to-plc" if line.plc_calls else "from-plc"
+    texts = [f"connection request {_tsaps(asked[1])}".rstrip()]
+    if told is not None and told[0] == _DR:
+        reason = told[1][10] if len(told[1]) > 10 else 0
+        texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
+        return Sign(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
+    end = line.end
+    if not line.listener.writes and end is not None and line.caller.segments <= 2:
+        is_listener = end.by_plc != bool(line.plc_calls)
+        if is_listener:
+            texts.append(f"answered by {end.kind.upper()} alone")
+            return Sign(0.75, tuple(texts), way=way, at=SaidBytes(end.ns, 0, 0, end.packet))
+    return None
+
+
+def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
+    """Return the TLS records at the beginning; [] where it is no TLS."""
+    found: list[tuple[int, bytes]] = []
+    at = 0
+    while at + 5 <= len(content) and len(found) < 64:
+        kind, major, size = content[at], content[at + 1], int.from_bytes(content[at + 3 : at + 5], "big")
+        if kind not in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) or major != 3 or size > 18_500:
+            break
+        found.append((kind, bytes(content[at + 5 : at + 5 + size])))
+        at += 5 + size
+    return found
+
+
+def tls_refused(line: LineFacts) -> Sign | None:
+    """Judge whether the TLS handshake failed: with an alert, or with an end in it."""
+    if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
+        return None
+    told = {"to-plc": _records(line.to_plc.content), "from-plc": _records(line.from_plc.content)}
+    if not any(told.values()):
+        return None
+    hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
+    if (hello is None and not line.has_begin) or _has_data(told):
+        return None  # its handshake is not in the capture, or went well
+    for way, records in told.items():
+        is_open = True  # not encrypted yet
+        for kind, body in records:
+            is_open = is_open and kind != _CHANGE
+            if kind == _DATA:
+                break
+            if kind != _ALERT or (len(body) == 2 and body[1] == 0):
+                continue
+            said = line.to_plc if way == "to-plc" else line.from_plc
+            who = "the partner" if way == "to-plc" else "the PLC end"
+            if len(body) == 2 and body[0] in (1, 2):
+                name = _ALERTS.get(body[1], "alert")
+                text = f"TLS alert {body[1]} ({name}) from {who}"
+                note = () if hello else ("the other end does not speak TLS",)
+                return Sign(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
+            if hello is not None and (not is_open or len(body) > 2):
+                return Sign(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
+    if hello is None or line.end is None:
+        return None
+    answer = told["from-plc" if hello == "to-plc" else "to-plc"]
+    other = line.from_plc if hello == "to-plc" else line.to_plc
+    end = SaidBytes(line.end.ns, 0, 0, line.end.packet)
+    who = "the PLC end" if line.end.by_plc else "the partner"
+    if not answer:
+        what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"
+        return Sign(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
+    data = sum(kind == _DATA and len(body) > 40 for records in told.values() for kind, body in records)
+    asked = told[hello]
+    if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
+        return Sign(0.8, (f"{who} ended the connection inside the TLS handshake",), way=None, at=end)
+    sent = [len(body) for kind, body in asked if kind == _DATA]
+    if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
+        return Sign(0.75, (f"{who} ended the connection with an encrypted alert in the handshake",), at=end)
+    if _is_answered_by_alert(asked, answer, line, hello):
+        who = "the PLC end" if hello == "to-plc" else "the partner"
+        text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
+        return Sign(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
+    return None
+
+
+def _has_data(told: dict[str, list[tuple[int, bytes]]]) -> bool:
+    """Return whether a handshake up to TLS 1.2 ended well: both ends have encrypted, or data went through."""
+    kinds = [[kind for kind, _ in records] for records in told.values()]
+    ready = [_CHANGE in each and _HANDSHAKE in each[each.index(_CHANGE) :] for each in kinds]
+    return all(ready) or (any(ready) and any(_DATA in each for each in kinds))
+
+
+def _is_client_hello(kind: int, body: bytes) -> bool:
+    return kind == _HANDSHAKE and body[:1] == b"\x01"  # 2: of the server
+
+
+def _is_answered_by_alert(
+    asked: list[tuple[int, bytes]], answer: list[tuple[int, bytes]], line: LineFacts, hello: str
+) -> bool:
+    caller, listener = (line.to_plc, line.from_plc) if hello == "to-plc" else (line.from_plc, line.to_plc)
+    if len(caller.writes) != 2 or not listener.writes or len(asked[-1][1]) <= _ENCRYPTED_ALERT:
+        return False
+    last = sum(write.size for write in listener.writes if write.ns >= caller.writes[1].ns)
+    kind, body = answer[-1]
+    return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
+
+
+def line_errors(line: LineFacts) -> Sign | None:
+    """Judge whether the driver of a serial line has told errors."""
+    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        told = said.line_errors
+        if told:
+            amount = sum(told.values())
+            kinds = ", ".join(f"{kind} {often}" for kind, often in told.most_common())
+            text = f"{count(amount, 'error')} of the line in {count(said.bytes, 'byte')}: {kinds}"
+            sure = 0.95 if amount > 2 else 0.8
+            return Sign(sure, (text,), way=way, at=said.first_of("line error"), is_fact=True)
+    return None

@@ -1,0 +1,38 @@
+"""What a rule of the doctor says: how sure, where, the evidence, what mends it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from trcvtui.diagnosis.line_facts import SaidBytes
+from trcvtui.records import NamedTuple
+
+if TYPE_CHECKING:
+    from trcvtui.diagnosis.receiver import Receiver
+
+
+class Mend(NamedTuple):
+    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none."""
+
+    text: str
+    command: str | None = None
+    set: str | None = None
+
+
+class Sign(NamedTuple):
+    """What speaks for a cause; `way` is to-plc or from-plc, None: both. `mend`: () is that of the row.
+
+    A remark is worth knowing, and no fault; a fact is proved by the protocol. `cured`: the receiver as it is
+    with all of `mend`; None: it cannot be tried.
+    """
+
+    confidence: float
+    evidence: tuple[str, ...]
+    way: str | None = None
+    at: SaidBytes | None = None
+    instance: str | None = None
+    mend: tuple[Mend, ...] = ()
+    is_remark: bool = False
+    is_fact: bool = False
+    cured: Receiver | None = None
+    packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`

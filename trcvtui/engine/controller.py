@@ -1,0 +1,569 @@
+"""What the screen may say and see: one line in, one answer out; one request in, one picture out.
+
+Rule: a scenario gets a fresh bench in place of the present one; when it is left, the project that was opened
+gets a fresh one too. There is always exactly one bench.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.bench.bench import KERNELS, Bench
+from trcvtui.bench.conditions import found, holds
+from trcvtui.bench.doctor_requests import BenchDoctor, Judge
+from trcvtui.bench.split_test import SplitTests
+from trcvtui.blocks.conditions import Condition
+from trcvtui.commands import words
+from trcvtui.commands.edit import ends_of, free_port, port_text
+from trcvtui.commands.edit import told as told_of
+from trcvtui.commands.snapshots import Answer, EngineTiming, TalkSnapshot
+from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.words import Mend
+from trcvtui.engine.project_edits import ProjectEdits
+from trcvtui.engine.trigger_watch import TriggerWatch
+from trcvtui.errors import UserError, mistake
+from trcvtui.history.bench_update import BareUpdate, BenchUpdate, UpdateRequest
+from trcvtui.history.pin_waveform import WaveformDelta
+from trcvtui.history.reader import HistoryReader
+from trcvtui.history.received import JobHistory
+from trcvtui.history.stream_index import StreamIndex
+from trcvtui.history.waveform_recorder import WaveformRecorder
+from trcvtui.net.results import Endpoint
+from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
+from trcvtui.project.project import Project
+from trcvtui.project.tables import shown
+from trcvtui.records import replace
+from trcvtui.scenario.player import Player, refuse_too_many_steps
+from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
+from trcvtui.scenario.scenario import load_scenario, start_steps
+from trcvtui.udt.command import constants_of
+from trcvtui.udt.sources import read_files
+from trcvtui.wording import count
+
+if TYPE_CHECKING:
+    from trcvtui.recording.black_box import BlackBox
+    from trcvtui.recording.seam import Seam
+
+# Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
+
+RELOAD, CONSTANT = "reload", "constant"
+LINES: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
+
+
+def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
+    """Return the project with its types as they stand in their files now, the constants, what to tell.
+
+    `rest` is what stands after `udt`. A type that somebody uses and that is bad now is refused.
+    """
+    word, _, pairs = rest.strip().partition(" ")
+    if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
+        raise mistake(where, shown(f"udt {rest}".strip()), LINES)
+    given = constants_of(pairs.split()) if word == CONSTANT else {}
+    constants = {**project.constants, **given}
+    if not project.udt_files:
+        return replace(project, constants=constants), given, "the project names no UDT files"
+    types = read_files(project.udt_files, constants, library=project.dialect.types)
+    used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
+    bad = [name for name in sorted(used) if name not in types.types]
+    if bad:
+        raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
+    told = f"{count(len(types.types), 'type')} read; `resize` takes a changed one into DATA"
+    return replace(project, types=types, constants=constants), given, told
+
+
+RESET: Final = "COM_RST"
+LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts, ADHOC where it does not act at once
+CONNECTED, NO_EFFECT = "connected", "without effect"
+
+
+def remark_on(command: words.BenchCommand, snapshot: Snapshot, adhoc_at_once: bool) -> str:
+    """Return the remark on a command that was given after this snapshot, mostly ""."""
+    match command:
+        case words.Pulse(name, "COM_RST"):
+            return _on_reset(_instance(snapshot, name), snapshot)
+        case words.Set(name, pins):
+            instance = _instance(snapshot, name)
+            latched = LATCHED[: 1 if adhoc_at_once else None]
+            said = [_on_latched(instance, *pin) for pin in pins if pin[0] in latched]
+            if any(pin == RESET and value for pin, value in pins):
+                said.append(_on_reset(instance, snapshot))
+            return "; ".join(filter(None, said))
+    return ""
+
+
+def _instance(snapshot: Snapshot, name: str) -> InstanceSnapshot | None:
+    return next((each for each in snapshot.instances if each.name == name), None)
+
+
+def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
+    """Say when a rising edge of COM_RST does nothing and is not remembered."""
+    if instance is None:
+        return ""
+    link = next((each for each in snapshot.connections if each.name == instance.connect), None)
+    stands = link is not None and link.state == CONNECTED
+    if not instance.pin("CONT") and (not stands or instance.condition == Condition.NO_JOB):
+        return f"{NO_EFFECT}: CONT is 0, and the edge is not remembered"
+    return (
+        "" if stands else f"{NO_EFFECT}: {instance.connect} is not connected, and the edge is not remembered"
+    )
+
+
+def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
+    """Say when an input counts from the next job on only."""
+    if instance is None or not instance.need or instance.pin(pin) == value:
+        return ""
+    return f"from the next job: the one that runs goes on with {count(instance.need, 'byte')}"
+
+
+MOST_ANSWERS: Final = 64
+EDITS: Final = (*words.MENDS, words.Create, words.Delete, words.Resize)
+MOST_DATA: Final = (
+    65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
+)
+SCAN_CONTROL: Final = ("hold", "go")
+MARK: Final = "mark"
+SAVE: Final = "save"
+WATCH: Final = "watch"
+UDT: Final = "udt"
+FRAMING: Final = "framing"
+SAVE_LINES: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
+RECORD: Final = "record"  # begins a recording, `record stop` ends it
+RECORDING: Final = "recording"
+BOX_OFF: Final = "[options] black_box on, and the run that the screen began with, not recorded by --record"
+TRIGGER: Final = "trigger"
+SCENARIO: Final = "scenario"
+PROJECT: Final = "project"
+SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
+
+
+def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
+    """Return a bench before its first scan; the commands of `start` act in that one."""
+    bench = Bench(project, kernel, seam)
+    for step in start_steps(project):
+        bench.do(step.command)
+    return bench
+
+
+def _recording_path(name: str) -> Path:
+    path = Path(os.path.expanduser(name))
+    return path if path.suffix else path.with_suffix(".pcapng")
+
+
+class Controller:
+    """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.player: Player | None = None
+        self.holding = False
+        self.wanted = 0
+        self.recorded = self._wrong_recording = ""  # what the screen shall know of a recording
+        self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
+        self.over = ""  # why nothing more comes
+        self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
+        self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
+        self.black_box: BlackBox | None = None
+        self.files_judge: Judge | None = None  # of what files, or packets, tell
+        self._asked = 0, ""  # number and text of the line that is carried out
+        self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
+        self._trials = SplitTests()
+        self._begin(bench)
+        self._saved: set[str] = set()  # real paths of the files that were written from here
+        self._told = self._edit = ""
+        self._edits = ProjectEdits(bench.project)
+        self._home_kernel = bench.kernel_name
+        self._begun_with = 0  # so many additions stood on the bench before its first scan
+        self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
+        self._bench_number = 0
+        self._project = bench.project
+        self._project_number = 0
+
+    def _begin(self, bench: Bench) -> None:
+        self._received = JobHistory(bench, StreamIndex())
+        self._history = HistoryReader(self._received)
+        self._trigger_watch = TriggerWatch(bench, self._received)
+        self._waves = WaveformRecorder(bench, self._received)
+        self._doctor = BenchDoctor()
+        self.session = Session(bench, self._received, self._waves)
+        self.catch_up = self._received.catch_up
+
+    # -- lines -----------------------------------------------------------------------------------------
+
+    def take(self, number: int, line: str) -> None:
+        """Carry out one line; its answer is in the next picture."""
+        self._told, self._edit, self._asked = "", "", (number, line)
+        self.catch_up()  # who reads the ledger knows the bench as it was up to here
+        wrong = self._carry_out(line.strip())
+        self._answers.append(Answer(number, line, wrong, self._told, self._edit))
+
+    def _carry_out(self, line: str) -> str:
+        if line in SCAN_CONTROL:
+            self.holding, self.wanted = line == "hold", 0
+            self.bench.told(line)
+            return ""
+        try:
+            verb, _, rest = line.partition(" ")
+            if verb == SCENARIO:
+                return self._scenario(rest.strip())
+            if verb == TRIGGER:
+                self._told = self._trigger_watch.arm(rest, "prompt")
+                return ""
+            if line == MARK:
+                return self._mark()
+            if verb == WATCH and self.watch is not None:
+                return self.watch(rest.strip())
+            if verb == SAVE:
+                return self._save(rest.strip())
+            if verb == RECORD:
+                return self._record(rest.strip())
+            if verb == UDT:
+                return self._udt(rest)
+            if verb == FRAMING:
+                return self._framing(rest)
+            command = parse_line(line, self.bench.project, "prompt")
+        except UserError as error:
+            return error.lines()[0]
+        if command is None:
+            return ""
+        if isinstance(command, words.Add) and command.port:
+            command = self._at_a_free_port(command)
+            line = to_line(command)
+        try:
+            wrong = self._act(command)
+        except UserError as error:  # nobody keeps the run
+            return error.lines()[0]
+        if not wrong and isinstance(command, EDITS) and self.player is None:
+            self._edit = line
+        if not wrong and not isinstance(command, words.Doctor):
+            self.session.note(command, line)
+        return wrong
+
+    def _act(self, command: words.BenchCommand) -> str:
+        match command:
+            case words.RunScans(scans):
+                return self._pass(scans)
+            case words.RunFor(ns):
+                return self._pass(ns // self.bench.runtime.interval_ns)
+            case words.Expect(condition, None):
+                return "" if holds(self.bench, condition) else f"found {found(self.bench, condition)}"
+            case words.TrySplits():
+                return self._trials.begin(self.bench, command)
+            case words.TryStop():
+                return self._trials.stop()
+            case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
+                return self._mend(command)
+            case words.Doctor():
+                self._told = self._doctor.ask(self.judge or self._box(), self.bench, *self._asked, command)
+                return ""
+            case words.Wait() | words.Expect() | words.ExpectTrace():
+                return "waits and traces belong into a scenario file"
+            case words.Set() | words.Pulse():
+                at_once = self.bench.project.rules.adhoc_at_once
+                remark = remark_on(command, self.bench.runtime.snapshot(), at_once)
+                wrong = self.bench.do(command)
+                self._told = "" if wrong else remark
+                return wrong
+            case _:
+                return self.bench.do(command)
+
+    def _at_a_free_port(self, command: words.Add) -> words.Add:
+        """Return the command with the next port of this machine at which nobody else listens."""
+        [end] = ends_of(command.with_it)[:1]
+        port = command.port
+        while not self.bench.is_free(Endpoint(end.address, port)):
+            port = free_port(self.bench.project, port)
+        typed = command.text.removesuffix(port_text(command.port))
+        other = parse_line(typed + port_text(port), self.bench.project, "prompt")
+        assert isinstance(other, words.Add)
+        return other
+
+    def _mend(self, command: Mend) -> str:
+        """Edit the bench and the project; the bench of a scenario is nobody's project."""
+        told = told_of(command, self.bench.project)
+        mine = None
+        if self.player is None:
+            try:
+                mine = self._edits.check(command)
+            except UserError as error:
+                return error.lines()[0]
+        wrong = self.bench.do(command)
+        if not wrong:
+            self._told = told
+            if mine is not None:
+                self._edits.note(mine)
+        return wrong
+
+    def _udt(self, rest: str) -> str:
+        """Read the UDTs again; what is in DATA stays as it is."""
+
+        if self.player is not None:
+            return "the UDTs of a scenario are those of its own project"
+        fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
+        self.bench.told(f"{UDT} {rest}")
+        self.bench.project = fresh
+        self._edits.take_types(fresh, given)
+        return ""
+
+    def _framing(self, rest: str) -> str:
+        """Tell how the bytes of a ComBuffer may be cut, or set an instance so."""
+        from trcvtui.diagnosis.readings import framing_command as framing  # read when first asked for
+
+        name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")
+        recording = self.bench.runtime.recording(buffer)
+        if not number:
+            self._told = framing.told(recording)
+            return ""
+        lines = framing.chosen_lines(recording, self.bench.project, name, number, "prompt")
+        wrong = next(filter(None, map(self._carry_out, lines)), "")
+        self._told = "; ".join(lines)
+        return wrong
+
+    def _pass(self, scans: int) -> str:
+        if not self.holding:
+            return "scans are passing already; `hold` stops them"
+        self.wanted += scans
+        return ""
+
+    # -- the session ------------------------------------------------------------------------------------
+
+    def _mark(self) -> str:
+        self.session.mark()
+        self._told = f"marked after scan {self.session.marked_at}"
+        return ""
+
+    def _record(self, rest: str) -> str:
+        box = self._box()
+        if rest == "stop":
+            self._told = box.stop()
+            return ""
+        from trcvtui.recording.black_box import new_name
+
+        stem = self.bench.project.path.stem or "recording"
+        self._told = box.record(_recording_path(rest) if rest else new_name(Path(), stem))
+        return ""
+
+    @property
+    def judge(self) -> Judge | None:
+        """Return who judges the run, None where nobody keeps it."""
+        return self.files_judge or self.black_box
+
+    def tell_recording(self, text: str, wrong: str) -> None:
+        """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
+        self.recorded = text
+        if wrong != self._wrong_recording:
+            self._wrong_recording = wrong
+            self.bench.note(RECORDING, wrong)
+
+    def _box(self) -> BlackBox:
+        if self.black_box is None and self.recorded:
+            raise mistake(
+                "prompt", "a run that --record keeps, to its end", "that recording, or `trcvtui run` without"
+            )
+        if self.black_box is None:
+            raise mistake("prompt", "no black box for this run", BOX_OFF)
+        return self.black_box
+
+    def _save(self, rest: str) -> str:
+        """Write the project, or what was done here as a scenario; of others' files none is written over."""
+        what, _, name = rest.partition(" ")
+        if what == RECORDING and name.strip():
+            self._told = self._box().save(_recording_path(name.strip()))
+            return ""
+        if what != PROJECT and (what != SCENARIO or not name.strip()):
+            raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
+        if self.player is not None:
+            raise mistake(
+                "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
+            )
+        if what == PROJECT:
+            self._told = self._edits.save(name)
+            saved = self._edits.project
+            self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
+            return ""
+        before = None
+        if self._edits.saved != self._begun_with:
+            before = self._edits.before
+            if before is None:
+                found = "a session that began with additions which were in no file"
+                raise mistake("prompt", found, "a session begun after `save project`: open the file again")
+        path = target(name, "prompt")
+        text = scenario_text(self.session, self.bench, path, before)
+        self._saved.add(write_new(path, text, self._saved, "prompt"))
+        size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
+        self._told = f"{size} in {path.absolute()}{self.session.outsiders().told}"
+        return ""
+
+    # -- a scenario ------------------------------------------------------------------------------------
+
+    def _scenario(self, rest: str) -> str:
+        if rest in ("step", "run"):
+            return self._play(rest)
+        if rest == "stop":
+            if self.player is not None:
+                self._go_home()
+            return ""
+        file, _, kernel = rest.removeprefix("load ").rpartition(" ")
+        if not rest.startswith("load ") or not file.strip() or kernel not in KERNELS:
+            raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_LINES}")
+        self._load(file.strip(), kernel)
+        return ""
+
+    def _play(self, how: str) -> str:
+        if self.player is None:
+            return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` does it"
+        if self.player.is_finished:
+            return "the scenario is over; loading it again begins anew"
+        self.player.run() if how == "run" else self.player.step()
+        return ""
+
+    def _load(self, file: str, kernel: str) -> None:
+        """Put a scenario on a bench of its own; with a mistake in the file the present bench stays."""
+        scenario = load_scenario(Path(file))
+        refuse_too_many_steps(file, scenario)
+        self.bench.close()  # first: both may want the same port
+        try:
+            self._enter(Bench(scenario.project, kernel))
+        except UserError:
+            self._go_home()
+            raise
+        self.player, self.holding = Player(file, scenario, self.bench), True
+
+    def _go_home(self) -> None:
+        self.bench.close()
+        self._enter(fresh_bench(self._edits.project, self._home_kernel))
+        self._begun_with = self._edits.done
+        self._edits.begin()
+
+    def _enter(self, bench: Bench) -> None:
+        self.bench, self.player, self.recorded = bench, None, ""
+        self._begin(bench)
+        self.holding, self.wanted = False, 0
+        self._trials = SplitTests()
+        self._bench_number += 1
+
+    # -- scans -----------------------------------------------------------------------------------------
+
+    @property
+    def hurries(self) -> bool:
+        """Return whether scans shall pass as fast as they can: a simulated scenario on its way to the end."""
+        player = self.player
+        simulated = self.bench.kernel_name == "sim"
+        return player is not None and simulated and player.is_to_end and player.wants_scan
+
+    def scan(self, now: int | None = None) -> bool:
+        """Let the next scan pass, if it may, and let everybody read what it has written."""
+        passed = self.step(now)
+        self.catch_up()
+        return passed
+
+    def step(self, now: int | None = None) -> bool:
+        """Let the next scan pass, if it may; return whether it has. Who reads the ledger does so later."""
+        if not self._may_scan():
+            return False
+        self.bench.step(now)
+        if self._trigger_watch.is_armed:
+            fired = self._trigger_watch.scanned()
+            if fired is not None and fired.holds:
+                self.holding, self.wanted = True, 0
+        if self.player is not None:
+            self.player.scanned()
+        self._trials.scanned()
+        return True
+
+    def _may_scan(self) -> bool:
+        """Return whether the next scan may pass, and count it."""
+        if not self.holding or (self.player is not None and self.player.wants_scan):
+            return True
+        if self.wanted == 0:
+            return False
+        self.wanted -= 1
+        return True
+
+    def rest(self) -> None:
+        """Let the peers go on while no scan passes; on the simulated network time stands then."""
+        if self.bench.kernel_name == "live":
+            self.bench.rest()
+
+    # -- pictures --------------------------------------------------------------------------------------
+
+    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
+        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
+        bare = self.collect(request, timing, most_lines)
+        return bare.whole(self.bench.runtime.whole(bare.snapshot))
+
+    def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
+        """Return what a picture is made of: references that stay as they are, whatever scans follow."""
+        runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
+        known = request.bench == self._bench_number
+        since = request.since_seq if known else 0
+        lines = ledger.raw_since(since, min(most_lines, request.most_lines))
+        self._answers.extend(self._doctor.go_on(self.judge, self.bench, request.doctor))
+        internal = self.bench.containment.take_newest()
+        if internal:
+            self._answers.append(Answer(0, "", internal))
+        answers = tuple(self._answers)
+        self._answers.clear()
+        self._count_project()
+        kept = self._trigger_watch.take_kept() if known else None
+        if kept is not None:
+            lines, first_seq = kept.lines_after(since)
+        else:
+            first_seq = ledger.last_seq - len(lines) + 1
+        skipped = first_seq - since - 1 if lines or kept is None else 0
+        snapshot = kept.snapshot if kept else runtime.collect(self.bench.faults())
+        if known:
+            self._trigger_watch.told = first_seq + len(lines) - 1 if lines else since
+        update = BenchUpdate(
+            snapshot=snapshot.head,
+            lines=(),
+            lines_skipped=max(0, skipped),
+            data=kept.data if kept else self._data(request.data if known else ()),
+            partial=kept.partial if kept else self._partial(request.partial_of if known else ()),
+            peers=kept.peers if kept else self.bench.peer_snapshots(),
+            answers=answers,
+            timing=timing,
+            holding=self.holding,
+            kernel=self.kernel or self.bench.kernel_name,
+            over=self.over,
+            bench=self._bench_number,
+            project_number=self._project_number,
+            project=None if request.project == self._project_number else self._project,
+            player=self.player.snapshot() if self.player is not None else None,
+            trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
+            waves=self._wave_news(request.waves, known),
+            unsaved=self._edits.unsaved,
+            unsaved_word=self._edits.unsaved_word,
+            recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
+            facts=kept.facts if kept else self._trigger_watch.facts(request.partial_of if known else ()),
+            recorded=self.recorded,
+            is_recording=self.black_box is not None and self.black_box.is_recording,
+            armed=self._trigger_watch.armed if known else "",
+            fired=kept.fired if kept else None,
+            shadows=self.shadows,
+            talks=self.talks(),
+            doctor=self._doctor.snapshot,
+        )
+        window = self._history.later(request.history) if request.history and known else lambda: None
+        return BareUpdate(update, snapshot, lines, first_seq, window)
+
+    def _data(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
+        return tuple((name, self.bench.runtime.data(name, MOST_DATA)) for name in names)
+
+    def _partial(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
+        return tuple((name, self.bench.runtime.partial(name)) for name in names)
+
+    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
+        ledger = self.bench.runtime.ledger
+        now = ledger.scan, ledger.t_ns
+        news = (self._waves.bare_news(name, number if known else 0, now) for name, number in asked)
+        return tuple(fresh for fresh in news if fresh is not None)
+
+    def _count_project(self) -> None:
+        """Give the project another number when it has become another: by a fresh bench, or on the way."""
+        if self._project is not self.bench.project:
+            self._project = self.bench.project
+            self._project_number += 1

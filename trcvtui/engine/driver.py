@@ -1,0 +1,243 @@
+"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
+
+Rule: importing this costs next to nothing, because nothing else happens before the engine is started.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import struct
+import sys
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from trcvtui.errors import UserError
+
+if TYPE_CHECKING:
+    from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+    from trcvtui.project.project import Project
+    from trcvtui.recording.files import RecordTo
+
+LAST_WORDS_S: Final = 2.0
+LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
+READ_BYTES: Final = 1 << 18
+
+
+class EngineStopped(Exception):
+    """The engine process has ended; its last words say why, the last line of them in short.
+
+    `ends_screen`: nothing can be shown any more, not even that. `is_internal`: an error of this program, or
+    a signal, has ended it; `folder`: where its recording is, None: there is none.
+    """
+
+    ends_screen = is_internal = False
+    folder: Path | None = None
+
+
+class Driver(Protocol):
+    """What a screen may do with a bench."""
+
+    def submit(self, line: str) -> int:
+        """Send one bench command line; return the number under which its answer comes."""
+        ...
+
+    def request(self, request: UpdateRequest) -> None:
+        """Ask for a picture; at most one request is outstanding."""
+        ...
+
+    def picture(self) -> BenchUpdate | None:
+        """Return the newest picture that has arrived since the last call."""
+        ...
+
+    def restart(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Arriving:
+    """What has come over a channel. A message is taken when the whole of it is there; nobody waits for more.
+
+    The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._bytes = bytearray()
+        self._has_ended = False
+
+    def next(self) -> bytes | None:
+        """Return the next whole message, None while there is none; raise EOFError after the last one."""
+        if sys.platform == "win32":
+            return self._channel.recv_bytes() if self._channel.poll() else None
+        self._look()
+        if len(self._bytes) >= LENGTH.size:
+            end = LENGTH.size + LENGTH.unpack_from(self._bytes)[0]
+            if len(self._bytes) >= end:
+                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                del self._bytes[:end]
+                return message
+        if self._has_ended:
+            raise EOFError
+        return None
+
+    def _look(self) -> None:
+        descriptor = self._channel.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            while not self._has_ended:
+                read = os.read(descriptor, READ_BYTES)
+                self._bytes += read
+                self._has_ended = not read
+        except BlockingIOError:
+            return
+        finally:
+            os.set_blocking(descriptor, True)
+
+
+class EngineDriver:
+    """The bench in a process of its own; start it before the screen library is imported."""
+
+    def __init__(
+        self,
+        path: Path,
+        kernel: str,
+        overrides: Sequence[str] = (),
+        netns: bool = False,
+        read_only: bool = False,
+        record: RecordTo | None = None,
+    ) -> None:
+        self._asked = path, kernel, tuple(overrides), netns, read_only
+        self._record = record
+        self._number = 0
+        self._start()
+
+    def _start(self) -> None:
+        # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
+        context = multiprocessing.get_context("spawn")
+        self._channel, theirs = context.Pipe()
+        main, asked = self._program()
+        self._process = context.Process(target=main, args=(theirs, *asked), daemon=True)
+        self._process.start()
+        theirs.close()
+        self._arriving = Arriving(self._channel)
+        self._outstanding = False
+        self._project: Project | None = None
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        """Return what runs in the process, and what it gets after the channel."""
+        from trcvtui.engine.engine import engine_main
+
+        return engine_main, (*self._asked, self._record)
+
+    def restart(self) -> None:
+        """Start the engine anew; the project that it reads comes with the first picture."""
+        self.close()
+        self._record = None  # the file has the run that has ended
+        self._start()
+
+    @property
+    def pid(self) -> int | None:
+        return self._process.pid
+
+    def project(self) -> Project:
+        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+        if self._project is None:
+            while (message := self._message()) is None:
+                self._channel.poll(None)
+            if isinstance(message, UserError):
+                raise message
+            self._project = self._checked(message)
+        return self._project
+
+    def submit(self, line: str) -> int:
+        self._number += 1
+        self._send((self._number, line))
+        return self._number
+
+    def request(self, request: UpdateRequest) -> None:
+        if not self._outstanding:
+            self._outstanding = True
+            self._send(request)
+
+    def wait(self, seconds: float) -> None:
+        self._channel.poll(seconds)
+
+    def picture(self) -> BenchUpdate | None:
+        newest = None
+        while (message := self._message()) is not None:
+            newest = self._take(self._checked(message)) or newest
+        return newest
+
+    def _take(self, message: Any) -> BenchUpdate | None:
+        """Return a picture; None for the project, which comes before them."""
+        if self._project is None:
+            self._project = message
+            return None
+        self._outstanding = False
+        picture: BenchUpdate = message
+        return picture
+
+    def _message(self) -> Any:
+        """Return the next message, None while no whole one has come."""
+        try:
+            message = self._arriving.next()
+        except (EOFError, OSError):
+            raise self._ended() from None
+        return None if message is None else pickle.loads(message)
+
+    def _ended(self, trace: str = "") -> EngineStopped:
+        """Return how the process has ended: by what it has raised, else by a signal or its exit code."""
+        if not trace:
+            self._process.join(LAST_WORDS_S)
+            code = self._process.exitcode
+            name = {number.value: number.name for number in signal.Signals}.get(-(code or 0))
+            trace = f"the engine process was ended by {name or f'exit code {code}'}"
+        stopped = EngineStopped(trace)
+        stopped.is_internal = True
+        if self._record is not None:
+            target = self._record.target
+            stopped.folder = (target if target.is_dir() else target.parent).absolute()
+        return stopped
+
+    def _checked(self, message: Any) -> Any:
+        """Return a message; raise EngineStopped for last words."""
+        match message:
+            case UserError():
+                raise EngineStopped(message.lines()[0])
+            case str():
+                raise self._ended(message)
+        return message
+
+    def _send(self, message: object) -> None:
+        try:
+            self._channel.send(message)
+        except OSError:
+            self._raise_last_words()
+
+    def _raise_last_words(self) -> None:
+        while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
+            self.picture()
+        raise self._ended()
+
+    def close(self) -> None:
+        self._channel.close()
+        self._process.join(LAST_WORDS_S)
+        if self._process.is_alive():
+            self._process.kill()  # a stopped one hears of no other signal
+            self._process.join()
+
+
+def start_engine(
+    path: Path, kernel: str, netns: bool = False, read_only: bool = False, record: RecordTo | None = None
+) -> EngineDriver:
+    """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
+
+    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
+    it opens no file but those of the project.
+    """
+    return EngineDriver(path, kernel, netns=netns, read_only=read_only, record=record)

@@ -1,0 +1,284 @@
+"""The live engine: absolute deadlines, and the screen served in the gaps.
+
+Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
+Rule 2: the screen is served between two scans, piece by piece, and only as long as the gap lasts.
+Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trcvtui import clock
+from trcvtui.bench.bench import Bench, enter_own_network
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.timing import Punctuality, be_punctual, quiet_collector
+from trcvtui.engine.update_pipe import UpdatePipe
+from trcvtui.errors import UserError
+from trcvtui.files import close_files, noting_reads
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.signals import OF_A_TERMINAL, leave
+
+if TYPE_CHECKING:
+    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.recorder import RunRecorder
+
+
+def engine_main(
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    overrides: Sequence[str],
+    netns: bool = False,
+    read_only: bool = False,
+    record: RecordTo | None = None,
+) -> None:
+    """Run the engine until the screen closes the channel; a crash is told before the process ends."""
+    gc.disable()  # the engine collects at the beginning of each bench only
+    leave(OF_A_TERMINAL)  # they belong to the screen
+    try:
+        _run(channel, path, kernel, overrides, netns, read_only, record)
+    except UserError as wrong:
+        _tell(channel, wrong)
+    except Exception as error:
+        from trcvtui.bench.error_report import trace_of
+
+        _tell(channel, trace_of(error))
+
+
+def _run(
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    overrides: Sequence[str],
+    netns: bool,
+    read_only: bool,
+    record: RecordTo | None,
+) -> None:
+    from trcvtui.scenario.scenario import load_bench
+
+    recorder = None
+    if record is not None:
+        from trcvtui.recording.recorder import recorder_of
+
+        recorder = recorder_of(record, record.target, waits=False)
+    elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
+        from trcvtui.recording.recorder import black_box_recorder
+
+        recorder = black_box_recorder()
+    with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+        project = load_bench(path, overrides)
+        if recorder is not None and recorder.box is not None and not project.black_box:
+            recorder = None
+        with recorder or nullcontext():  # before anything else: its file may be refused
+            channel.send(project)  # at once: the screen has its own library to import meanwhile
+            from trcvtui.engine.controller import fresh_bench
+
+            if netns:
+                enter_own_network(kernel, project.sim)
+            bench = fresh_bench(project, kernel, recorder.seam if recorder is not None else None)
+            if recorder is not None:
+                recorder.begin(bench, path, overrides, is_scenario=False)
+            if read_only:
+                close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
+            Engine(channel, bench, recorder).run()
+
+
+def _tell(channel: Channel, last_words: str | UserError) -> None:
+    try:
+        channel.send(last_words)
+    except OSError:
+        return  # the screen is gone, and that was the reason
+
+
+SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
+GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
+STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
+READ_NS: Final = 100_000_000  # nothing is left unread for longer
+MOST_MESSAGES: Final = 64  # that are taken at once
+PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
+FAST_NS: Final = 5_000_000  # with shorter intervals
+PICTURE_NS: Final = 100_000_000  # lies between two pictures
+TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
+
+
+class Engine:
+    """The console with its bench, and the channel to the screen."""
+
+    def __init__(self, channel: Channel, bench: Bench, recorder: RunRecorder | None = None) -> None:
+        self._channel = channel
+        self._controller = Controller(bench)
+        self._recorder = recorder
+        self._controller.black_box = recorder.box if recorder is not None else None
+        if recorder is not None and recorder.box is None:
+            from trcvtui.recording.worker_process import FilesJudge, newest_in
+
+            self._controller.files_judge = FilesJudge(lambda: newest_in(recorder.file), looks_again=True)
+        self._pipe = UpdatePipe(channel)
+        self._request: UpdateRequest | None = None
+        self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
+        self._collect_ns = 0  # what it took last to collect a picture
+        self._is_answered = True  # all lines that were taken have their answer in a picture
+        self._mode = be_punctual()
+        self._timing_file = os.environ.get(TIMING_FILE)
+        self._bench = bench
+
+    def _begin(self, bench: Bench) -> None:
+        quiet_collector()
+        self._bench = bench
+        self._interval = bench.runtime.interval_ns
+        self._timing = Punctuality(self._mode)
+        if self._timing_file:
+            self._timing.keep_every()
+        self._start = self._due = self._read_at = clock.now_ns()
+
+    def run(self) -> None:
+        """Scan at every deadline; serve the screen in between."""
+        self._begin(self._bench)
+        try:
+            while True:
+                self._serve()
+                self._hurry(self._due - SPARE_NS)
+                clock.sleep_until(self._due)
+                self._scan()
+        except Exception:
+            self._pipe.finish()
+            raise
+        finally:
+            self._bench.close()
+            if self._timing_file:
+                self._timing.write_to(Path(self._timing_file))
+
+    def _scan(self) -> None:
+        began = clock.now_ns()
+        if self._controller.step(began - self._start if self._bench.kernel_name == "live" else None):
+            ended = clock.now_ns()
+            self._timing.scanned(self._due, began, ended, self._interval)
+        else:
+            self._controller.rest()
+            ended = clock.now_ns()
+        self._due += self._interval
+        if ended > self._due:
+            self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
+
+    def _hurry(self, until: int) -> None:
+        while self._controller.hurries and clock.now_ns() < until:
+            self._controller.scan()
+
+    def _serve(self) -> None:
+        """Serve the screen right after the scan, and again every STEP of a long gap.
+
+        The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
+        longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
+        """
+        if self._recorder is not None:
+            self._recorder.gap(self._bench)
+            self._controller.tell_recording(self._recorder.text(), self._recorder.wrong)
+        self._read_ledger()
+        self._take_messages()
+        self._deliver(self._due - SPARE_NS)
+        while self._due - (now := clock.now_ns()) > 2 * STEP_NS:
+            self._hurry(now + STEP_NS)
+            clock.sleep_until(now + STEP_NS)
+            self._take_messages()
+            self._deliver(self._due - SPARE_NS)
+
+    def _read_ledger(self) -> None:
+        """Let everybody read what was written; some of it at least, all of it every READ_NS."""
+        now = clock.now_ns()
+        is_long_ago = now > self._read_at + READ_NS
+        if self._controller.catch_up(None if is_long_ago else max(now, self._due - SPARE_NS)):
+            self._read_at = now
+
+    def _take_messages(self) -> None:
+        for _ in range(MOST_MESSAGES):
+            if not self._channel.poll():
+                return
+            self._take(self._channel.recv())
+
+    def _take(self, message: object) -> None:
+        match message:
+            case (int() as number, str() as line):
+                self._controller.take(number, line)
+                self._is_answered = False
+                if self._controller.bench is not self._bench:
+                    if self._recorder is not None:
+                        self._recorder.close()  # the run on record is over
+                        self._recorder = self._controller.black_box = self._controller.files_judge = None
+                    self._begin(self._controller.bench)
+            case UpdateRequest() as request:
+                self._request, self._asked_at = request, clock.now_ns()
+
+    def _deliver(self, until: int) -> None:
+        """Collect a picture that was asked for, in one gap; pack and write it in this one and the next."""
+        began = clock.now_ns()
+        if self._request is None and not self._pipe.is_busy():
+            self._worked_at = began
+            return
+        if began >= until and began < self._worked_at + PATIENCE_NS:
+            return
+        part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
+        if self._request is not None and not self._pipe.is_busy() and self._may_collect(began, until):
+            self._collect(self._request)
+        self._pipe.go_on(part)
+        self._worked_at = clock.now_ns()
+        if began <= self._due < self._worked_at:
+            self._timing.late_by_picture += 1
+
+    def _collect(self, request: UpdateRequest) -> None:
+        """Collect a picture; where that is due, find its percentiles first, and collect in the next gap."""
+        began = clock.now_ns()
+        if not self._timing.find_percentiles() or self._interval >= FAST_NS:
+            self._pipe.begin(self._controller.collect(request, self._timing.summary(), request.most_lines))
+            self._collect_ns, self._collected_at = clock.now_ns() - began, began
+            self._request, self._is_answered = None, True
+
+    def _may_collect(self, now: int, until: int) -> bool:
+        """Return whether a picture like the last one can be collected before the next scan, or has to be.
+
+        With short intervals there are ten a second, and one at once where a line waits for its answer.
+        """
+        least = PICTURE_NS if self._interval < FAST_NS and self._is_answered else 0
+        if now < self._collected_at + least:
+            return False
+        return now + self._collect_ns <= until or now > self._asked_at + PATIENCE_NS
+
+
+class LocalDriver:
+    """The bench in this process, for simulation and tests; `scan` lets scans pass."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.console = Controller(bench)
+        self._number = 0
+        self._picture: BenchUpdate | None = None
+
+    def submit(self, line: str) -> int:
+        self._number += 1
+        self.console.take(self._number, line)
+        return self._number
+
+    def scan(self, scans: int = 1) -> None:
+        for _ in range(scans):
+            self.console.scan()
+
+    def request(self, request: UpdateRequest) -> None:
+        self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
+
+    def picture(self) -> BenchUpdate | None:
+        picture, self._picture = self._picture, None
+        return picture
+
+    def restart(self) -> None:
+        bench = self.console.bench
+        bench.close()
+        self.console = Controller(fresh_bench(bench.project, bench.kernel_name))
+
+    def close(self) -> None:
+        self.console.bench.close()

@@ -1,0 +1,247 @@
+"""What was edited in the project that was opened, which of it is in a file, and `save project [FILE] [!]`.
+
+Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
+`undo` change the project too, and are what `save project` writes. Inputs, DATA and faults of now are the
+session's (`save scenario`).
+Rule of saving 1: what stands in the file now stays, also what was written there since it was opened.
+Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+import sys
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Final, TextIO
+
+from trcvtui.commands.reader import after
+from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.words import MENDS, Mend
+from trcvtui.dialects import DIALECTS
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import read_bytes, write_file
+from trcvtui.paths import configs_path, demo_path
+from trcvtui.project.edit import difference, entry, same
+from trcvtui.project.file import read_project
+from trcvtui.project.keys import forms_of
+from trcvtui.project.project import Edit, Edits, Project
+from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
+from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
+from trcvtui.records import replace
+from trcvtui.scenario.recorded_session import SUFFIX, target
+from trcvtui.scenario.scenario import check_bench
+from trcvtui.wording import count
+
+PROPOSED: Final = "baosky"
+NO: Final = ("n", "no", "q")
+YES: Final = ("", "y", "yes")
+MOST_QUESTIONS: Final = 5
+TEXT: Final = """# a bench of trcvtui; `save project` writes here what is added on the screen
+dialect = "{dialect}"
+"""
+
+
+def is_wanting(path: Path) -> bool:
+    """Return whether a project could begin here: no file in a folder that is there, or an empty file."""
+    if path.suffix != SUFFIX:
+        return False
+    if not os.path.lexists(path):
+        return path.parent.is_dir()
+    return path.is_file() and path.stat().st_size == 0
+
+
+def offer(path: Path, answers: TextIO, talk: TextIO) -> bool:
+    """Ask for which PLC the project shall be, and write it; return whether there is one now."""
+    names = [PROPOSED, *(name for name in DIALECTS if name != PROPOSED)]
+    state = "is empty" if path.exists() else "is not there"
+    talk.write(f"{path} {state}. It can be created, for\n")
+    for number, name in enumerate(names, 1):
+        talk.write(f"  {number}  {name:<16}{DIALECTS[name].title}\n")
+    for _ in range(MOST_QUESTIONS):
+        talk.write(f"enter: create it for {PROPOSED}; a number or a name: for that one; n: nothing > ")
+        talk.flush()
+        line = answers.readline()
+        word = line.strip().lower()
+        if not line or word in NO:
+            break
+        chosen = _chosen(word, names)
+        if chosen:
+            write_file(path, TEXT.format(dialect=chosen), "trcvtui run", is_own=True)
+            return True
+    talk.write("\nnothing was written\n")
+    return False
+
+
+def _chosen(word: str, names: list[str]) -> str:
+    if word in YES:
+        return PROPOSED
+    if word.isascii() and word.isdigit() and 0 < int(word[:6]) <= len(names):
+        return names[int(word[:6]) - 1]
+    return word if word in names else ""
+
+
+def offer_in_the_terminal(path: Path) -> bool:
+    """Ask on the terminal."""
+    return offer(path, sys.stdin, sys.stderr)
+
+
+FORCE: Final = "!"
+
+
+def target_of(words: str, own: Path, written: Collection[str], where: str) -> Path:
+    """Return the file that `[FILE] [!]` names; raise UserError where it would write over somebody else's."""
+    name = words.strip()
+    is_forced = name.endswith(FORCE)
+    name = name.removesuffix(FORCE).strip()
+    if not name:
+        _refuse_what_came_along(own, where)
+        return own
+    path = target(name, where)
+    if not name.strip("\"'").endswith(SUFFIX):
+        raise mistake(where, shown(name), f"a name that ends in {SUFFIX}")
+    whole = os.path.realpath(path)
+    is_ours = whole in written or whole == os.path.realpath(own)
+    if is_ours:
+        _refuse_what_came_along(path, where)
+    elif not is_forced and os.path.lexists(path):
+        expected = f"the name of a new file, or `save project {name} {FORCE}` to write over it"
+        raise mistake(where, f"{path}, which is there already", expected)
+    return path
+
+
+def _refuse_what_came_along(path: Path, where: str) -> None:
+    here = Path(os.path.realpath(path))
+    if any(here.is_relative_to(os.path.realpath(folder)) for folder in (demo_path().parent, configs_path())):
+        raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
+
+
+def save_project(own: Path, path: Path, edits: Edits, where: str, constants: Mapping[str, int]) -> Project:
+    """Write the text of `own` with these edits to `path`; return what it loads as; raise UserError."""
+    if not path.parent.is_dir():
+        raise mistake(where, f"{path}: no folder {path.parent}", "a file that can be written")
+    text = with_files_from(read_text(own), own.parent, path.parent, str(own))
+    added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
+    if added:
+        text = with_entries(text, added, str(own))
+    for edit in edits:
+        if edit.before is not None:
+            text = _with_change(text, edit, own, path)
+    if constants:
+        text = with_constants(text, constants, str(own))
+    loaded = _loaded(text, path, edits)
+    if any(loaded.constants.get(name) != number for name, number in constants.items()):
+        raise mistake(str(path), "other constants", "the ones that were given")
+    write_file(path, _beginning(own) + text.encode(), where, is_own=True)
+    return loaded
+
+
+def _with_change(text: str, edit: Edit, own: Path, path: Path) -> str:
+    """Return the text with one entry changed or gone, written in the form in which it means that."""
+    refused: UserError | None = None
+    for form in range(len(forms_of(edit.after)) if edit.after is not None else 1):
+        try:
+            changed = with_change(text, edit, form, str(own))
+            if edit.after is None or _stands(edit, _read(changed, path)):
+                return changed
+        except UserError as wrong:
+            refused = refused or wrong
+    raise refused or _another(edit, path)
+
+
+def _read(text: str, path: Path) -> Project:
+    document = parse_toml(text, str(path))
+    document.pop("scenario", None)
+    return read_project(document, str(path), path.parent)
+
+
+def _loaded(text: str, path: Path, edits: Edits) -> Project:
+    """Return the project that the text says, every edit as it was meant; raise UserError."""
+    loaded = _read(text, path)
+    check_bench(loaded)
+    for edit in edits:
+        if not _stands(edit, loaded):
+            raise _another(edit, path)
+    return loaded
+
+
+def _stands(edit: Edit, loaded: Project) -> bool:
+    found = entry(edit.kind, edit.name, loaded)
+    return found is None if edit.after is None else found is not None and same(edit.after, found)
+
+
+def _another(edit: Edit, path: Path) -> UserError:
+    expected = "none" if edit.after is None else "the one of the bench"
+    return mistake(str(path), f"another {edit.kind} {edit.name}", expected)
+
+
+def _beginning(path: Path) -> bytes:
+    """Return the byte order mark that some editors of Windows begin a file with, where it is there."""
+    return codecs.BOM_UTF8 if read_bytes(path, LARGEST_FILE).startswith(codecs.BOM_UTF8) else b""
+
+
+WHERE = "prompt"
+
+
+class ProjectEdits:
+    """The opened project as it was edited; `done` counts the edits, `saved` those in its file."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.done = self.saved = 0
+        self.before: str | None = None  # what the file said when the bench began, once it has been saved
+        self._begun_from_file = True
+        self._in_file = project
+        self._edits: Edits = ()  # what makes the project of the one in the file
+        self._constants: dict[str, int] = {}  # given since the project was opened, or saved
+        self._written: set[str] = set()  # real paths
+
+    @property
+    def unsaved(self) -> int:
+        """Return how many entries stand otherwise in the file, or not at all."""
+        return len(self._edits) + len(self._constants)
+
+    @property
+    def unsaved_word(self) -> str:
+        """Return what the unsaved are."""
+        return "addition" if all(edit.before is None for edit in self._edits) else "change"
+
+    def begin(self) -> None:
+        """A fresh bench begins with what is known now."""
+        self.before, self._begun_from_file = None, self.saved == self.done
+
+    def check(self, command: Mend) -> Mend:
+        """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
+        mine = parse_line(to_line(command), self.project, WHERE)
+        assert isinstance(mine, MENDS)
+        check_bench(after(mine, self.project))
+        return mine
+
+    def note(self, command: Mend) -> None:
+        """Take what was edited on the bench."""
+        self.project = after(command, self.project)
+        self._edits = difference(self._in_file, self.project)
+        self.done += 1
+
+    def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
+        """Take UDTs that were read again, and constants that were given for them."""
+        self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
+        self._constants |= constants
+
+    def save(self, words: str) -> str:
+        """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
+        own = self.project.path
+        path = target_of(words, own, self._written, WHERE)
+        if not self.unsaved and os.path.realpath(path) == os.path.realpath(own):
+            return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
+        before = read_text(own) if self.before is None and self._begun_from_file else self.before
+        loaded = save_project(own, path, self._edits, WHERE, self._constants)
+        told = f"the project with {count(self.unsaved, self.unsaved_word)} in {path.absolute()}"
+        self.before = before if before is None else with_files_from(before, own.parent, path.parent, str(own))
+        self._written.add(os.path.realpath(path))
+        self._constants.clear()
+        self.saved = self.done
+        self.project = replace(self.project, path=loaded.path, base=loaded.base)
+        self._in_file, self._edits = self.project, ()
+        return told

@@ -1,0 +1,321 @@
+"""A trigger: what is waited for, looked at after each scan; it fires once, in the scan where it comes true.
+
+`trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN counts
+with DONE alone: in every other scan it is 0 and says nothing.
+When a trigger fires, what the screen gets next is the bench of that very scan, whatever has happened since.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterable
+from operator import eq, ge, gt, le, lt, ne
+from typing import Any, Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.conditions import pin_now
+from trcvtui.blocks.pins import Pin, PinValue
+from trcvtui.commands.conditions import base_name, read_instance, read_target
+from trcvtui.commands.snapshots import Fired, PeerSnapshot
+from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
+from trcvtui.errors import UserError, mistake
+from trcvtui.history.link_statistics import LinkStatistics
+from trcvtui.history.received import JobHistory
+from trcvtui.history.records import Facts
+from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
+from trcvtui.plc.snapshot import BareSnapshot
+from trcvtui.project.project import Project
+from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
+from trcvtui.udt.types import StringType
+
+COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
+    "=": eq, "!=": ne, "<": lt, ">": gt, "<=": le, ">=": ge,
+}  # fmt: skip
+RISES, FALLS, HOLD, OFF = "rises", "falls", "hold", "off"
+WITH_DONE: Final = "RCVD_LEN"
+FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
+_COMPARISON: Final = re.compile(r"([^=!<>]+?)\s*(!=|<=|>=|=|<|>)\s*(.+)", re.DOTALL)
+_EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
+_HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class PinIs:
+    """A pin of an instance compares so with a value."""
+
+    instance: str
+    pin: str
+    operator: str
+    value: PinValue
+
+    def now(self, bench: Bench) -> bool:
+        """Return whether that is so after the last scan."""
+        if self.pin == WITH_DONE and not pin_now(bench, self.instance, "DONE"):
+            return False
+        return COMPARE[self.operator](pin_now(bench, self.instance, self.pin), self.value)
+
+    def fires_by(self, event: Event) -> bool:
+        """Return whether an event within a scan is what is waited for: a pin that rises and falls in it."""
+        if not isinstance(event, InputEdge) or (event.instance, event.pin) != (self.instance, self.pin):
+            return False
+        return COMPARE[self.operator](event.value, self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class MemberCompares:
+    """A value in DATA compares so with a given one; numbers by size, texts for being equal alone."""
+
+    data: str
+    layout: Layout
+    leaf: Leaf
+    operator: str
+    payload: bytes
+
+    def now(self, bench: Bench) -> bool:
+        """Return whether that is so after the last scan."""
+        start = self.leaf.offset
+        content = bench.runtime.data_part(self.data, start, start + self.leaf.size)
+        if len(content) < self.leaf.size:
+            return False
+        return COMPARE[self.operator](self._value(content), self._value(self.payload))
+
+    def _value(self, content: bytes) -> Any:
+        if isinstance(self.leaf.type, StringType) or self.leaf.bit is not None:
+            return leaf_value(self.layout, self.leaf, content)
+        order = BYTE_ORDERS[self.layout.rules.byte_order]
+        return struct.unpack(order + self.leaf.coding.code, content)[0]
+
+    def fires_by(self, event: Event) -> bool:
+        """Return False: DATA has one value a scan."""
+        return False
+
+
+Condition = PinIs | MemberCompares
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """What was asked for, as it was written; with `holds` no further scan passes once it has fired."""
+
+    text: str
+    condition: Condition
+    holds: bool = False
+
+
+class OneTrigger:
+    """At most one trigger on a bench; `scanned` looks at it."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.armed: Trigger | None = None
+        self.fired: Fired | None = None
+        self._bench = bench
+        self._project = bench.project
+        self._was = False
+        self._count = 0
+
+    def arm(self, trigger: Trigger | None) -> None:
+        """Wait for this from now on; what is so already has to become so again. None: wait for nothing."""
+        self.armed = trigger
+        self._project = self._bench.project
+        self._was = trigger is not None and trigger.condition.now(self._bench)
+
+    @property
+    def is_so_already(self) -> bool:
+        """Return whether what is waited for is so already."""
+        return self._was
+
+    def scanned(self, events: Iterable[Event]) -> Fired | None:
+        """Look after a scan in which these events were written; return what fired in it."""
+        trigger = self._still_armed()
+        if trigger is None:
+            return None
+        condition, before = trigger.condition, self._was
+        self._was = condition.now(self._bench)
+        became = self._was and not before
+        if not became and not (not self._was and any(map(condition.fires_by, events))):
+            return None
+        runtime = self._bench.runtime
+        self._count += 1
+        self.armed = None
+        self.fired = Fired(self._count, trigger.text, runtime.scans, runtime.ledger.t_ns, trigger.holds)
+        return self.fired
+
+    def _still_armed(self) -> Trigger | None:
+        """Return the trigger; a program that was changed may have lost what it looks at."""
+        if self.armed is not None and self._project is not self._bench.project:
+            try:
+                self._project, was = self._bench.project, self._was
+                self.armed = read_trigger(self.armed.text, self._project, "trigger")
+                self._was = was
+            except UserError:
+                self.armed = None
+        return self.armed
+
+
+def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
+    """Return the trigger after the word `trigger`, None for `off`; raise UserError."""
+    text = text.strip()
+    if text == OFF:
+        return None
+    held = _HOLD.fullmatch(text)
+    asked = held[1] if held else text
+    return Trigger(text, _condition(asked, project, where), held is not None)
+
+
+def _condition(text: str, project: Project, where: str) -> Condition:
+    edge = _EDGE.fullmatch(text)
+    if edge is not None:
+        subject, value = " ".join(filter(None, edge.groups()[:2])), "1" if edge[3] == RISES else "0"
+        return _compared(subject, "=", value, project, where, is_edge=True)
+    found = _COMPARISON.fullmatch(text)
+    if found is None:
+        raise mistake(where, shown(text) if text else "nothing more", FORM)
+    return _compared(found[1], found[2], found[3], project, where)
+
+
+def _compared(
+    subject: str, operator: str, value: str, project: Project, where: str, is_edge: bool = False
+) -> Condition:
+    words = Words(subject, where)
+    word = words.peek()
+    if project.instance(word) is not None:
+        return _pin(words, operator, value, project, is_edge)
+    if project.data_decl(base_name(word)) is None:
+        names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
+        raise words.wrong(shown(word), expected_name(word, names, "an instance or a DATA variable"))
+    return _member(words, operator, value, project, is_edge)
+
+
+def _pin(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> PinIs:
+    instance = read_instance(words, project)
+    pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
+    name = words.next("a pin such as STATUS")
+    words.finish()
+    if name not in pins:
+        raise words.wrong(shown(name), expected_name(name, pins, "pin"))
+    pin = pins[name]
+    if is_edge and not pin.is_bool:
+        raise words.wrong(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
+    if operator not in ("=", "!=") and (pin.is_bool or pin.iec_type == "WORD"):
+        raise words.wrong(f"'{operator}' of '{name}', a {pin.iec_type}", "= or !=")
+    return PinIs(instance.name, name, operator, pin_value(pin, value, words.where))
+
+
+def _member(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> MemberCompares:
+    target = read_target(words, project)
+    words.finish()
+    leaf, layout = target.leaf(words), target.decl.layout
+    if is_edge and leaf.coding.code != "?":
+        name = leaf.path or target.decl.name
+        raise words.wrong(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
+    if operator not in ("=", "!=") and isinstance(leaf.type, StringType):
+        raise words.wrong(f"'{operator}' of a text", "= or !=")
+    return MemberCompares(
+        target.decl.name, layout, leaf, operator, leaf_bytes(layout, leaf, value, words.where)
+    )
+
+
+BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most
+MOST_BYTES: Final = 262_144  # of all DATA in it: they cross in one piece
+MOST_INSTANCES: Final = 64
+
+Named = tuple[tuple[str, bytes], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class KeptScan:
+    """The bench in the scan of a trigger; `lines` are the bare ones of the ledger up to `last_seq`."""
+
+    fired: Fired
+    snapshot: BareSnapshot
+    lines: list[Stamped]
+    last_seq: int
+    data: Named
+    partial: Named
+    peers: tuple[PeerSnapshot, ...]
+    facts: tuple[tuple[str, Facts], ...]
+
+    def lines_after(self, seq: int) -> tuple[list[Stamped], int]:
+        """Return the lines after `seq`, and the number of the first of them."""
+        count = min(len(self.lines), max(0, self.last_seq - seq))
+        return self.lines[len(self.lines) - count :], self.last_seq - count + 1
+
+
+class TriggerWatch:
+    """The facts and the trigger of one bench."""
+
+    def __init__(self, bench: Bench, history: JobHistory) -> None:
+        self.trigger = OneTrigger(bench)
+        self._bench = bench
+        self._history = history
+        self._statistics = LinkStatistics(history.index)
+        history.lost.append(self._statistics.lose)
+        self._seq = 0  # of the last line that was read while a trigger is armed
+        self.told = 0  # of the last line that a picture has brought
+        self._kept: KeptScan | None = None
+
+    def arm(self, text: str, where: str) -> str:
+        """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError."""
+        trigger = read_trigger(text, self._bench.project, where)
+        self.trigger.arm(trigger)
+        self._seq = self._bench.runtime.ledger.last_seq
+        if trigger is None:
+            return "no trigger is armed"
+        again = "; it is so already and fires when it becomes so again"
+        return f"armed{again if self.trigger.is_so_already else ''}"
+
+    @property
+    def is_armed(self) -> bool:
+        """Return whether `scanned` has to look after each scan."""
+        return self.trigger.armed is not None
+
+    def scanned(self) -> Fired | None:
+        """Read what the last scan has written; return the trigger that fired in it."""
+        ledger = self._bench.runtime.ledger
+        written = ledger.raw_since(self._seq)
+        self._seq = ledger.last_seq
+        fired = self.trigger.scanned(event_of(item) for item in written if item[2] is InputEdge)
+        if fired is not None:
+            self._kept = self._keep(fired)
+        return fired
+
+    def _keep(self, fired: Fired) -> KeptScan:
+        bench, runtime = self._bench, self._bench.runtime
+        names = [instance.name for instance in bench.project.instances[:MOST_INSTANCES]]
+        return KeptScan(
+            fired,
+            runtime.collect(bench.faults()),
+            runtime.ledger.raw_since(self.told, BEFORE),
+            runtime.ledger.last_seq,
+            self._data(),
+            tuple((name, runtime.partial(name)) for name in names),
+            tuple(peer.snapshot() for peer in bench.peers.values()),
+            self.facts(tuple(names)),
+        )
+
+    def _data(self) -> Named:
+        left, taken = MOST_BYTES, []
+        for decl in self._bench.project.data:
+            if decl.size <= left:
+                taken.append((decl.name, self._bench.runtime.data(decl.name)))
+                left -= decl.size
+        return tuple(taken)
+
+    def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
+        """Return what is known of these instances."""
+        self._history.catch_up()
+        declared = map(self._bench.project.instance, instances)
+        return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
+
+    @property
+    def armed(self) -> str:
+        """Return the trigger that is waited for, "" for none."""
+        return self.trigger.armed.text if self.trigger.armed is not None else ""
+
+    def take_kept(self) -> KeptScan | None:
+        """Return the bench in the scan of a trigger that has fired since the last time."""
+        kept, self._kept = self._kept, None
+        return kept

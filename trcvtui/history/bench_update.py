@@ -1,0 +1,137 @@
+"""What the screen gets when it asks the engine: one frozen update of the bench; and what it may ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import starmap
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.serial.com_buffer import LineRecording
+from trcvtui.blocks.table import block_row
+from trcvtui.commands.snapshots import (
+    Answer,
+    DoctorSnapshot,
+    EngineTiming,
+    Fired,
+    PeerSnapshot,
+    PlayerSnapshot,
+    Position,
+    TalkSnapshot,
+    TrialSnapshot,
+)
+from trcvtui.history.pin_waveform import WaveformDelta, with_changes
+from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
+from trcvtui.net.connection.connection import State
+from trcvtui.plc.ledger import Line, Stamped, line_of
+from trcvtui.plc.snapshot import BareSnapshot, Snapshot
+from trcvtui.records import NamedTuple, dataclass, replace
+
+if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
+    from trcvtui.project.project import Project
+
+NOBODY_LOOKED = DoctorSnapshot()
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateRequest:
+    """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
+
+    `waves` are the instances whose pins are drawn over time, with the number of the last change it knows.
+    `bench` and `project` are the numbers of those that the screen knows, as the last picture told them.
+    """
+
+    since_seq: int = 0
+    data: tuple[str, ...] = ()
+    partial_of: tuple[str, ...] = ()
+    most_lines: int = 2000
+    bench: int = 0
+    project: int = 0
+    waves: tuple[tuple[str, int], ...] = ()
+    history: HistoryRequest | None = None
+    recordings_of: tuple[str, ...] = ()  # ComBuffers
+    doctor: bool = False  # whether he shall look
+
+
+@dataclass(frozen=True, slots=True)
+class BenchUpdate:
+    """The bench after its last scan. `holding` is True while no scans pass.
+
+    `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
+    the screen does not know it yet. `player` is there while a scenario is loaded, `trial` from the first
+    `try-splits` on. `facts` come of the instances
+    in `partial_of`. `armed` is the trigger that is waited for; with `fired` this is the picture of the very
+    scan in which one fired, and the PLC has gone on since.
+    """
+
+    snapshot: Snapshot
+    lines: tuple[Line, ...]
+    lines_skipped: int
+    data: tuple[tuple[str, bytes], ...]
+    partial: tuple[tuple[str, bytes], ...]
+    peers: tuple[PeerSnapshot, ...]
+    answers: tuple[Answer, ...]
+    timing: EngineTiming
+    holding: bool
+    kernel: str
+    bench: int = 0
+    project_number: int = 0
+    project: Project | None = None
+    player: PlayerSnapshot | None = None
+    trial: TrialSnapshot | None = None
+    waves: tuple[WaveformDelta, ...] = ()
+    history: HistoryWindow | None = None
+    unsaved: int = 0  # edits of the project that are in no file
+    unsaved_word: str = "addition"
+    facts: tuple[tuple[str, Facts], ...] = ()
+    armed: str = ""
+    fired: Fired | None = None
+    recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
+    is_recording: bool = False  # by the black box, so that `record stop` ends it
+    recordings: tuple[
+        tuple[str, LineRecording], ...
+    ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
+    over: str = ""  # why nothing more comes from the line that is shown
+    position: Position | None = None  # of a replay in its recording
+    shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
+    talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
+    doctor: DoctorSnapshot = NOBODY_LOOKED
+
+
+NEVER_SAVED: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out
+
+
+def lines_again(snapshot: Snapshot, project: Project) -> Iterator[str]:
+    """Yield the lines that bring a fresh bench to where this one stood: its inputs, what TCON had built.
+
+    A pin whose edge does something is left out: nothing is sent or reset once more.
+    """
+    for instance in snapshot.instances:
+        levels = {pin.name for pin in project.pins(instance.block) if not pin.edge}
+        pins = [f"{name}={int(value)}" for name, value in instance.inputs if name in levels]
+        if pins:
+            yield f"set {instance.name} {' '.join(pins)}"
+        link = snapshot.connection(instance.connect)
+        builds = block_row(instance.block).runs_as is Condition.ESTABLISHING
+        if builds and link is not None and link.state != State.CLOSED:
+            yield f"pulse {instance.name} REQ"
+
+
+class BareUpdate(NamedTuple):
+    """A BenchUpdate as it is collected between two scans: all of it frozen, the dear parts not made yet.
+
+    `update` has no parts of the snapshot, no lines, no window, and bare changes in its waves. `lines` are
+    bare lines of the ledger, the first has number `first_seq`; `window` makes the window on the stream, which
+    tells itself how far it goes.
+    """
+
+    update: BenchUpdate
+    snapshot: BareSnapshot
+    lines: Sequence[Stamped]
+    first_seq: int
+    window: Callable[[], HistoryWindow | None]
+
+    def whole(self, snapshot: Snapshot) -> BenchUpdate:
+        lines = tuple(starmap(line_of, enumerate(self.lines, self.first_seq)))
+        waves = tuple(map(with_changes, self.update.waves))
+        return replace(self.update, snapshot=snapshot, lines=lines, waves=waves, history=self.window())

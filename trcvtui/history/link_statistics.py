@@ -1,0 +1,303 @@
+"""The facts that outlive a flood: small counters of each CONNECT, written along with the ledger's lines.
+
+Rule 1: a screen gets a bounded number of lines, the statistics read every one; nothing grows with them.
+Rule 2: what is dropped from the ledger before they have read it is missing here, and nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import JobEnded
+from trcvtui.blocks.outcome import Cause, Why, cause_of
+from trcvtui.history.records import (
+    NOT_BUILT,
+    Drop,
+    Dropped,
+    Facts,
+    FailedAttempt,
+    Failures,
+    LastLoss,
+    Moment,
+    Sizes,
+    TurnedAway,
+)
+from trcvtui.history.stream_index import KEPT_SIZES, StreamIndex
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.net.layers.layered_stream import DROPPED
+from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
+from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
+from trcvtui.records import replace
+
+KEPT_ERRORS: Final = 8
+IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
+
+ENDINGS: Final = frozenset(
+    {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}
+)
+TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
+
+
+class _LinkFacts:
+    """One CONNECT."""
+
+    def __init__(self) -> None:
+        self.incarnation = 0
+        self.up_since: Moment | None = None
+        self.down_since: Moment | None = None
+        self.failures: dict[tuple[str, str], Failures] = {}
+        self.listening = ""  # where it listens, shared or not
+        self.attempt: FailedAttempt | None = None
+        self.dropped: Dropped | None = None
+        self.said: Dropped | None = None  # of the handshake that ends next
+        self.turned: dict[str, TurnedAway] = {}
+        self.loss: LastLoss | None = None
+        self.losses = 0
+        self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
+        self.drop: Drop | None = None
+        self.drops = 0
+
+    def forget_failures(self) -> None:
+        """Forget what failed: it stands, or waits for whoever comes."""
+        self.failures.clear()
+        self.attempt = self.dropped = self.said = None
+
+    def is_built(self) -> None:
+        """Forget what kept it from having a socket."""
+        for key in [key for key in self.failures if key[0] in NOT_BUILT]:
+            del self.failures[key]
+        if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
+            self.attempt = None
+
+
+class _Datagrams:
+    """What came to one UDP socket: a recv call is a datagram."""
+
+    def __init__(self, at: Moment) -> None:
+        self.open_since = at
+        self.count = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes."""
+        return Sizes(self.count, tuple(self.last))
+
+
+class LinkStatistics:
+    """Reads the ledger along with the index; `facts` answers for one instance."""
+
+    def __init__(self, index: StreamIndex) -> None:
+        self._index = index
+        self._links: dict[str, _LinkFacts] = {}
+        self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
+        self._busy: set[str] = set()  # the instances that are not idle
+        self._has_datagrams = False
+        self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
+        index.ends[False].append(self._job_ended)
+        index.listen(
+            {
+                ConnectionChanged: self._connection,
+                StatusEdge: self._status,
+                BenchNote: self._note,
+            }
+        )
+
+    # -- what is written --------------------------------------------------------------------------------
+
+    def _bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        link = self._links.get(event[0])
+        if link is not None and link.datagrams is not None:
+            link.datagrams.count += 1
+            link.datagrams.last.append(event[4])
+
+    def _job_ended(self, seq: int, scan: int, t_ns: int, fields: Sequence[Any]) -> None:
+        event = JobEnded._make(fields)
+        if not event.size:
+            return
+        link, started = self._link(event.connection), self._index.started(event.instance)
+        is_adhoc = started is not None and started.adhoc
+        if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
+            return
+        link.drops += 1
+        end = event.offset + event.size
+        need = started.size if started is not None else 0
+        link.drop = Drop(Moment(scan, t_ns), event.instance, event.reason, event.size, need, end)
+
+    def _connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+        link, at = self._link(event.connection), Moment(scan, t_ns)
+        if event.what is What.CONNECTED:
+            link.incarnation = event.incarnation
+            link.up_since, link.down_since = at, None
+            link.forget_failures()
+            link.turned.clear()
+            link.drop, link.drops = None, 0
+        elif event.what in ENDINGS:
+            self._ended(link, at, event)
+        elif event.what in (What.ATTEMPT_FAILED, What.ACCEPT_FAILED):
+            self._failed(link, at, event)
+        elif event.what in TURNED_AWAY:
+            before = link.turned.get(TURNED_AWAY[event.what])
+            count = before.count + 1 if before else 1
+            link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
+        elif event.what is What.LISTENING:  # a new endpoint: one that lost its partner has its listener
+            link.forget_failures()
+            link.listening, link.down_since = event.local, at
+            if event.detail == "UDP":
+                link.datagrams, link.down_since = _Datagrams(at), None
+                if not self._has_datagrams:
+                    self._has_datagrams = True
+                    self._index.listen({BytesReceived: self._bytes})
+        elif event.what is What.CONNECTING:
+            link.down_since = link.down_since or at
+            link.is_built()
+
+    def _ended(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
+        if event.what in (What.DISCONNECTED, What.STOPPED):
+            link.down_since, link.listening = None, ""
+        if link.up_since is None:
+            return  # an attempt was given up
+        fault = event.fault
+        up_ns = at.t_ns - link.up_since.t_ns
+        error, injected = (fault.error, fault.injected) if fault else ("", False)
+        link.loss = LastLoss(at, str(event.what), event.peer, error, injected, up_ns)
+        link.losses += 1
+        goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
+        link.up_since, link.down_since = None, at if goes_on else None
+
+    def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
+        link.down_since = link.down_since or at
+        fault = event.fault
+        key = (fault.call, fault.error) if fault else ("", str(event.what))
+        before = link.failures.pop(key, None)
+        if len(link.failures) >= KEPT_ERRORS:
+            del link.failures[next(iter(link.failures))]
+        count = before.count + 1 if before else 1
+        injected = fault.injected if fault else False
+        link.failures[key] = Failures(*key, count, at, injected, event.peer)
+        said, link.said = link.said, None
+        if fault is None or fault.call != "session":
+            said = None
+        peer = event.peer or (said.peer if said else "")
+        cause = cause_of(fault, peer) if fault else Cause(Why.WAITING, str(event.what), peer=peer)
+        link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
+        link.dropped = None
+
+    def _note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
+        """Keep what became of a handshake; who names a TSAP that nobody has, asked all who listen there."""
+        link = self._links.get(event.subject)
+        if link is None or event.what not in (DROPPED, SESSION_ENDED):
+            return
+        said = Dropped(Moment(scan, t_ns), event.end, event.detail)
+        if event.what == SESSION_ENDED:
+            link.said = said
+            return
+        for one in self._links.values() if event.for_all else (link,):
+            if one is link or (one.listening and one.listening == link.listening):
+                one.said = one.dropped = said
+
+    def _status(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+        if event.outputs.error:
+            self._refusals[event.instance] = event
+        if event.condition in IDLE:
+            self._busy.discard(event.instance)
+        elif event.instance not in self._busy:
+            self._busy.add(event.instance)
+            self._asked[event.instance] = Moment(scan, t_ns)
+
+    def lose(self, seq: int, scan: int, t_ns: int) -> None:
+        """Forget everything: lines were overwritten before they were read."""
+        self._links.clear()
+        self._refusals.clear()
+        self._busy.clear()
+        self._asked.clear()
+
+    def _link(self, connect: str) -> _LinkFacts:
+        link = self._links.get(connect)
+        if link is None:
+            link = self._links[connect] = _LinkFacts()
+        return link
+
+    # -- what is read -----------------------------------------------------------------------------------
+
+    def facts(self, instance: str, connect: str) -> Facts:
+        """Return what is known of an instance on a CONNECT."""
+        link = self._links.get(connect)
+        if link is None:
+            return Facts()
+        bursts, datagrams = self._index.bursts(connect), link.datagrams
+        known = Facts(
+            datagrams=datagrams.sizes if datagrams is not None else Sizes(),
+            open_since=datagrams.open_since if datagrams is not None else None,
+            bursts=bursts.sizes,
+            longest_gap_ns=max(bursts.gaps, default=0),
+            received=self._index.next_byte(connect, link.incarnation),
+            drop=link.drop,
+            drops=link.drops,
+            up_since=link.up_since,
+            down_since=_later(link.down_since, self._asked.get(instance)),
+            attempt=self._attempt(link, instance),
+            dropped=link.dropped,
+            failures=tuple(link.failures.values()),
+            wrong_partner=link.turned.get("wrong_partner"),
+            second_client=link.turned.get("second_client"),
+            loss=link.loss,
+            losses=link.losses,
+        )
+        return self._with_messages(self._with_job(known, link, instance), link, connect)
+
+    def _attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
+        """Return the last attempt that failed, with the code that the instance showed for it."""
+        attempt, shown = link.attempt, self._refusals.get(instance)
+        if attempt is None or link.up_since is not None:
+            return None
+        if shown is None or (shown.cause.call, shown.cause.error) != (
+            attempt.cause.call,
+            attempt.cause.error,
+        ):
+            return attempt
+        cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
+        return replace(attempt, cause=cause, status=shown.outputs.status, condition=shown.condition)
+
+    def _with_job(self, known: Facts, link: _LinkFacts, instance: str) -> Facts:
+        job = self._index.started(instance)
+        if job is None or job.link[1] != link.incarnation:
+            return known
+        return replace(known, job_offset=job.offset, job_began=job.began, job_adhoc=job.adhoc)
+
+    def _with_messages(self, known: Facts, link: _LinkFacts, connect: str) -> Facts:
+        place = connect, link.incarnation
+        sender, sizes = self._index.sent_on(place)
+        if not sizes.count:
+            return known
+        begins_in = None if known.job_offset is None else self._index.message_at(place, known.job_offset)
+        known = replace(known, sender=sender, messages=sizes, begins_in=begins_in)
+        if link.drop is None:
+            return known
+        after = self._index.message_at(place, link.drop.end)
+        cuts = after is not None and after.offset < link.drop.end
+        return replace(known, drop_cuts=cuts, after_drop=after)
+
+
+def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:
+    """Return what was known while an edge of the past showed, and the scan up to which it did."""
+    kept = list(lines)
+    following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
+    shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
+    index = StreamIndex()
+    statistics = LinkStatistics(index)
+    index.take((known.scan, known.t_ns, known.event) for known in shown)
+    last = shown[-1] if shown and shown[-1].seq > line.seq else line
+    return statistics.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+
+
+def _later(one: Moment | None, other: Moment | None) -> Moment | None:
+    """Return the later of the two; a connection that does not wait has no moment since when."""
+    return other if one is not None and other is not None and other.scan > one.scan else one
+
+
+def _is_next(line: Line, edge: StatusEdge) -> bool:
+    return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance

@@ -1,0 +1,431 @@
+"""Which message, recv call, job and scan holds a byte of a received stream: kept once, asked by everybody.
+
+The index reads the lines of the ledger; others that read them along (`listen`) are told each one after it.
+All that a line costs at once is a note of its fields: records are made of them when somebody asks.
+Rule 1: what the ledger did not tell (lines skipped, a partner that is no peer here) is left out, not guessed.
+Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
+Each incarnation of the CONNECT has the messages of its own connection only.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
+from trcvtui.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
+from trcvtui.records import NamedTuple
+
+KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
+KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
+KEPT_STREAMS: Final = 256  # of peers
+KEPT_LINKS: Final = 1024
+KEPT_SIZES: Final = 40
+KEPT_GAPS: Final = 8
+
+Stamped = tuple[int, int, Event]  # scan, time in ns
+Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event or its bare fields
+Ends = tuple[str, str]  # the peer's, then that of the CONNECT
+Link = tuple[str, int]  # CONNECT, incarnation
+_Told = tuple[int, int, int, str]  # offset, size, number, peer
+_Read = tuple[int, int, int, int, int, int]  # the fields of a RecvSpan, its position 0
+_Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
+_Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[_Read]]  # JobEnded, how it began, its reads
+_LAST: Final = (1 << 62, 0, "")
+
+
+class _Sent:
+    """The messages of one peer on one connection, by the byte of the stream with which they begin."""
+
+    def __init__(self) -> None:
+        self.told: list[_Told] = []
+        self.forgotten = 0
+
+    def add(self, told: _Told, keep: int) -> None:
+        self.told.append(told)
+        if len(self.told) > keep:
+            del self.told[: keep // 2]
+            self.forgotten += keep // 2
+
+
+class StreamBursts:
+    """What arrived on one connection between two pauses, whoever sent it."""
+
+    def __init__(self) -> None:
+        self.count = self.size = self.scan = self.t_ns = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
+
+    def note(self, scan: int, t_ns: int, size: int) -> None:
+        """Take what one recv call has brought."""
+        if self.scan == scan:
+            self.size += size
+            return
+        if self.size and scan - self.scan <= PAUSE_SCANS:
+            self.size += size
+        else:
+            if self.size:
+                self.last.append(self.size)
+                self.gaps.append(t_ns - self.t_ns)
+            self.count, self.size = self.count + 1, size
+        self.scan, self.t_ns = scan, t_ns
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes, that of the burst under way included."""
+        last = (*self.last, self.size) if self.size else ()
+        return Sizes(self.count, last[-KEPT_SIZES:])
+
+
+class JobRecord(NamedTuple):
+    """A receive job: what it began or ended with. `at` is the scan of its end, of a running job its start.
+
+    `recvs` are the recv calls that read for it, their `position` not yet known (0).
+    """
+
+    number: int
+    link: Link
+    offset: int
+    size: int
+    adhoc: bool
+    began: Moment
+    at: Moment
+    recvs: Sequence[RecvSpan] = ()
+
+    def pieces(self, is_running: bool) -> list[tuple[int, int]]:
+        """Return (offset, size) of all that it has of the stream: another job may have read in between."""
+        found: list[tuple[int, int]] = []
+        for recv in self.recvs:
+            if found and sum(found[-1]) == recv.offset:
+                found[-1] = found[-1][0], found[-1][1] + recv.size
+            else:
+                found.append((recv.offset, recv.size))
+        missing = self.size - sum(size for _, size in found)
+        if found and missing and is_running:
+            return [*found[:-1], (found[-1][0], found[-1][1] + missing)]
+        return found if found and not missing else [(self.offset, self.size)]  # lines of it were skipped
+
+
+class _InstanceReads:
+    """What one instance has read, in bare fields: its running job and those that ended last."""
+
+    __slots__ = ("began", "delivered", "ended", "link", "reads", "runs")
+
+    def __init__(self) -> None:
+        self.began: _Began | None = None
+        self.runs = False
+        self.reads: list[_Read] = []  # of the running job
+        self.link: Link = "", 0  # where it read these
+        self.ended: _Ended | None = None
+        self.delivered: _Ended | None = None
+
+
+class _Arrived:
+    """What a connection has received: the byte that comes next, and what arrived between two pauses."""
+
+    __slots__ = ("bursts", "incarnation", "offset")
+
+    def __init__(self) -> None:
+        self.bursts = StreamBursts()
+        self.incarnation = self.offset = 0
+
+
+class Origin(NamedTuple):
+    """What is known of one byte; None is not known. `message.first` is its place in the message."""
+
+    job: JobRecord
+    recv: RecvSpan | None
+    message: MessageSpan | None
+
+
+class StreamIndex:
+    """The ledger's lines about bytes, bounded."""
+
+    def __init__(self, kept_messages: int = KEPT_MESSAGES, kept_recvs: int = KEPT_RECVS) -> None:
+        self._kept_messages, self._kept_recvs = kept_messages, kept_recvs
+        self._sent: dict[tuple[Ends, int], _Sent] = {}
+        self._newest: dict[Ends, int] = {}  # how many times these ends have met
+        self._claimed: dict[Ends, int] = {}
+        self._links: dict[Link, tuple[Ends, int]] = {}
+        self._incarnations: dict[str, int] = {}
+        self._received: dict[str, _Arrived] = {}  # by CONNECT
+        self._readings: dict[str, _InstanceReads] = {}  # by instance
+        self.listeners: dict[type, list[Listener]] = {
+            PeerSent: [self._message_sent],
+            BytesReceived: [self._bytes_received],
+            JobStarted: [self._job_started],
+            JobMode: [self._job_mode],
+            JobEnded: [self._job_ended],
+            ConnectionChanged: [self._connection_noted],
+        }
+        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # told of JobEnded with DONE, without
+
+    def listen(self, listeners: Mapping[type, Listener]) -> None:
+        """Tell these of each event of their type, after the index has it."""
+        for kind, listener in listeners.items():
+            self.listeners.setdefault(kind, []).append(listener)
+
+    # -- what is written --------------------------------------------------------------------------------
+
+    def take(self, stamped: Iterable[Stamped]) -> None:
+        """Read what was written, oldest first."""
+        listeners = self.listeners
+        for scan, t_ns, event in stamped:
+            for listener in listeners.get(type(event), ()):
+                listener(0, scan, t_ns, event)
+
+    def lose(self) -> None:
+        """Forget what lines that nobody has read can have changed: nothing of it is guessed."""
+        self._received.clear()
+        self._readings.clear()
+        self._sent.clear()
+        self._links.clear()
+        self._incarnations.clear()
+        self._claimed = dict(self._newest)  # who meets again begins a new stream
+
+    def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        peer, message, local, remote, offset, size = event
+        ends = local, remote
+        turn = self._newest.get(ends, 0)
+        sent = self._sent.get((ends, turn))
+        if sent and offset <= sent.told[-1][0]:
+            turn += 1
+            sent = None
+        if sent is None:
+            turn = max(turn, self._claimed.get(ends, 0))
+            if len(self._sent) >= KEPT_STREAMS:
+                del self._sent[next(iter(self._sent))]
+            self._newest[ends] = turn
+            sent = self._sent.setdefault((ends, turn), _Sent())
+        sent.add((offset, size, message, peer), self._kept_messages)
+
+    def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+        if event.what is not What.CONNECTED:
+            return
+        ends = event.peer, event.local
+        newest, claimed = self._newest.get(ends, 0), self._claimed.get(ends, -1)
+        turn = newest if newest > claimed else claimed + 1
+        self._claimed[ends] = turn
+        self._links[event.connection, event.incarnation] = ends, turn
+        if len(self._links) > KEPT_LINKS:
+            del self._links[next(iter(self._links))]
+        self._incarnations[event.connection] = event.incarnation
+        self._link(event.connection).bursts = StreamBursts()
+
+    def _link(self, connect: str) -> _Arrived:
+        link = self._received.get(connect)
+        if link is None:
+            link = self._received[connect] = _Arrived()
+        return link
+
+    def _reading(self, instance: str) -> _InstanceReads:
+        reading = self._readings.get(instance)
+        if reading is None:
+            reading = self._readings[instance] = _InstanceReads()
+        return reading
+
+    def _bytes_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        connection, incarnation, recv, offset, size, instance = event
+        link = self._received.get(connection) or self._link(connection)
+        link.incarnation, link.offset = incarnation, offset + size
+        link.bursts.note(scan, t_ns, size)
+        reading = self._readings.get(instance) or self._reading(instance)
+        reading.link = connection, incarnation
+        reads = reading.reads
+        reads.append((0, size, recv, scan, t_ns, offset))
+        if len(reads) > self._kept_recvs:
+            del reads[0]
+
+    def _job_started(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        reading = self._readings.get(event[0]) or self._reading(event[0])
+        reading.began = scan, t_ns, tuple(event)
+        reading.runs = True
+        reading.reads = []
+
+    def _job_mode(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        reading = self._readings.get(event[0])
+        if reading is not None and reading.began is not None:
+            begun, at, fields = reading.began
+            reading.began = begun, at, (*fields[:-1], event[-1])
+
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, _, _, _, _, _, done, _ = event
+        reading = self._readings.get(instance) or self._reading(instance)
+        begun = reading.began if reading.runs else None
+        reading.ended = scan, t_ns, tuple(event), begun, reading.reads
+        reading.runs, reading.reads = False, []
+        if done:
+            reading.delivered = reading.ended
+        for listener in self.ends[done]:
+            listener(seq, scan, t_ns, event)
+
+    # -- which message holds a byte ---------------------------------------------------------------------
+
+    def _messages(self, link: Link) -> _Sent | None:
+        key = self._links.get(link)
+        return self._sent.get(key) if key is not None else None
+
+    def messages_within(self, link: Link, offset: int, size: int, position: int) -> list[MessageSpan]:
+        """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
+        sent = self._messages(link)
+        found: list[MessageSpan] = []
+        if sent is None:
+            return found
+        place = max(0, bisect_right(sent.told, (offset, *_LAST)) - 1)
+        while place < len(sent.told) and sent.told[place][0] < offset + size:
+            begin, length, number, peer = sent.told[place]
+            first = max(begin, offset)
+            part = min(begin + length, offset + size) - first
+            if part > 0:
+                found.append(
+                    MessageSpan(position + first - offset, part, peer, number, first - begin, length)
+                )
+            place += 1
+        return found
+
+    def message_at(self, link: Link, offset: int) -> SentMessage | None:
+        """Return the message that holds a byte of a connection, None where it is not known."""
+        for span in self.messages_within(link, offset, 1, offset):
+            return SentMessage(span.number, offset - span.first, span.whole)
+        return None
+
+    def sent_on(self, link: Link) -> tuple[str, Sizes]:
+        """Return which peer sends on a connection, and the sizes of its messages."""
+        sent = self._messages(link)
+        if sent is None:
+            return "", Sizes()
+        sizes = tuple(size for _, size, _, _ in sent.told[-KEPT_SIZES:])
+        return sent.told[-1][3], Sizes(sent.forgotten + len(sent.told), sizes)
+
+    # -- what a connection has received -----------------------------------------------------------------
+
+    def next_byte(self, connect: str, incarnation: int) -> int:
+        """Return the offset of the byte that comes next, 0 before the first of this incarnation."""
+        link = self._received.get(connect)
+        return link.offset if link is not None and link.incarnation == incarnation else 0
+
+    def bursts(self, connect: str) -> StreamBursts:
+        """Return the bursts of the present connection."""
+        link = self._received.get(connect)
+        return link.bursts if link is not None else StreamBursts()
+
+    # -- jobs -------------------------------------------------------------------------------------------
+
+    def started(self, instance: str) -> JobRecord | None:
+        """Return the job that an instance began last, also after its end."""
+        reading = self._readings.get(instance)
+        return _begun(reading.began) if reading is not None and reading.began is not None else None
+
+    def reads(self, instance: str) -> list[_Read]:
+        """Return the bare recv calls of the job that ended last; none where not all of them are known."""
+        ended = self._readings[instance].ended
+        return ended[4] if ended is not None and ended[3] is not None else []
+
+    def ended(self, instance: str) -> JobRecord:
+        """Return the job of an instance that ended last."""
+        ended = self._readings[instance].ended
+        assert ended is not None
+        return _record(ended)
+
+    def reader_of(self, link: Link, offset: int) -> str | None:
+        """Return the instance whose running job has a byte of a connection."""
+        for instance, reading in self._readings.items():
+            if reading.link == link and _covering(_spans(reading.reads), offset) is not None:
+                return instance
+        return None
+
+    def _pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
+        """Return the running job, or the one that filled DATA, and its pieces of the stream."""
+        reading = self._readings.get(instance)
+        if reading is None:
+            return None
+        if of_job and reading.runs and reading.began is not None:
+            job = _begun(reading.began)._replace(recvs=_spans(reading.reads))
+        elif not of_job and reading.delivered is not None:
+            job = _record(reading.delivered)
+        else:
+            return None
+        is_known = len(job.recvs) < self._kept_recvs
+        return job, job.pieces(of_job) if is_known else [(job.offset, job.size)]
+
+    def origin(self, instance: str, of_job: bool, byte: int) -> Origin | None:
+        """Return where byte number `byte` of DATA, or of the running job, came from."""
+        known = self._pieces(instance, of_job)
+        if known is None or not 0 <= byte < known[0].size:
+            return None
+        job, pieces = known
+        place = _place(pieces, byte)
+        if not self._is_present(job.link):
+            return Origin(job, None, None)
+        message = next(iter(self.messages_within(job.link, place, 1, byte)), None)
+        return Origin(job, _covering(job.recvs, place), message)
+
+    def messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
+        """Return the peer's messages in DATA, or in the running job; position 0 is the job's first byte.
+
+        A message that goes on in a later piece of the job is told once, where it begins.
+        """
+        known = self._pieces(instance, of_job)
+        first = known[1][0][1] if known is not None and known[1] else 0
+        return [span for span in self._spans(instance, of_job) if span.begins or span.position < first]
+
+    def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
+        """Yield the peer's messages in each piece of DATA, or of the running job."""
+        known = self._pieces(instance, of_job)
+        if known is not None and self._is_present(known[0].link):
+            before = 0  # bytes of the job before this piece
+            for offset, size in known[1]:
+                yield from self.messages_within(known[0].link, offset, size, before)
+                before += size
+
+    def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
+        """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
+        return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
+
+    def holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
+        """Return the bytes of DATA, or of the running job, that a capture has not."""
+        return tuple(
+            [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]
+        )
+
+    def _is_present(self, link: Link) -> bool:
+        """Return whether this is the connection that stands, or stood last."""
+        return self._incarnations.get(link[0]) == link[1]
+
+
+def _record(ended: _Ended) -> JobRecord:
+    scan, t_ns, (_, number, connection, incarnation, offset, size, _, _), began, reads = ended
+    begun, at = _begun(began) if began is not None else None, Moment(scan, t_ns)
+    return JobRecord(
+        number, (connection, incarnation), offset, size,
+        begun.adhoc if begun else False, begun.began if begun else at, at, _spans(reads),
+    )  # fmt: skip
+
+
+def _spans(reads: list[_Read]) -> tuple[RecvSpan, ...]:
+    return tuple(map(RecvSpan._make, reads))
+
+
+def _begun(began: _Began) -> JobRecord:
+    scan, t_ns, (_, number, connection, incarnation, offset, length, adhoc) = began
+    at = Moment(scan, t_ns)
+    return JobRecord(number, (connection, incarnation), offset, length, adhoc, at, at)
+
+
+def _covering(recvs: Iterable[RecvSpan], offset: int) -> RecvSpan | None:
+    return next((recv for recv in recvs if recv.offset <= offset < recv.offset + recv.size), None)
+
+
+def _place(pieces: Iterable[tuple[int, int]], byte: int) -> int:
+    """Return where a byte of a job lies in the stream."""
+    place = 0
+    for offset, size in pieces:
+        if byte < size:
+            return offset + byte
+        byte -= size
+        place = offset + size
+    return place + byte

@@ -1,0 +1,205 @@
+"""The recorder of the timing pane: every change of every pin, kept where the scans pass.
+
+Rule 1: it is told every line of the ledger, so no frame of the screen and no flood can lose a pulse.
+Rule 2: what had to be dropped is known: the news says what every pin was before its first change.
+Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from itertools import islice
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.pins import Direction
+from trcvtui.blocks.table import shown_by
+from trcvtui.history.pin_waveform import (
+    NO_PINS,
+    KnownPins,
+    PinChange,
+    PinValues,
+    WaveformDelta,
+    pins_of,
+    with_changes,
+)
+from trcvtui.history.received import JobHistory
+from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
+from trcvtui.project.project import InstanceDecl, Project
+
+KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
+KEPT_IN_ALL: Final = 500_000
+LEAST_KEPT: Final = 1_000
+MOST_NEWS: Final = 1_000  # changes of one instance in one picture
+CREATED, DELETED, DOWNLOADED = "created", "deleted", "downloaded"
+NOTED: Final = frozenset({CREATED, DELETED, DOWNLOADED})
+
+
+BareChange = tuple[int, int, int, StatusEdge | InputEdge | KnownPins]  # the fields of a PinChange
+
+
+class PinRecord:
+    """The changes of one instance, the oldest dropped first: what they did is in `before`."""
+
+    def __init__(self, before: PinValues, keep: int) -> None:
+        self._before = dict(before)
+        self._edge: StatusEdge | None = None  # the last one that was dropped, not yet in `_before`
+        self.before_at = 0, 0  # scan and time
+        self.total = 0
+        self._keep = keep
+        self._changes: deque[BareChange] = deque()
+        self.on_drop: Callable[[BareChange], None] | None = None  # told of each change that is dropped
+
+    def add(self, change: BareChange) -> None:
+        self.total += 1
+        changes = self._changes
+        changes.append(change)
+        if len(changes) > self._keep:
+            dropped = changes.popleft()
+            _, scan, t_ns, event = dropped
+            self.before_at = scan, t_ns
+            if event.__class__ is StatusEdge:
+                self._edge = event
+            else:
+                self.before().update(pins_of(event))
+            if self.on_drop is not None:
+                self.on_drop(dropped)
+
+    def before(self) -> dict[str, int | None]:
+        """Return what each pin was after the last change that was dropped."""
+        if self._edge is not None:
+            self._before.update(pins_of(self._edge))
+            self._edge = None
+        return self._before
+
+    def pins(self) -> list[str]:
+        return list(self._before)
+
+    @property
+    def kept(self) -> int:
+        """Return how many changes are kept, the newest ones."""
+        return len(self._changes)
+
+    def after(self, number: int, most: int = KEPT_CHANGES) -> list[BareChange]:
+        """Return the oldest `most` of the kept changes after `number`."""
+        kept = len(self._changes)
+        fresh = min(kept, self.total - number)
+        if fresh < kept // 2:
+            return [*islice(reversed(self._changes), fresh)][::-1][:most]
+        return list(islice(self._changes, kept - fresh, kept - fresh + most))
+
+    def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
+        """Return the oldest `most` changes after `number`, bare, and the number of the first of them."""
+        first = max(number, self.total - len(self._changes)) + 1
+        found = self.after(number, most)
+        return min(first, self.total + 1), tuple(found)  # type: ignore[arg-type]
+
+
+class WaveformRecorder:
+    """The record of each instance of one bench."""
+
+    def __init__(self, bench: Bench, history: JobHistory) -> None:
+        self._bench, self._history = bench, history
+        project = bench.project
+        self._keep = _kept(len(project.instances))
+        self.records = {
+            decl.name: PinRecord(_first_pins(decl, project), self._keep) for decl in project.instances
+        }
+        self._renewed: dict[str, BareChange] = {}  # who was downloaded in a scan, and not called in it so far
+        self._renewed_in = 0
+        history.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
+        history.lost.append(self._lose)
+
+    def _edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+        if self._renewed:
+            self._settle(scan)
+            self._renewed.pop(event.instance, None)
+        record = self.records.get(event.instance)
+        if record is not None:
+            record.add((seq, scan, t_ns, event))
+
+    def _input(self, seq: int, scan: int, t_ns: int, event: InputEdge) -> None:
+        if self._renewed:
+            self._settle(scan)
+        record = self.records.get(event.instance)
+        if record is not None:
+            record.add((seq, scan, t_ns, event))
+
+    def _note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
+        """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
+        if note.what not in NOTED:
+            return
+        self._settle(scan)
+        project = self._bench.project
+        name, decl = note.subject, project.instance(note.subject)
+        if note.what == CREATED and decl is not None:
+            first = _first_pins(decl, project)
+            record = self.records.setdefault(name, PinRecord(_unknown(dict(first)), self._keep))
+            record.add((seq, scan, t_ns, KnownPins(first)))
+        elif name in self.records:
+            record = self.records[name]
+            if note.what == DELETED:
+                record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
+            else:
+                dark = tuple((pin, 0) for pin in record.pins() if shown_by(pin))
+                self._renewed[name], self._renewed_in = (seq, scan, t_ns, KnownPins(dark)), scan
+
+    def _settle(self, scan: int) -> None:
+        """Let who was downloaded before this scan, and not called in that one, be dark since then."""
+        if self._renewed and scan > self._renewed_in:
+            for name, change in self._renewed.items():
+                self.records[name].add(change)
+            self._renewed.clear()
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        """Nobody can say what the pins have done since this scan."""
+        self._renewed.clear()
+        for record in self.records.values():
+            record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
+
+    def news(
+        self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
+    ) -> WaveformDelta | None:
+        """Return what is new of an instance after its change `number`; None: no such instance.
+
+        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
+        """
+        news = self.bare_news(instance, number, now, most)
+        return with_changes(news) if news is not None else None
+
+    def bare_news(
+        self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
+    ) -> WaveformDelta | None:
+        """Return the same with bare changes, the fields of PinChange."""
+        self._history.catch_up()
+        self._settle(now[0] + 1)
+        record = self.records.get(instance)
+        if record is None:
+            return None
+        first, changes = record.since(number, most)
+        scan, t_ns, before = 0, 0, NO_PINS
+        if number == 0 or first > number + 1:
+            (scan, t_ns), before = record.before_at, tuple(record.before().items())
+        is_all = first + len(changes) > record.total
+        last = changes[-1] if changes else None
+        until = now
+        if not is_all and last is not None:
+            until = last[1:3]
+        return WaveformDelta(instance, first, scan, t_ns, before, changes, *until)
+
+
+def _kept(instances: int) -> int:
+    return max(LEAST_KEPT, min(KEPT_CHANGES, KEPT_IN_ALL // max(1, instances)))
+
+
+def _first_pins(decl: InstanceDecl, project: Project) -> PinValues:
+    """Return every pin of an instance before its first call: the inputs as declared, no outputs yet."""
+    given = dict(decl.inputs)
+    pins = project.pins(decl.block)
+    inputs = [(pin.name, int(given.get(pin.name, 0))) for pin in pins if pin.direction is not Direction.OUT]
+    return (*inputs, *((pin.name, None) for pin in pins if pin.direction is Direction.OUT))
+
+
+def _unknown(pins: Iterable[str]) -> PinValues:
+    return tuple((pin, None) for pin in pins)

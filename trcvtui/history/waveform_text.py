@@ -1,0 +1,477 @@
+"""Waveforms drawn in characters, and written to files: VCD for GTKWave and PulseView, SVG, plain text.
+
+Each sign differs without colour:
+▁ 0   ▔ 1   █ 1 for one scan   ╱ ╲ one edge inside the column   ┃ a pulse or more inside it   ░ not known
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from html import escape
+from io import StringIO
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+from trcvtui.blocks.table import block_row, pin_named, shown_by
+from trcvtui.errors import mistake
+from trcvtui.files import write_file
+from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window, pins_of
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.records import NamedTuple
+
+LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
+CODES: Final = "codes"
+WATCH: Final = "watch "  # before the pin that a watch table shows
+WIDTHS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
+TICK: Final = 20
+LABEL_WIDTH: Final = 5  # of a code with its edge
+ORDER: Final = (
+    "STATUS", CODES, "EN_R", "REQ", "DONE", f"{WATCH}STATUS", f"{WATCH}DONE", "ERROR", "BUSY", "CONT",
+    "RCVD_LEN", "LEN", "ADHOC", "COM_RST",
+    "DataReceived", "StringReceived", "ByteReceived", "ReceivedByte", "Error", "busy", "Busy", "RxTimeout",
+    "LenReceiveData", "watch DataReceived", "watch StringReceived", "watch ByteReceived", "watch Error",
+    "EN", "Length", "SendByte", "LenPrefix", "LenSuffix", "SizeReceiveData", "Timeout", "Reset",
+)  # fmt: skip
+
+Piece = tuple[str, str]  # characters, and what they are: high, pulse, gap, error, done, busy or ""
+
+
+class Mark(NamedTuple):
+    """Something in one scan that is drawn into the ruler."""
+
+    scan: int
+    sign: str
+
+
+def row_names(wave: Waveform) -> list[str]:
+    """Return the rows of an instance, what matters most first."""
+    pins = set(wave.lanes)
+    rows = {f"{WATCH}{pin}" for pin in wave.watched} | ({CODES} if "STATUS" in pins else set())
+    return [name for name in ORDER if name in pins | rows] + sorted(pins - set(ORDER))
+
+
+def pin_of(name: str) -> str:
+    """Return the pin that a row is about."""
+    return "STATUS" if name == CODES else name.removeprefix(WATCH)
+
+
+def bits_of(name: str) -> int:
+    """Return the bits of a pin that is a number, 0 of one that is not."""
+    pin = pin_named(name)
+    return 0 if pin is None or pin.is_bool else WIDTHS[pin.iec_type]
+
+
+def value_text(pin: str, value: int | None) -> str:
+    """Return a value as it is written: STATUS in hex, other numbers in decimals."""
+    if value is None:
+        return "?"
+    return f"{value:04X}" if pin == "STATUS" else str(value)
+
+
+def lane_of(wave: Waveform, name: str) -> PinWaveform:
+    """Return the lane of a row."""
+    return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lane(pin_of(name))
+
+
+def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
+    """Return one row of an instance, as wide as the window."""
+    if name == CODES:
+        return _codes(wave, window)
+    columns = wave.columns(lane_of(wave, name), window)
+    if name == "RCVD_LEN":
+        return list(_lengths(wave, window, columns))
+    if bits_of(pin_of(name)):
+        return list(_segments(wave, name, window, columns))
+    return _merged(_level(wave, window, columns, x) for x in range(window.width))
+
+
+# -- levels -----------------------------------------------------------------------------------------------
+
+
+def _level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
+    column = columns[x]
+    if column is None:
+        return " ", ""
+    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+        return (GAP, "gap") if column.is_level else ("▒", "pulse")
+    if column.low is None:
+        return NOT_YET, ""
+    if column.is_level:
+        if not column.low:
+            return LOW, ""
+        alone = window.zoom == 1 and _is_low(columns, x - 1) and _is_low(columns, x + 1)
+        return (ONE_SCAN, "pulse") if alone else (HIGH, "high")
+    if column.changes == 1:
+        return (RISE if column.end else FALL), "high"
+    return INSIDE, "pulse"
+
+
+def _is_low(columns: list[Column | None], x: int) -> bool:
+    column = columns[x] if 0 <= x < len(columns) else None
+    return column is not None and column.high == 0
+
+
+# -- numbers ----------------------------------------------------------------------------------------------
+
+
+def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield segments of one value with that value in them; what changes inside a column is a stroke."""
+    pin, x = pin_of(name), 0
+    keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
+    for (kind, value), run in groupby(keys):
+        width = sum(1 for _ in run)
+        last = window.scans_of(x + width - 1)[1]
+        x += width
+        if kind != "level":
+            sign = {"none": " ", "gap": GAP, "inside": INSIDE}[kind]
+            yield sign * width, "pulse" if kind == "inside" else kind if kind == "gap" else ""
+            continue
+        label = value_text(pin, value) if value is not None else ""
+        edge = "│" if value is not None else NOT_YET
+        text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
+        is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
+        style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
+        yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
+
+
+def _segment_key(wave: Waveform, window: Window, column: Column | None, x: int) -> tuple[str, int | None]:
+    if column is None:
+        return "none", None
+    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+        return "gap", None
+    return ("level", column.low) if column.is_level else ("inside", None)
+
+
+def _edge_kind(line: Line | None) -> str:
+    edge = line.event if line is not None else None
+    if not isinstance(edge, StatusEdge):
+        return ""
+    return edge.outputs.lit
+
+
+def _lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
+    pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
+    nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
+    x = 0
+    while x < window.width:
+        column = columns[x]
+        text = f"╵{column.high}" if column is not None and column.high else ""
+        if text and len(text) <= nexts[x] - x:
+            yield text, "done"
+            x += len(text)
+        else:
+            yield _level(wave, window, columns, x) if not text else (INSIDE, "pulse")
+            x += 1
+
+
+# -- codes that have no room in their segment -------------------------------------------------------------
+
+RANK: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
+
+
+def _codes(wave: Waveform, window: Window) -> list[Piece]:
+    """Return the codes of segments too narrow for a label, errors first, as far as there is room."""
+    columns = wave.columns(wave.lane("STATUS"), window)
+    found = []
+    for x, column in enumerate(columns):
+        if column is not None and column.changes and _is_narrow(columns, x):
+            edges = wave.edges_in(*window.scans_of(x))[:64]
+            if edges:
+                best = min(edges, key=lambda line: RANK[_edge_kind(line)])
+                found.append((RANK[_edge_kind(best)], x, best, len({_status(line) for line in edges}) > 1))
+    taken: dict[int, tuple[str, str]] = {}
+    free = [True] * (window.width + 1)
+    for _, x, line, more in sorted(found, key=lambda place: place[:2]):
+        text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
+        end = x + len(text)
+        if end <= window.width and all(free[x : end + 1]):
+            free[x:end] = [False] * len(text)
+            taken[x] = text, _edge_kind(line)
+    return _placed(taken, window.width)
+
+
+def _status(line: Line) -> int:
+    return line.event.outputs.status if isinstance(line.event, StatusEdge) else 0
+
+
+def _is_narrow(columns: list[Column | None], x: int) -> bool:
+    """Return whether the segment that begins here has no room for its label."""
+    here = columns[x]
+    if here is None or not here.is_level:
+        return True
+    ahead = columns[x + 1 : x + LABEL_WIDTH]
+    return not all(c is not None and c.is_level and c.low == here.low and not c.changes for c in ahead)
+
+
+def _placed(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
+    pieces: list[Piece] = []
+    x = 0
+    for at in sorted(taken):
+        text, kind = taken[at]
+        pieces += [(" " * (at - x), ""), (text, kind)]
+        x = at + len(text)
+    return [*pieces, (" " * (width - x), "")]
+
+
+# -- ruler ------------------------------------------------------------------------------------------------
+
+
+def ruler(window: Window, until: int, marks: Iterable[Mark]) -> list[Piece]:
+    """Return the scans as ticks, and the marks over them."""
+    signs = [" "] * window.width
+    for x in range(-window.first % TICK, window.width, TICK):
+        first = window.scans_of(x)[0]
+        for offset, sign in enumerate(f"╷{first}" if 0 < first <= until else ""):
+            if x + offset < window.width:
+                signs[x + offset] = sign
+    pieces: list[Piece] = [(sign, "") for sign in signs]
+    for mark in marks:
+        x = window.column_of(mark.scan)
+        if 0 <= x < window.width:
+            pieces[x] = mark.sign, "mark"
+    return _merged(pieces)
+
+
+def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list[Piece]:
+    """Return the pieces with the one character in column x restyled."""
+    out: list[Piece] = []
+    left = 0
+    for text, kind in pieces:
+        here = x - left
+        left += len(text)
+        if 0 <= here < len(text):
+            parts = (text[:here], kind), (text[here], restyle(kind)), (text[here + 1 :], kind)
+            out += [part for part in parts if part[0]]
+        else:
+            out.append((text, kind))
+    return out
+
+
+def _merged(pieces: Iterable[Piece]) -> list[Piece]:
+    return [("".join(text for text, _ in run), kind) for kind, run in groupby(pieces, key=lambda p: p[1])]
+
+
+MS: Final = 1_000_000
+LINE: Final = 100  # columns of a line of text
+MOST_COLUMNS: Final = 4000
+MOST_EDGES: Final = 2000  # in a text file
+LABEL: Final = 14
+
+
+class ScanRange(NamedTuple):
+    """The scans that go into the file."""
+
+    first: int
+    last: int
+
+
+# -- VCD --------------------------------------------------------------------------------------------------
+
+
+def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
+    """Return the waves as a Value PinChange Dump: 1 ns, a scope for each instance, x where nobody knows.
+
+    Several changes of one pin in one scan stand 1 ns apart, so that none of them is lost.
+    """
+    from vcd import VCDWriter  # read when first asked for
+    from vcd.writer import Variable
+
+    out = StringIO()
+    changes: list[tuple[int, int, Variable[int], int | None]] = []
+    with VCDWriter(
+        out, timescale="1 ns", comment="trcvtui: pins and STATUS at the end of each scan"
+    ) as writer:
+        for wave in waves:
+            for pin, lane in wave.lanes.items():
+                kind = "reg" if bits_of(pin) else "wire"
+                scope = _vcd_name(wave.instance)
+                var = writer.register_var(scope, pin, kind, size=bits_of(pin) or 1, init=None)
+                told = enumerate(_vcd_changes(lane, wave, span))
+                changes += [(t_ns, number, var, value) for number, (t_ns, value) in told]
+        for t_ns, _, var, value in sorted(changes, key=lambda change: change[:2]):
+            writer.change(var, t_ns, "x" if value is None else value)
+        writer.close(max(wave.time_at(min(span.last, wave.until_scan))[0] for wave in waves))
+    return out.getvalue()
+
+
+def _vcd_changes(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int | None]]:
+    before, last_t = lane.at(span.first - 1), -1
+    if before is not None:
+        last_t = wave.time_at(span.first - 1)[0] if span.first > 1 else 0
+        yield last_t, before
+    for scan, t_ns, value in zip(lane.scans, lane.times, lane.values, strict=True):
+        if span.first <= scan <= span.last:
+            last_t = max(t_ns, last_t + 1)
+            yield last_t, value
+
+
+def _vcd_name(instance: str) -> str:
+    return "".join(c if c.isalnum() or c == "_" else "_" for c in instance)
+
+
+# -- text -------------------------------------------------------------------------------------------------
+
+
+def plain_text(waves: Sequence[Waveform], span: ScanRange, zoom: int) -> str:
+    """Return the rows of the pane, line after line, then every STATUS edge with its cause."""
+    while (span.last - span.first) // zoom >= MOST_COLUMNS:
+        zoom *= 2
+    names = {wave.instance: row_names(wave) for wave in waves}
+    label = max(LABEL, *(len(name) + 1 for rows in names.values() for name in rows))
+    lines = [f"scans {span.first} to {span.last}, {zoom} scan{'s' * (zoom > 1)} a column", ""]
+    for column in range((span.first - 1) // zoom, (span.last - 1) // zoom + 1, LINE):
+        window = Window(column, min(LINE, (span.last - 1) // zoom + 1 - column), zoom)
+        lines.append(" " * label + _joined(ruler(window, span.last, ())))
+        for wave in waves:
+            if len(waves) > 1:
+                lines.append(wave.instance)
+            lines += [f"{name:<{label}}{_joined(drawn(wave, name, window))}" for name in names[wave.instance]]
+        lines.append("")
+    for wave in waves:
+        lines += [wave.instance, *_edge_lines(wave, span), ""]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _joined(pieces: Iterable[tuple[str, str]]) -> str:
+    return "".join(text for text, _ in pieces)
+
+
+def _edge_lines(wave: Waveform, span: ScanRange) -> Iterator[str]:
+    lines = wave.edges_in(*span)
+    if len(lines) > MOST_EDGES:
+        yield f"  {len(lines) - MOST_EDGES} older STATUS edges are left out here; a VCD has them all"
+    for line in lines[-MOST_EDGES:]:
+        edge = line.event
+        if isinstance(edge, StatusEdge):
+            lamps = " ".join(pin for pin, value in pins_of(edge) if value and not bits_of(pin))
+            is_number = block_row(edge.block).on_buffer
+            status = f"{edge.outputs.status}" if is_number else f"16#{edge.outputs.status:04X}"
+            shown = f"{status} {edge.condition}"
+            place = f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms"
+            yield f"{place}  {shown:<27} {lamps:<7} {edge.cause.name}"
+
+
+# -- SVG --------------------------------------------------------------------------------------------------
+
+WIDE, ROW, LEFT, HIGH_Y, LOW_Y = 1200, 26, 220, 5, 19
+COLOURS: Final = {"error": "#b3343f", "done": "#2f7d32", "busy": "#1f6f9c"}
+
+
+def svg_text(waves: Sequence[Waveform], span: ScanRange) -> str:
+    """Return the waves as a drawing: exact edges, STATUS as boxes with their codes, times at the foot."""
+    rows = [(wave, name) for wave in waves for name in row_names(wave) if name != CODES]
+    height = 24 + ROW * len(rows) + 24
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + WIDE + 20} {height}" '
+        'font-family="monospace" font-size="12" fill="none">',
+        f'<rect width="{LEFT + WIDE + 20}" height="{height}" fill="#fbfaf7"/>',
+    ]
+    step = WIDE / (span.last - span.first + 1)
+
+    def at(scan: int) -> float:
+        return LEFT + max(0, min(WIDE, (scan - span.first) * step))
+
+    for number, (wave, name) in enumerate(rows):
+        top = 24 + ROW * number
+        label = f"{wave.instance} {name}" if len(waves) > 1 else name
+        parts.append(_words(8, top + 16, label, "#1f2933"))
+        draw = _boxes if bits_of(name.removeprefix(WATCH)) else _levels
+        parts += draw(wave, name, span, at, top)
+    last = waves[0].time_at(min(span.last, waves[0].until_scan))[0] / MS
+    first = waves[0].time_at(span.first)[0] / MS
+    foot = f"scan {span.first} at {first:.3f} ms  to  scan {span.last} at {last:.3f} ms"
+    return "\n".join([*parts, _words(LEFT, height - 8, foot, "#5a6570"), "</svg>", ""])
+
+
+At = Callable[[int], float]
+
+
+def _stretches(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int, int | None]]:
+    """Yield (first scan, scan after the last, value) of everything in the span."""
+    for place, (scan, value) in enumerate(zip(lane.scans, lane.values, strict=True)):
+        after = lane.scans[place + 1] if place + 1 < len(lane.scans) else wave.until_scan + 1
+        if after >= span.first and scan <= span.last:
+            yield max(scan, span.first), min(after, span.last + 1), value
+
+
+def _levels(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
+    for is_known, run in groupby(_stretches(lane_of(wave, name), wave, span), key=lambda s: s[2] is not None):
+        points = []
+        for first, after, value in run:
+            y = top + (HIGH_Y if value else LOW_Y)
+            points += [f"{at(first):.2f},{y}", f"{at(after):.2f},{y}"]
+        if is_known:
+            yield f'<polyline points="{" ".join(points)}" stroke="#1f6f9c" stroke-width="1.2"/>'
+
+
+def _boxes(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
+    pin = name.removeprefix(WATCH)
+    for first, after, value in _stretches(lane_of(wave, name), wave, span):
+        if value is None:
+            continue
+        left, width = at(first), max(0.5, at(after) - at(first))
+        colour = _colour(wave, first) if shown_by(name) == "status" else "#5a6570"
+        yield (
+            f'<rect x="{left:.2f}" y="{top + HIGH_Y - 1}" width="{width:.2f}" height="{LOW_Y - HIGH_Y + 2}" '
+            f'stroke="{colour}"/>'
+        )
+        label = value_text(pin, value)
+        if width > 8 * len(label):
+            yield _words(left + 3, top + 16, label, colour)
+
+
+def _colour(wave: Waveform, scan: int) -> str:
+    line = wave.edge_at(scan)
+    edge = line.event if line is not None else None
+    if not isinstance(edge, StatusEdge):
+        return "#5a6570"
+    return COLOURS[edge.outputs.lit or "busy"]
+
+
+def _words(x: float, y: float, text: str, colour: str) -> str:
+    return f'<text x="{x:.2f}" y="{y}" fill="{colour}">{escape(text)}</text>'
+
+
+# -- files ------------------------------------------------------------------------------------------------
+
+FORMATS: Final = {"vcd": ".vcd", "svg": ".svg", "text": ".txt"}
+
+
+def known_format(format: str) -> str:
+    """Return the format; raise UserError where there is none of that name."""
+    if format not in FORMATS:
+        raise mistake("export timing", f"'{format}'", ", ".join(FORMATS))
+    return format
+
+
+def free_path(folder: Path, name: str, format: str) -> Path:
+    """Return a path in a folder under which nothing stands yet."""
+    plain = _vcd_name(name) or "timing"
+    names = (f"{plain}{'' if n == 1 else f'-{n}'}{FORMATS[known_format(format)]}" for n in range(1, 100_000))
+    return next(folder / name for name in names if not (folder / name).exists())
+
+
+def write_waves(path: Path, format: str, waves: Sequence[Waveform], span: ScanRange, zoom: int) -> int:
+    """Write a file that is not there yet; return its size; raise UserError where it cannot be written."""
+    known_format(format)
+    if not any(wave.lanes for wave in waves):
+        raise mistake("export timing", "no scan yet", "a bench that has scanned")
+    texts = {
+        "vcd": lambda: vcd_text(waves, span),
+        "svg": lambda: svg_text(waves, span),
+        "text": lambda: plain_text(waves, span, zoom),
+    }
+    payload = texts[format]().encode()
+    write_file(path, payload, "export timing", is_new=True)
+    return len(payload)
+
+
+def target_folder(project: Path) -> Path:
+    """Return the folder of the project; of one that came with trcvtui, or is read-only, the working one."""
+    folder = project.absolute().parent
+    own = Path(__file__).resolve().parents[1]
+    shipped = own in folder.resolve().parents or folder.resolve() == own
+    return folder if not shipped and os.access(folder, os.W_OK) else Path.cwd()

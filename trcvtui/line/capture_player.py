@@ -1,0 +1,378 @@
+"""A capture put through shadow instances; who wants to know what they show is told.
+
+The capture is read twice: first who talks to whom, then what they said when, scan by scan.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+from trcvtui.capture.command import take_captures
+from trcvtui.capture.plc_end import fits_nothing
+from trcvtui.capture.reassembly import (
+    Conversation,
+    ConversationEvent,
+    Conversations,
+    EventKind,
+    WireDirection,
+)
+from trcvtui.dialects import DIALECTS
+from trcvtui.engine.controller import fresh_bench
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.line.conversations import Talks
+from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, Shadows
+from trcvtui.line.shadows import NEVER_NS, ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.edit import changing, entry, read_changed, with_edits
+from trcvtui.project.project import Project
+from trcvtui.project.tables import Given, shown
+from trcvtui.recording.seam import Seam
+from trcvtui.records import NamedTuple
+from trcvtui.scenario.scenario import load_bench
+
+MOST_LISTED: Final = 1000  # conversations in the last line
+UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
+OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
+# What comes before a connection stands; what no partner does again.
+_BEFORE_IT_STANDS: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})
+_NOT_DONE_AGAIN: Final = frozenset(
+    {EventKind.RETRANSMISSION, EventKind.DIFFERENT_COPY, EventKind.SILENCE, EventKind.WINDOW_OPENS,
+     EventKind.ZERO_WINDOW, EventKind.WINDOW_PROBE}
+)  # fmt: skip
+
+
+class ShadowLines(Protocol):
+    """Who is told what shadows show."""
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Take what changed in a scan; `lacking` are those whose job lacks bytes."""
+        ...
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Take what is said of a conversation; `ns` counts from the first packet."""
+        ...
+
+
+class Played(NamedTuple):
+    """By number of a conversation: its CONNECTs, why it has none, how many bytes never reached a shadow.
+
+    `not_run`: scans of silence of which nobody knows whether they change something.
+    """
+
+    assigned: dict[int, list[str]]
+    unassigned: dict[int, str]
+    left_out: dict[int, int]
+    not_run: int
+
+
+class _Running:
+    """A conversation while it is played: its ends by direction, and what the wire has shown of it."""
+
+    def __init__(self, ends: list[tuple[WireDirection, PlayedEnd]]) -> None:
+        self.ends = ends
+        self.probes = 0
+
+
+class CapturePlayer:
+    """Plays the events of a capture to the shadows of a plan."""
+
+    def __init__(
+        self,
+        plan: ShadowPlan,
+        found: Sequence[Conversation],
+        first_ns: int,
+        lines: ShadowLines,
+        seam: Seam | None = None,
+    ) -> None:
+        self._first_ns, self.lines, self._plan = first_ns, lines, plan
+        self._last_ns = {each.number: each.last_ns for each in found}
+        self.talks: Talks | None = None  # who counts what is taken
+        self.tap = ""  # through which the next event has come
+        self.shown = frozenset(_shown(plan))  # the instances that look on
+        self.overlaps: dict[int, int] = {}  # number of an unassigned conversation -> of who has its place
+        self._over: list[int] = []  # conversations above what the last line lists
+        self.shadows = Shadows(fresh_bench(plan.project, "sim", seam), self._show)
+        self._running: dict[int, _Running] = {}
+        self._reading = Conversations(self.take)
+        self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
+        self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> who has it
+        self._played: dict[str, PlayedLine] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
+        calls = [config.name for config in plan.project.connects if config.active]
+        self.shadows.network.wire.played.update({name: [] for name in calls})  # nobody else answers
+
+    @property
+    def packets(self) -> int:
+        """Return how many packets of the capture have been read."""
+        return self._reading.packets
+
+    def begin_at(self, ns: int) -> None:
+        """Let the first scan be at this time."""
+        self._first_ns = ns
+
+    def become(self, plan: ShadowPlan) -> None:
+        """Go on with this plan: shadows that are new, or other ones, begin with the next scan."""
+        self._plan, shadows = plan, self.shadows
+        self.shown |= _shown(plan)
+        wire = shadows.network.wire
+        wire.addresses = plan.project.sim.addresses
+        for config in plan.project.connects:
+            if config.active:
+                wire.played.setdefault(config.name, [])
+        shadows.bench.become(plan.project)
+        shadows.works_on = {each.name: each.connect for each in plan.project.instances}
+        shadows.wake()
+
+    def forget(self, number: int) -> None:
+        """Forget a conversation that is over, unless the last line lists it, or a CONNECT still has it."""
+        if number > MOST_LISTED:
+            self._over.append(number)
+        if len(self._over) <= MOST_LISTED:
+            return
+        had = {number for number, _ in self._at.values()}
+        for over in self._over:
+            if over not in had:
+                plan = self._plan
+                for kept in (self._running, plan.parts, plan.unassigned, plan.guesses, self.overlaps):
+                    kept.pop(over, None)
+        self._over = [over for over in self._over if over in had]
+
+    def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        shown = [edge for edge in changed if edge.instance in self.shown]
+        if shown:
+            self.lines.scan(scan, shown, lacking)
+
+    def take(self, event: ConversationEvent) -> None:
+        """Let time pass up to an event, and do what it says."""
+        number = event.conversation.number
+        if self.talks is not None and number in self._plan.guesses:
+            self.talks.take(event, event.direction is self._plc_of(event.conversation), self.tap)
+        if number not in self._plan.parts or number in self._plan.unassigned:
+            return
+        ns = max(event.ns - self._first_ns, 0)
+        if event.kind in _NOT_DONE_AGAIN:
+            return
+        self.shadows.go_to(ns)
+        if event.conversation.protocol != "tcp":
+            self._come(ns, event)
+            return
+        running = self._running.get(number)
+        if running is not None and event.kind is EventKind.BYTES:
+            for says, end in running.ends:  # nearly all that is said
+                if says is not event.direction:
+                    end.hear()
+                elif not end.has_ended:
+                    running.probes = 0
+                    end.send(event.data)
+            return
+        if running is None and event.conversation.begins_with_syn and event.kind in _BEFORE_IT_STANDS:
+            if event.kind is EventKind.RST:
+                self._refuse(event)
+            return
+        if running is None:
+            running = self._begin(ns, event.conversation)
+        if running is None:
+            return
+        self._tell_hole(ns, event)
+        for says, end in running.ends:
+            self._play(ns, event, event.direction is says, end, running)
+
+    def _come(self, ns: int, event: ConversationEvent) -> None:
+        """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
+        self._tell_hole(ns, event)
+        if event.kind is not EventKind.BYTES:
+            return
+        conversation, is_plc = event.conversation, event.direction is self._plc_of(event.conversation)
+        for part in self._plan.parts[conversation.number]:
+            if part.plays_plc == is_plc:
+                line = self._played.get(part.connect)
+                if line is None:
+                    line = PlayedLine(self.shadows, part.connect, self._left_out)
+                    self._played[part.connect] = line
+                source = end_of(event.direction.address)
+                line.send(conversation.number, source, event.data, event.size - len(event.data))
+
+    def _begin(self, ns: int, conversation: Conversation) -> _Running | None:
+        """Give a conversation its CONNECTs; None: it is not built yet, or another one has them."""
+        if not conversation.begins_with_syn:
+            self.lines.note(ns, conversation.number, "begins in the middle")
+        parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
+        for part in parts:
+            holder = self._at.get(part.connect)
+            if holder is not None and not holder[1].has_ended:
+                if self._last_ns.get(holder[0], NEVER_NS) >= ns + self._first_ns:
+                    why = f"it overlaps C{holder[0]}"
+                    self.overlaps[conversation.number] = holder[0]
+                    self._plan.unassigned[conversation.number] = why
+                    self.lines.note(ns, conversation.number, f"unassigned: {why}")
+                    return None
+                holder[1].end(reset=True)  # its end is not in the capture
+            if holder is not None:
+                self._let_go(*holder)
+        plc, partner = ends_of(guess, conversation)
+        ends = []
+        for part in parts:
+            says = plc if part.plays_plc else partner
+            end = PlayedEnd(self.shadows, part.connect, end_of(says.address), part.calls)
+            self._at[part.connect] = conversation.number, end
+            ends.append((says, end))
+        running = self._running[conversation.number] = _Running(ends)
+        return running
+
+    def _let_go(self, number: int, end: PlayedEnd) -> None:
+        end.leave_now()
+        if end.left_out:
+            self._left_out[number] += end.left_out
+            end.left_out = 0
+        running = self._running[number]
+        running.ends = [each for each in running.ends if each[1] is not end]
+
+    def _refuse(self, event: ConversationEvent) -> None:
+        """Let those who were called refuse, as the wire shows it."""
+        is_plc = event.direction is self._plc_of(event.conversation)
+        for part in self._plan.parts[event.conversation.number]:
+            if not part.calls and part.plays_plc == is_plc:
+                self.shadows.network.wire.refuse(part.connect)
+                self.shadows.wake()
+
+    def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
+        if event.kind is EventKind.MISSING:
+            says = event.conversation.number, event.direction
+            way = "to" if says[1] is not self._plc_of(event.conversation) else "from"
+            text = f"? {event.size} bytes missing in the capture, {way} the PLC end, from byte {event.at}"
+            self.lines.note(ns, says[0], text)
+
+    def _plc_of(self, conversation: Conversation) -> WireDirection:
+        return ends_of(self._plan.guesses[conversation.number], conversation)[0]
+
+    def _play(
+        self, ns: int, event: ConversationEvent, is_own: bool, end: PlayedEnd, running: _Running
+    ) -> None:
+        is_left = not is_own and event.kind in OWN_ENDS and not event.conversation.is_ours
+        if end.has_left if is_left else end.has_ended:
+            return
+        end.begin()
+        if is_left:
+            if not end.has_ended and event.direction is self._plc_of(event.conversation):
+                self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
+            is_fin, has_read = event.kind is EventKind.FIN, event.conversation.sent is not None
+            end.leave(event.direction.unread, end.has_ended and is_fin, has_read)
+            return
+        if is_own:
+            running.probes = 0
+        match event.kind:
+            case EventKind.BYTES if is_own:
+                end.send(event.data)
+            case EventKind.BYTES:
+                end.hear()
+            case EventKind.MISSING if is_own:
+                end.keep_place(event.size)
+            case EventKind.FIN if is_own:
+                end.end(reset=False)
+            case EventKind.RST:
+                end.end(reset=True)
+            case EventKind.KEEP_ALIVE if not is_own:
+                running.probes += 1
+                if running.probes > UNANSWERED:
+                    end.fall_silent()
+
+    def take_over(self, number: int, last_ns: int) -> None:
+        """Let a conversation have its place: who has it said nothing after this time."""
+        self._last_ns[self.overlaps.pop(number)] = last_ns
+        self._plan.unassigned.pop(number, None)
+
+    def play(self, paths: Sequence[str]) -> None:
+        """Play a capture to its last packet, and let the shadows settle."""
+        take_captures(paths, self._reading, [])
+        recorded_to = self._reading.recorded_to
+        last_ns = max(*self._last_ns.values(), recorded_to or 0, self._first_ns)
+        self.shadows.go_to(last_ns - self._first_ns)
+        if recorded_to is not None:  # its PLC read no datagram after that
+            tasks = [self.shadows.scans_of_task(link) for link in self._played]
+            for _ in range(FIRST_JOB * max(tasks, default=0)):
+                self.shadows.step()
+            for line in self._played.values():
+                line.read_no_more()
+        self.shadows.settle()
+
+    def close(self) -> Played:
+        """End it; return what became of the conversations."""
+        self.shadows.bench.close()
+        for holder in self._at.values():
+            self._let_go(*holder)
+        for line in self._played.values():
+            line.close()
+        unassigned = self._plan.unassigned
+        assigned = {
+            number: [part.connect for part in parts]
+            for number, parts in sorted(self._plan.parts.items())
+            if number not in unassigned
+        }
+        left_out = dict(sorted(self._left_out.items()))
+        return Played(assigned, dict(sorted(unassigned.items())), left_out, self.shadows.not_run)
+
+
+def _shown(plan: ShadowPlan) -> set[str]:
+    """Return the instances that look on: on links with a part, on ComBuffers that these fill."""
+    links = {part.connect for parts in plan.parts.values() for part in parts}
+    shown: set[str] = set()
+    while more := {i.name for i in plan.project.instances if i.connect in links} - shown:
+        shown |= more
+        links |= {each.name for each in plan.project.combuffers if each.source in shown | links}
+    return shown
+
+
+def plan_capture(
+    paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None
+) -> tuple[ShadowPlan, Conversations, list[Problem]]:
+    """Return the shadows of a capture, what is in it, what could not be read.
+
+    Raise UserError, also where the PLC end or the project is of none of its conversations.
+    """
+    found, troubles = Conversations(), list[Problem]()
+    plan_of, _ = planned(project, plc, dialect)
+    take_captures(paths, found, troubles)
+    if troubles and not found.packets:
+        raise UserError(troubles)
+    plan = plan_of(found.all)
+    if plc is not None and found.all and not plan.guesses:
+        raise fits_nothing("--plc", f"'{plc}', which no conversation has", found.all)
+    if project is not None and found.all and not plan.parts:
+        fits = "no CONNECT (or several) for a conversation"
+        raise fits_nothing(f"--project {project}", fits, found.all)
+    return plan, found, troubles
+
+
+def planned(
+    project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
+) -> tuple[Callable[[Sequence[Conversation]], ShadowPlan], Project | None]:
+    """Return what makes a plan of conversations, and the project that it is of; raise UserError."""
+    if project is None:
+        name = dialect or next(iter(DIALECTS))
+        return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
+    loaded, notes = load_bench(project, sets), tuple[str, ...]()
+    if dialect is not None:
+        loaded, notes = in_dialect(loaded, dialect_named(dialect))
+    return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded
+
+
+def _ad_hoc_with(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
+    """Return ad-hoc shadows with other values of their keys; raise UserError."""
+    project = plan.project
+    for text in sets:
+        path, _, value = text.partition("=")
+        kind, name, key, *_ = (*path.strip().split("."), "", "", "")
+        decl = entry(kind, name, project) if kind in ("instance", "data") else None
+        if decl is None:
+            shadows = ", ".join(each.name for each in project.instances)
+            raise mistake(
+                f"--set {path.strip()}", shown(name or kind), f"instance.NAME.PIN; a NAME of {shadows}"
+            )
+        after = read_changed(
+            decl, {key: Given(path.strip(), value.strip())}, project, f"--set {path.strip()}"
+        )
+        project = with_edits(project, (changing(decl, after, project),))
+    return plan._replace(project=project)

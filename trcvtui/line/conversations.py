@@ -1,0 +1,158 @@
+"""Conversations of others in figures: who, in which state, bytes each way, what came again or not at all."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from trcvtui.capture.plc_end import address_text
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind
+from trcvtui.commands.snapshots import TalkSnapshot, WaySnapshot
+
+MOST_KEPT: Final = 512  # conversations with figures; those that are over go first
+MOST_SHOWN: Final = 64
+SECONDS: Final = 30
+SECOND: Final = 1_000_000_000
+_ENDS: Final = {EventKind.FIN: "ended", EventKind.RST: "reset"}
+
+
+class _Way:
+    """What one direction has shown."""
+
+    def __init__(self) -> None:
+        self.size = self.segments = self.again = self.missing = 0
+        self.second = self.in_second = self.rate = 0
+        self.is_closed = False
+        self.held: int | None = None
+        self.first = b""
+        self.held_since = 0
+        self.round_trip_ns: int | None = None
+        self.window: int | None = None
+
+    def count(self, second: int, size: int) -> None:
+        if second != self.second:
+            self.rate = self.in_second if second == self.second + 1 else 0
+            self.second, self.in_second = second, 0
+        self.in_second += size
+
+    def snapshot(self, second: int, now_ns: int) -> WaySnapshot:
+        rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
+        return WaySnapshot(
+            self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
+            self.round_trip_ns, self.window, 0 if self.held is None else now_ns - self.held_since,
+        )  # fmt: skip
+
+
+class _Figures:
+    """What one conversation has shown; `ways`: to the PLC end, and from it."""
+
+    def __init__(self, talk: Conversation, tap: str) -> None:
+        self.talk, self.tap = talk, tap
+        begins = "connecting" if talk.begins_with_syn else "open"
+        self.state = begins if talk.protocol == "tcp" else talk.protocol
+        self.ways = _Way(), _Way()
+        self.plc = self.partner = ""
+        self.syn_ns = 0
+        self.handshake_ns: int | None = None
+        self.seconds: deque[tuple[int, int]] = deque(maxlen=SECONDS)
+
+    @property
+    def is_over(self) -> bool:
+        return self.state in ("ended", "reset")
+
+    def count(self, second: int, size: int) -> None:
+        if self.seconds and self.seconds[-1][0] == second:
+            self.seconds[-1] = second, self.seconds[-1][1] + size
+        else:
+            self.seconds.append((second, size))
+
+
+class Talks:
+    """The figures of conversations, as their events come."""
+
+    def __init__(self) -> None:
+        self._figures: dict[int, _Figures] = {}
+        self._newest = 0  # ns
+        self.now_ns = 0  # of a tap, whether anything comes or not
+
+    def take(self, event: ConversationEvent, is_from_plc: bool, tap: str = "") -> None:
+        """Take one event; `is_from_plc`: the PLC end has sent it."""
+        figures = self._of(event, is_from_plc, tap)
+        way, kind, ns = figures.ways[is_from_plc], event.kind, event.ns
+        self._newest = max(self._newest, ns)
+        if kind is EventKind.BYTES:
+            size = len(event.data)
+            way.size += size
+            way.segments += 1
+            way.count(ns // SECOND, size)
+            figures.count(ns // SECOND, size)
+            if figures.state == "connecting":
+                figures.state = "open"
+        elif kind is EventKind.SYN:
+            figures.syn_ns, figures.state = ns, "connecting"
+        elif kind is EventKind.ESTABLISHED:
+            figures.state = "open"
+            figures.handshake_ns = ns - figures.syn_ns if figures.syn_ns else None
+        elif kind in _ENDS:
+            figures.state = _ENDS[kind]
+        elif kind is EventKind.RETRANSMISSION:
+            way.again += event.size
+        elif kind is EventKind.MISSING:
+            way.missing += event.size
+        elif kind in (EventKind.ZERO_WINDOW, EventKind.WINDOW_OPENS):
+            figures.ways[not is_from_plc].is_closed = kind is EventKind.ZERO_WINDOW
+
+    def _of(self, event: ConversationEvent, is_from_plc: bool, tap: str) -> _Figures:
+        talk = event.conversation
+        figures = self._figures.get(talk.number)
+        if figures is None:
+            if len(self._figures) == MOST_KEPT:
+                over = (number for number, each in self._figures.items() if each.is_over)
+                del self._figures[next(over, next(iter(self._figures)))]
+            figures = self._figures[talk.number] = _Figures(talk, tap)
+            says = event.direction if is_from_plc else event.direction.other
+            figures.plc, figures.partner = address_text(says.address), address_text(says.other.address)
+        return figures
+
+    def hold(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
+        """Take what a tap holds back in a direction; None: nothing any more."""
+        figures = self._figures.get(number)
+        if figures is not None:
+            way = figures.ways[not to_plc]
+            way.held_since = self.now_ns if way.held is None else way.held_since
+            way.held, way.first = held, first
+
+    def measure(self, number: int, to_plc: bool, round_trip_ns: int, window: int, again: int) -> None:
+        """Take what a tap's stack says of the end that a direction goes to."""
+        figures = self._figures.get(number)
+        if figures is not None:
+            way = figures.ways[not to_plc]
+            way.round_trip_ns, way.window, way.again, way.is_closed = round_trip_ns, window, again, not window
+
+    def end_all(self) -> None:
+        """Take that nothing more comes of any conversation."""
+        for number in self._figures:
+            self.end(number)
+
+    def end(self, number: int) -> None:
+        """Take that nothing more comes of a conversation."""
+        figures = self._figures.get(number)
+        if figures is not None and not figures.is_over:
+            figures.state = "ended"
+        self.hold(number, True, None, b"")
+        self.hold(number, False, None, b"")
+
+    def snapshot(self) -> tuple[TalkSnapshot, ...]:
+        """Return those that go on, the newest first, then those that are over."""
+        listed = sorted(self._figures.values(), key=lambda each: (each.is_over, -each.talk.number))
+        return tuple([self._shown(each) for each in listed[:MOST_SHOWN]])
+
+    def _shown(self, each: _Figures) -> TalkSnapshot:
+        second = self._newest // SECOND
+        sizes = dict(each.seconds)
+        seconds = tuple([sizes.get(second - ago, 0) for ago in range(SECONDS - 1, -1, -1)])
+        to_plc, from_plc = (way.snapshot(second, self.now_ns) for way in each.ways)
+        return TalkSnapshot(
+            each.talk.number, each.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
+            each.handshake_ns,
+        )  # fmt: skip

@@ -1,0 +1,471 @@
+"""Packets of a stream that grows, played to shadows as they come; who begins to talk gets shadows then.
+
+Rule 1: time is the capture's. An event is played when packets 40 ms younger have come, so that shadows of
+a new PLC end stand before its first event: how the stream was cut into reads changes nothing.
+Rule 2: where nothing comes, all is played after 30 ms, and time goes on with the clock: some scans at once,
+more after a second. Programs that pipe packets hold some back so long, and these are older than the clock.
+Rule 3: what is over is forgotten: memory follows those who talk, not those who have talked.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+from trcvtui.capture.command import capture_notes
+from trcvtui.capture.pcap import (
+    CaptureReader,
+    Packet,
+    interface_block,
+    packet_block,
+    section_block,
+)
+from trcvtui.capture.plc_end import PlcEnd, PlcGuess, address_text, parse_plc
+from trcvtui.capture.reassembly import (
+    SILENCE_NS,
+    Conversation,
+    ConversationEvent,
+    Conversations,
+    EventKind,
+    WireDirection,
+)
+from trcvtui.errors import UserError
+from trcvtui.files import unnamed
+from trcvtui.line.capture_player import CapturePlayer, planned
+from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
+from trcvtui.net.os.packet_pipe import PacketPipe
+from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.project.project import Project
+from trcvtui.records import NamedTuple, replace
+
+LOOK_NS: Final = 40_000_000
+HOLD_NS: Final = 30_000_000
+LULL_NS: Final = 1_000_000_000
+SHOWN_SCANS: Final = 6  # after the last packet what it did is shown
+SWEEP_NS: Final = 10_000_000_000  # between two looks at who is over
+MOST_WAITING: Final = 1 << 16  # events
+MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
+MOST_KNOWN: Final = 4096  # pairs of ends of which it is known who gets them
+LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
+FASTER: Final = "packets come faster than they are played; what their program drops is missing"
+_ANY_PORT: Final = 49_152
+_NOBODY: Final = bytes((127, 0, 0, 1))  # who will call; a shadow that listens does not show it
+_MAY_DECIDE: Final = frozenset({EventKind.ESTABLISHED, EventKind.BYTES, EventKind.MISSING})
+
+
+class _Decision(NamedTuple):
+    """Who gets the conversations between two ends: parts, or why none; which end is the PLC."""
+
+    parts: tuple[Part, ...] | None
+    why: str
+    is_there: bool
+    confidence: float
+    guess_why: str
+
+
+class LivePlan:
+    """A plan that grows with the conversations that come; raise UserError for a mistake in what is asked."""
+
+    def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
+        self._plan_of, loaded = planned(project, plc, dialect)
+        expected = [] if loaded is None else expected_conversations(loaded, plc)
+        self._first: list[Conversation] = []  # of each CONNECT: that one says how it is
+        self._of_first: dict[int, tuple[Part, ...]] = {}
+        self._known: dict[tuple[object, ...], _Decision] = {}
+        self._own: Project | None = None  # of conversations that the user gave shadows of their own
+        self.decided: set[int] = set()  # numbers of conversations
+        self.plan = self._plan_of(expected)
+        for talk in expected:
+            if talk.number in self.plan.parts:
+                self._keep(talk, self.plan.parts[talk.number])
+            self.plan.unassigned.pop(talk.number, None)
+        self.interval_ns = min(task.interval_ns for task in self.plan.project.tasks)
+
+    def begin(self, talks: Iterable[Conversation]) -> ShadowPlan:
+        """Return the plan for those that are there before the first scan."""
+        listed = sorted(talks, key=lambda talk: talk.number)
+        made = self._plan_of([*self._first, *listed])
+        self.plan = self.plan._replace(project=made.project)
+        for talk in listed:
+            parts = made.parts.get(talk.number)
+            if parts is not None:
+                if parts not in self._of_first.values():
+                    self._keep(talk, parts)
+                self._known[_ends_of(talk, _is_said(talk))] = _decision(made, talk)
+            self.assign(talk)
+        return self.plan
+
+    def assign(self, talk: Conversation) -> bool:
+        """Give a conversation its parts; return whether the shadows have to become others."""
+        number, plan = talk.number, self.plan
+        if number in self.decided:
+            return False
+        is_said = _is_said(talk)
+        key = _ends_of(talk, is_said)
+        known, grows = self._known.get(key), False
+        if known is None:
+            known, grows = self._decide(talk)
+            if len(self._known) == MOST_KNOWN:
+                self._known.clear()
+            self._known[key] = known
+        says = talk.there if known.is_there else talk.back
+        self.plan.guesses[number] = PlcGuess(says, known.confidence, known.guess_why)
+        if known.parts is not None:
+            self.plan.parts[number] = known.parts
+            plan.unassigned.pop(number, None)
+        else:
+            self.plan.unassigned[number] = known.why
+        if known.parts is not None or is_said:
+            self.decided.add(number)
+        return grows
+
+    def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
+        made = self._plan_of([*self._first, talk])
+        if talk.number not in made.parts and any(each.number < 0 for each in self._first):
+            # Who was expected may come otherwise: as who calls in place of who is called.
+            real = [each for each in self._first if each.number > 0]
+            other = self._plan_of([*real, talk])
+            if talk.number in other.parts:
+                made, self._first = other, real
+        decision = _decision(made, talk)
+        whole = made.project if self._own is None else _beside(made.project, self._own)
+        if decision.parts is None or whole == self.plan.project:
+            return decision, False
+        self.plan = self.plan._replace(project=whole)
+        self._keep(talk, decision.parts)
+        return decision, True
+
+    def _keep(self, talk: Conversation, parts: tuple[Part, ...]) -> None:
+        self._first.append(talk)
+        self._of_first[talk.number] = parts
+
+    def shadow(self, talk: Conversation) -> str:
+        """Give a conversation that has none shadows of its own, beside all others; return what is wrong."""
+        number, plan = talk.number, self.plan
+        plc = address_text(plan.guesses[number].says.address if number in plan.guesses else talk.back.address)
+        made = plan_ad_hoc([talk], plc, plan.project.dialect.name)
+        parts = made.parts.get(number)
+        if parts is None:
+            return f"C{number}: {made.unassigned[number]}"
+        names = {each.name for each in plan.project.connects} | {c.name for c in plan.project.udp_configs}
+        if not names.isdisjoint(part.connect for part in parts):
+            return f"{parts[0].connect} is a CONNECT already"
+        connects = [replace(c, local=Endpoint(c.local.address, 0)) for c in made.project.connects]
+        own = replace(made.project, connects=tuple(connects))  # the PLC's port is that of another one
+        self._own = own if self._own is None else _beside(self._own, own)
+        plan.parts[number], plan.guesses[number] = parts, made.guesses[number]
+        plan.unassigned.pop(number, None)
+        self.decided.add(number)
+        self.plan = plan._replace(project=_beside(plan.project, own))
+        return ""
+
+    def forget(self, number: int) -> None:
+        """Forget a conversation that is over."""
+        self.decided.discard(number)
+
+
+def _beside(project: Project, other: Project) -> Project:
+    task = project.tasks[0].name
+    return replace(
+        project,
+        connects=(*project.connects, *other.connects),
+        udp_configs=(*project.udp_configs, *other.udp_configs),
+        addrs=(*project.addrs, *other.addrs),
+        data=(*project.data, *other.data),
+        instances=(*project.instances, *[replace(each, task=task) for each in other.instances]),
+        sim=replace(
+            project.sim,
+            addresses=tuple(dict.fromkeys((*project.sim.addresses, *other.sim.addresses))),
+        ),
+    )
+
+
+def _is_said(talk: Conversation) -> bool:
+    return talk.is_established or begins_late(talk)
+
+
+def _decision(made: ShadowPlan, talk: Conversation) -> _Decision:
+    number = talk.number
+    guess, why = made.guesses.get(number), made.unassigned.get(number, "")
+    if guess is None:
+        return _Decision(None, why, True, 0.0, "")
+    is_there = guess.says is talk.there
+    return _Decision(made.parts.get(number), why, is_there, guess.confidence, guess.why)
+
+
+def _ends_of(talk: Conversation, is_said: bool) -> tuple[object, ...]:
+    there, back, listener = talk.there, talk.back, talk.listener
+    one = there.address[0] if listener is back else there.address
+    other = back.address[0] if listener is there else back.address
+    return talk.protocol, is_said, one, there.mac[:3], other, back.mac[:3], listener is None
+
+
+def expected_conversations(project: Project, plc: str | None) -> list[Conversation]:
+    """Return what the PLC ends will have that are named: one with its port listens there, others call.
+
+    Whom a PLC end calls, its row or its CONNECT says; where neither does nothing is expected.
+    """
+    rows = [(each.plc, each.partner, project.connect(each.connect)) for each in project.watches]
+    if plc is not None:
+        calling = [config for config in project.connects if config.active and not config.is_datagram]
+        rows = [(plc, "", calling[0] if len(calling) == 1 else None)]
+    made = []
+    for number, (one, other, config) in enumerate(rows, 1):
+        end, partner = parse_plc(one), parse_plc(other) if other else None
+        if end.port is not None:
+            address = partner.address if partner is not None else _NOBODY
+            made.append(_expected(-number, (address, _ANY_PORT), (end.address, end.port)))
+            continue
+        if partner is None and config is not None and config.remote_address != ANY_ADDRESS:
+            partner = _partner_of(config.remote_address)
+        port = partner.port if partner is not None else None
+        if port is None and config is not None and isinstance(config.remote_port, int):
+            port = config.remote_port
+        if partner is not None and port:
+            made.append(_expected(-number, (end.address, _ANY_PORT), (partner.address, port)))
+    return made
+
+
+def _partner_of(address: str) -> PlcEnd | None:
+    try:
+        return parse_plc(address)
+    except UserError:
+        return None
+
+
+def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int]) -> Conversation:
+    made = Conversation(number, "tcp", 0)
+    there = made.there = WireDirection(made, caller, b"")
+    back = made.back = WireDirection(made, listener, b"")
+    there.other, back.other = back, there
+    made.begins_with_syn = made.is_established = True
+    made.listener = back
+    return made
+
+
+class LiveWatch:
+    """Plays the conversations of a growing capture; `begin` makes the player: of a plan, from a time on.
+
+    `left` is told of each conversation that has no shadow, and why.
+    """
+
+    def __init__(
+        self,
+        plan: LivePlan,
+        begin: Callable[[ShadowPlan, int], CapturePlayer],
+        left: Callable[[Conversation, str], object] | None = None,
+    ) -> None:
+        self.found = Conversations(self._take)
+        self.player: CapturePlayer | None = None
+        self._plan, self._begin, self._left = plan, begin, left
+        self._waiting: deque[ConversationEvent] = deque()
+        self._seen: dict[int, Conversation] = {}  # before there is a player
+        self._newest = self._first_ns = self._swept = 0
+
+    def _take(self, event: ConversationEvent) -> None:
+        talk, ns = event.conversation, event.ns
+        plan = self._plan.plan
+        if self.player is None:
+            self._seen[talk.number] = talk
+        elif talk.number not in self._plan.decided and (
+            talk.number not in plan.unassigned or event.kind in _MAY_DECIDE
+        ):
+            self._assign(talk)
+        waiting = self._waiting
+        waiting.append(event)
+        if ns - LOOK_NS > waiting[0].ns or len(waiting) > MOST_WAITING:
+            self._play(ns - LOOK_NS)
+
+    def _assign(self, talk: Conversation) -> None:
+        if self._plan.assign(talk) and self.player is not None:
+            self.player.become(self._plan.plan)
+        self._tell_left(talk)
+
+    def _tell_left(self, talk: Conversation) -> None:
+        plan = self._plan.plan
+        if self._left is not None and talk.number in self._plan.decided and talk.number not in plan.parts:
+            self._left(talk, plan.unassigned[talk.number])
+
+    def _play(self, until: int) -> CapturePlayer:
+        player = self.player or self._started()
+        waiting = self._waiting
+        while waiting and (waiting[0].ns <= until or len(waiting) > MOST_WAITING):
+            event = waiting.popleft()
+            if player.overlaps and event.conversation.number in player.overlaps:
+                self._see_place(player, event)
+            player.take(event)
+        return player
+
+    def _started(self) -> CapturePlayer:
+        self._first_ns = self._swept = self.found.first_ns or 0
+        plan = self._plan.begin(self._seen.values())
+        self.player = self._begin(plan, self._first_ns)
+        for talk in self._seen.values():
+            self._tell_left(talk)
+        self._seen.clear()
+        for number in [number for number in plan.parts if number < 0]:  # who was expected
+            del plan.parts[number]
+        return self.player
+
+    def _see_place(self, player: CapturePlayer, event: ConversationEvent) -> None:
+        number = event.conversation.number
+        holder = next((t for t in self.found.all if t.number == player.overlaps[number]), None)
+        last_ns = 0 if holder is None else holder.last_ns
+        if event.ns - last_ns > SILENCE_NS:
+            player.take_over(number, last_ns)
+
+    def shadow(self, name: str) -> str:
+        """Let `C7`, "": the newest conversation without a shadow, have shadows; return what is wrong."""
+        plan, player = self._plan.plan, self.player
+        left = [talk for talk in self.found.all if talk.number in plan.unassigned]
+        chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
+        if player is None or not chosen:
+            some = ", ".join(f"C{talk.number}" for talk in left[-8:])
+            return f"found '{name}', expected a conversation without a shadow: {some or 'there is none'}"
+        wrong = self._plan.shadow(chosen[-1])
+        if not wrong:
+            player.overlaps.pop(chosen[-1].number, None)
+            player.become(self._plan.plan)
+        return wrong
+
+    def arrived(self, ns: int) -> None:
+        """Take the time of the newest packet that has been read."""
+        self._newest = ns = max(self._newest, ns)
+        if self.player is None and not (self._waiting and self._waiting[0].ns < ns - LOOK_NS):
+            return
+        player = self._play(ns - LOOK_NS)
+        player.shadows.go_to(max(ns - LOOK_NS - self._first_ns, 0))
+        if ns - self._swept > SWEEP_NS:
+            self._swept = ns
+            for number in self.found.forget_over(ns):
+                self._plan.forget(number)
+                player.forget(number)
+
+    def idle(self, idle_ns: int) -> None:
+        """Let time go on: nothing has come for so long."""
+        if idle_ns < HOLD_NS or (self.player is None and not self._waiting):
+            return
+        player = self._play(self._newest)
+        shown = SHOWN_SCANS * self._plan.interval_ns
+        gone = max(min(idle_ns - HOLD_NS, shown), idle_ns - LULL_NS)
+        player.shadows.go_to(max(self._newest + gone - self._first_ns, 0))
+
+    def finish(self) -> CapturePlayer:
+        """Play what is left, and let the shadows settle."""
+        self.found.close()
+        last_ns = max((talk.last_ns for talk in self.found.all), default=0)
+        player = self._play(max(last_ns, self._newest, *(event.ns for event in self._waiting), 0))
+        for talk in self.found.all:
+            if talk.number not in self._plan.decided:
+                self._assign(talk)
+        player.shadows.go_to(max(last_ns - self._first_ns, 0))
+        player.shadows.settle()
+        return player
+
+
+class KeptPackets:
+    """The newest packets of a stream, at most MOST_KEPT bytes of them, as a file for the doctor."""
+
+    def __init__(self) -> None:
+        self._packets: deque[Packet] = deque()
+        self.interfaces: Callable[[], Sequence[tuple[int, str]]] = tuple  # link type and name of each
+        self._size = 0
+        self._opened = ExitStack()
+
+    def passing(self, reader: CaptureReader) -> Iterator[Packet]:
+        """Yield the packets of a reader, and keep them."""
+        self.interfaces = lambda: [(kind, "") for kind in reader.link_types]
+        for packet in reader:
+            self.keep(packet)
+            yield packet
+
+    def keep(self, packet: Packet) -> None:
+        """Keep one more."""
+        self._packets.append(packet)
+        self._size += len(packet.data)
+        while self._size > MOST_KEPT:
+            self._size -= len(self._packets.popleft().data)
+
+    def files(self) -> list[str]:
+        """Write them into a file in memory; return its name, which other processes can open."""
+        self._opened.close()
+        handle, name = self._opened.enter_context(unnamed())
+        with open(handle, "wb", closefd=False) as file:
+            file.write(section_block(""))
+            file.writelines(interface_block(*each) for each in self.interfaces())
+            file.writelines(
+                packet_block(one.interface, one.ns, one.data, (), one.length) for one in self._packets
+            )
+        return [name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name]
+
+
+class PacketStream:
+    """The packets of a pipe, taken by `live`; `say` gets lines for the user.
+
+    `came` is called when something was played, at least each 50 ms; `kept` keeps the newest packets.
+    """
+
+    def __init__(
+        self,
+        fd: int,
+        live: LiveWatch,
+        say: Callable[[str], object],
+        came: Callable[[], object] = int,
+        kept: KeptPackets | None = None,
+    ) -> None:
+        self._kept = kept
+        self.pipe = PacketPipe(fd, self._wait)
+        self._live, self._say, self._came = live, say, came
+        self._reader: CaptureReader | None = None
+        self._busy_from = self._from_ns = 0  # since when shadows have had no rest; the packet of that moment
+        self._is_late = False
+        self._failed: Exception | None = None
+
+    def _wait(self, idle_ns: int) -> None:
+        self._play(lambda: self._live.idle(idle_ns))
+
+    def _read(self, most: int) -> bytes:
+        reader = self._reader
+        if reader is not None:
+            self._play(lambda: self._live.arrived(reader.last_ns))
+            self._see_late(reader.last_ns)
+        return self.pipe.read(most) if self._failed is None else b""
+
+    def _play(self, act: Callable[[], object]) -> None:
+        if self._failed is None:
+            try:
+                act()
+                self._came()
+            except (OSError, EOFError, ValueError) as failed:
+                self._failed = failed
+                self.pipe.stop()
+
+    def _see_late(self, newest_ns: int) -> None:
+        if self.pipe.empty_at != self._busy_from:
+            self._busy_from, self._from_ns, self._is_late = self.pipe.empty_at, newest_ns, False
+        late = self.pipe.busy_ns - (newest_ns - self._from_ns)
+        if late > LATE_NS and not self._is_late:
+            self._is_late = True
+            self._say(FASTER)
+
+    def take(self) -> list[str]:
+        """Take all packets to the end; return what is to be said of them. Raise UserError for no capture."""
+        found = self._live.found
+        try:
+            reader = CaptureReader(self._read, "stdin")
+        except UserError as none:
+            if self._failed is None and self.pipe.is_stopped:
+                return []
+            raise self._failed or none from None
+        self._reader, found.names = reader, reader.name_of
+        packets = iter(reader) if self._kept is None else self._kept.passing(reader)
+        found.take_all(packets, reader.link_types)
+        if self._failed is not None:
+            raise self._failed
+        said = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
+        trouble = reader.trouble if not self.pipe.is_stopped else None
+        return [*said, *capture_notes(found, [trouble] if trouble else [])]

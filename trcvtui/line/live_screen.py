@@ -1,0 +1,203 @@
+"""Shadows that play while a screen looks, in a process of their own; `watch -` on the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from trcvtui import clock
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.update_pipe import UpdatePipe
+from trcvtui.errors import mistake
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.net.os.packet_pipe import take_stdin
+from trcvtui.replay.driver import serve_until_gone
+
+if TYPE_CHECKING:
+    from trcvtui.capture.reassembly import Conversation
+    from trcvtui.engine.controller import Controller
+    from trcvtui.line.capture_player import CapturePlayer
+    from trcvtui.line.live import LivePlan, LiveWatch
+    from trcvtui.line.shadows import ShadowPlan
+    from trcvtui.plc.ledger import StatusEdge
+    from trcvtui.recording.worker_process import FilesJudge
+
+SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
+MOST_LINES: Final = 2000  # of the ledger in a picture
+Asked = tuple[Path | None, str | None, str | None]
+
+
+class LiveDriver(EngineDriver):
+    """Shadows of a pipe in a process of its own; stdin is the keyboard from now on."""
+
+    def __init__(self, asked: Asked) -> None:
+        self._asked_of = asked
+        self._packets = Channel(take_stdin(with_keyboard=True), writable=False)
+        super().__init__(Path("-"), "capture")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return live_main, (self._packets, self._asked_of)
+
+
+def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
+    """Serve the screen with what comes; the last words say what is wrong."""
+    from trcvtui.line.live import LivePlan
+
+    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+
+
+class CaptureDriver(EngineDriver):
+    """Shadows of what a capture program writes; the process that plays them has started it."""
+
+    def __init__(self, command: Sequence[str], asked: Asked) -> None:
+        self._command, self._asked_of = tuple(command), asked
+        super().__init__(Path("-"), "capture")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return capture_main, (self._command, self._asked_of)
+
+
+def capture_main(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+    """Serve with what the program writes; it ends when we do."""
+    serve_until_gone(channel, lambda: _capture(channel, command, asked))
+
+
+def _capture(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+    from subprocess import DEVNULL, PIPE, Popen
+
+    from trcvtui.line.live import LivePlan
+
+    plan = LivePlan(*asked)
+    try:
+        program = Popen(command, stdin=DEVNULL, stdout=PIPE)
+    except OSError as wrong:
+        raise mistake(command[0], wrong.strerror or "no program", "a program that writes packets") from None
+    try:
+        assert program.stdout is not None
+        _PipeServed(channel, plan, asked).run(program.stdout.fileno())
+    finally:
+        program.kill()  # it has nothing of its own to end
+        program.wait()
+
+
+class ServedShadows:
+    """The screen's side of shadows that play while it looks."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._pipe = UpdatePipe(channel)
+        self._controller: Controller | None = None
+        self._request: UpdateRequest | None = None
+        self._told: list[tuple[str, str]] = []
+        self._player: CapturePlayer | None = None
+        self.judge: FilesJudge | None = None  # of what came
+
+    def show(self, player: CapturePlayer, kernel: str, watch: Callable[[str], str] | None = None) -> None:
+        """Show the shadows of a player from now on, and count its conversations; `kernel`: a word for it.
+
+        `watch` gives a conversation shadows of its own.
+        """
+        from trcvtui.engine.controller import Controller
+        from trcvtui.line.conversations import Talks
+
+        player.talks = talks = Talks()
+        self._controller = controller = Controller(player.shadows.bench)
+        controller.talks, controller.shadows = talks.snapshot, player.shown
+        controller.kernel, controller.watch, self._player = kernel, watch, player
+        controller.files_judge = self.judge
+        self._channel.send(player.shadows.bench.project)
+
+    def go_on(self, subject: str, why: str) -> NoReturn:
+        """Go on showing what is there: nothing more comes."""
+        self.tell(subject, why)
+        if self._controller is not None:
+            self._controller.over = why
+        while True:
+            self.serve()
+            self._channel.poll(None if self._request is None and not self._pipe.is_busy() else 0.01)
+
+    # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Tell whose job lacks bytes."""
+        for edge in changed:
+            if edge.instance in lacking and (edge.outputs.done or edge.outputs.error):
+                self.tell(edge.instance, "? missing in the capture")
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        self.tell(f"C{number}", text)
+
+    def tell(self, subject: str, text: str) -> None:
+        self._told.append((subject, text))
+        if self._controller is not None:
+            for told in self._told:
+                self._controller.bench.note(*told)
+            self._told.clear()
+
+    def serve(self) -> None:
+        """Take what the screen says, and go on with its picture."""
+        controller = self._controller
+        if controller is None:
+            return
+        controller.catch_up()
+        if self._player is not None:
+            controller.shadows = self._player.shown  # more with each PLC end
+        while self._channel.poll():
+            message = self._channel.recv()
+            if isinstance(message, UpdateRequest):
+                self._request = message
+            else:
+                controller.take(*message)
+        if self._request is not None and not self._pipe.is_busy():
+            self._pipe.begin(controller.collect(self._request, EngineTiming(mode="live"), MOST_LINES))
+            self._request = None
+        if self._pipe.is_busy():
+            with suppress(BlockingIOError):
+                self._pipe.go_on(clock.now_ns() + SLICE_NS)
+
+
+class _PipeServed(ServedShadows):
+    """Shadows on packets that come through a pipe."""
+
+    def __init__(self, channel: Channel, plan: LivePlan, asked: Asked) -> None:
+        super().__init__(channel)
+        self._plan = plan
+        self._project, self._plc, _ = asked
+        self._live: LiveWatch | None = None
+
+    def run(self, fd: int) -> NoReturn:
+        """Play what comes; when that is over, go on showing it."""
+        from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
+        from trcvtui.recording.worker_process import FilesJudge
+
+        live = self._live = LiveWatch(self._plan, self._begin, self._leave)
+        kept = KeptPackets()
+        self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
+        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept)
+        said = stream.take()
+        live.finish()
+        for line in said:
+            self.tell("stdin", line)
+        self.go_on("stdin", "the packets have ended")
+
+    def _begin(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
+        from trcvtui.line.capture_player import CapturePlayer
+
+        player = CapturePlayer(plan, (), first_ns, self)
+        if self.judge is not None:
+            self.judge.begins_ns = first_ns
+        self.show(player, "capture", self._shadow)
+        return player
+
+    def _shadow(self, name: str) -> str:
+        return self._live.shadow(name) if self._live is not None else ""
+
+    def _leave(self, talk: Conversation, why: str) -> None:
+        from trcvtui.line.shadows import end_of
+
+        ends = f"{end_of(talk.there.address)} - {end_of(talk.back.address)}"
+        self.tell(f"C{talk.number}", f"{ends} is unassigned: {why}")

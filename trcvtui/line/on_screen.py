@@ -1,0 +1,164 @@
+"""A capture on the screen: its shadows run once, into a recording that nobody keeps, and that is shown.
+
+Rule: what is shown is the run of `trcvtui watch` on the same files, scan by scan.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import islice
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui import clock
+from trcvtui.capture.command import capture_notes
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.line.capture_player import CapturePlayer, Played, plan_capture, planned
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.project.project import Project
+from trcvtui.records import replace
+from trcvtui.replay.driver import serve_screen
+from trcvtui.replay.survey import NOTE
+from trcvtui.wording import count
+
+if TYPE_CHECKING:
+    from trcvtui.replay.time_line import TimeLine
+
+MOST_NOTES: Final = 1000  # of conversations, in the history of the run
+PROGRESS_NS: Final = 500_000_000
+MOST_LINES: Final = 3  # above the prompt
+
+
+class _Told:
+    """What is said of conversations, in the history of the run."""
+
+    def __init__(self) -> None:
+        self.write: Callable[[str], None] = print
+        self._left = MOST_NOTES
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Tell whose job lacks bytes."""
+        for edge in changed:
+            if edge.instance in lacking and (edge.outputs.done or edge.outputs.error):
+                self._tell(f"{edge.instance}: ? missing in the capture")
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Tell it at once."""
+        self._tell(f"C{number}: {text}")
+
+    def _tell(self, text: str) -> None:
+        if self._left:
+            self._left -= 1
+            self.write(NOTE + text)
+
+
+class _Progress:
+    """How far a large capture is read, on the terminal on which the screen will open."""
+
+    def __init__(self, player: CapturePlayer, packets: int) -> None:
+        self._player, self._packets = player, packets
+        self._told_ns = clock.now_ns()
+        self._is_told = False
+
+    def tell(self) -> None:
+        """Tell it twice a second."""
+        now = clock.now_ns()
+        if now - self._told_ns >= PROGRESS_NS and sys.stderr.isatty():
+            self._told_ns, self._is_told = now, True
+            sys.stderr.write(f"\r{self._player.packets} of {count(self._packets, 'packet')} ")
+            sys.stderr.flush()
+
+    def end(self) -> None:
+        """End the line."""
+        if self._is_told:
+            sys.stderr.write("\n")
+
+
+class WatchDriver(EngineDriver):
+    """Shadows of a capture in a process of its own."""
+
+    def __init__(self, paths: Sequence[str], asked: tuple[Path | None, str | None, str | None]) -> None:
+        self._capture = tuple(paths), asked
+        super().__init__(Path(paths[0]), "capture")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return watch_main, self._capture
+
+
+def watch_main(
+    channel: Channel, paths: Sequence[str], asked: tuple[Path | None, str | None, str | None]
+) -> None:
+    """Play the capture, and serve the screen with that run."""
+    with tempfile.TemporaryDirectory(prefix="trcvtui-") as folder:
+        serve_screen(channel, lambda: _played(paths, asked, Path(folder) / "shadows.pcapng"))
+
+
+def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | None], file: Path) -> TimeLine:
+    """Return the run of the shadows; raise UserError."""
+    from trcvtui.recording.recorder import RunRecorder
+    from trcvtui.recording.recording import Recording, RecordingWriter
+    from trcvtui.recording.worker_process import FilesJudge
+    from trcvtui.replay.time_line import CaptureRun, TimeLine
+
+    plan, found, troubles = plan_capture(paths, *asked)
+    plan = plan._replace(project=replace(plan.project, path=Path(shown_name(paths))))  # the header's name
+    first_ns, told = found.first_ns or 0, _Told()
+    recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
+    with recorder:
+        file = _without_name(file)
+        player = CapturePlayer(plan, found.all, first_ns, told, recorder.seam)
+        bench = player.shadows.bench
+        told.write = bench.told
+        progress = _Progress(player, found.packets)
+
+        def after_scan() -> None:
+            recorder.gap(bench)
+            progress.tell()
+
+        player.shadows.after_scan = after_scan
+        player.shadows.sent = recorder.seam.note
+        recorder.begin(bench, Path(paths[0]), (), is_scenario=False)
+        player.play(paths)
+        played = player.close()
+        progress.end()
+    lines = (*plan.notes, *_said(played), *capture_notes(found, troubles))
+    project, plc, dialect = asked
+
+    def change(sets: Sequence[str], other: str | None) -> tuple[Project, Sequence[str]]:
+        made = planned(project, plc, other or dialect, sets)[0](found.all)
+        return made.project, made.notes
+
+    judge = FilesJudge(lambda: paths, plc, project)
+    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_LINES], change, judge)
+    return TimeLine(Recording(file), shown_name(paths), 1, capture)
+
+
+def _without_name(file: Path) -> Path:
+    """Return where to read an open file from whose name and folder are gone: who is killed leaves nothing."""
+    if not os.path.isdir("/proc/self/fd"):
+        return file
+    handle = os.open(file, os.O_RDONLY)
+    file.unlink()
+    with suppress(OSError):  # it holds something else
+        file.parent.rmdir()
+    return Path(f"/proc/self/fd/{handle}")
+
+
+def shown_name(paths: Sequence[str]) -> str:
+    """Return the name of a capture of one file or of several."""
+    name = Path(paths[0]).name
+    return name if len(paths) == 1 else f"{name} and {count(len(paths) - 1, 'file')} more"
+
+
+def _said(played: Played) -> list[str]:
+    """Return which conversations no shadow has, and what never reached one."""
+    some = [f"C{number} ({why})" for number, why in islice(played.unassigned.items(), 8)]
+    more = len(played.unassigned) - len(some)
+    lines = [f"unassigned: {', '.join(some)}{f' and {more} more' if more else ''}"] if some else []
+    lines += [f"C{n}: {count(size, 'byte')} never reached a shadow" for n, size in played.left_out.items()]
+    return lines

@@ -1,0 +1,505 @@
+"""What partners did, done again in the simulated network when they did it; scans pass between.
+
+Rule 1: a scan sees what happened up to its time. Scans that change nothing are counted, not run.
+Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
+Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
+would make the partner wait. Where nobody ever takes them they are left out, and that is told.
+Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
+ends in its next scan; so many scans later as it was late in the beginning, and not before its first job. Of a
+recording of ours it is known that all of it was read: it ends then.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+from trcvtui.bench.bench import Bench
+from trcvtui.net.events import BytesReceived
+from trcvtui.net.results import Endpoint
+from trcvtui.net.sim.network import PLAYED_ROOM
+from trcvtui.net.sim.stream import SimStream, StreamPhase
+from trcvtui.plc.ledger import A_HOLE, A_PACKET, PeerSent, StatusEdge
+
+MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has not read
+MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
+FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
+QUIET: Final = 3  # scans without a change, after which none comes by itself
+MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
+PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
+SETTLING: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
+_WASTE: Final = memoryview(bytearray(1 << 16))
+
+
+def _do_nothing() -> None:
+    """Do nothing."""
+
+
+class _Waits(Protocol):
+    """What waits for a shadow that is not ready."""
+
+    gives_up_at: int
+    keeps_out: bool  # was it the link that let it not in, so that those after it have no better luck
+
+    @property
+    def link(self) -> str:
+        """Return the CONNECT, UDP_CONFIG or ComBuffer whose shadow it waits for."""
+        ...
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether it is ready, if it `may_try`; return whether it still waits."""
+        ...
+
+
+class Shadows:
+    """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
+
+    It is called after each scan that changed or told anything.
+    """
+
+    def __init__(
+        self, bench: Bench, on_scan: Callable[[int, Sequence[StatusEdge], frozenset[str]], None]
+    ) -> None:
+        self.bench = bench
+        self.network = bench.network
+        self.waiting: list[_Waits] = []  # in the order in which they came
+        self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
+        self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
+        self.not_run = 0  # scans of which nobody knows that they change nothing
+        self.room = MOST_FILLED  # for missing bytes
+        self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
+        self.after_scan: Callable[[], None] = _do_nothing
+        self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
+        self.works_on = {each.name: each.connect for each in bench.project.instances}
+        self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
+        self._on_scan = on_scan
+        self._interval = bench.runtime.interval_ns
+        self._quiet = 0
+        self._jobs = 0  # that had bytes
+        self._lacking: set[str] = set()  # instances whose job has a place without bytes
+
+    def go_to(self, ns: int) -> None:
+        """Let the scans before this time pass; then it is the time of the network."""
+        while (due := self.bench.runtime.scans * self._interval) < ns:
+            if self.network.take_news() or self._quiet < QUIET:
+                self.step()
+            elif not self._skip(due, ns):
+                if self._quiet < MOST_QUIET:
+                    self.step()
+                    continue
+                left = -(-ns // self._interval) - due // self._interval
+                self.bench.skip(left)
+                self.not_run += left
+        self.network.advance(max(ns, self.network.now_ns))
+
+    def wake(self) -> None:
+        """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
+        self._quiet = 0
+
+    def scans_of_task(self, connect: str) -> int:
+        """Return how many scans pass from one call of all blocks of a CONNECT to the next."""
+        names = {each.task for each in self.bench.project.instances if each.connect == connect}
+        tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
+        return max([-(-each // self._interval) for each in tasks], default=1)
+
+    def settle(self) -> None:
+        """Let scans pass until nothing changes: the capture is over."""
+        left = SETTLING
+        while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
+            jobs = self._jobs
+            self.step()
+            left = left - 1 if self._jobs == jobs else SETTLING
+
+    def _skip(self, due: int, ns: int) -> bool:
+        """Count the scans in which nothing happens; return whether there was one."""
+        until = self.bench.quiet_until()
+        limit = ns if until is None else min(until, ns)
+        if self.waiting:
+            limit = min(limit, *(end.gives_up_at for end in self.waiting))
+        if self.leaving:
+            limit = min(limit, *((end.due - 1) * self._interval for end in self.leaving))
+        if limit <= due:
+            return False
+        reached = self.network.pass_time(limit)
+        scans = -(-reached // self._interval) - due // self._interval
+        if scans > 0:
+            self.bench.skip(scans)
+        return scans > 0
+
+    def step(self) -> None:
+        """Let one scan pass."""
+        runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
+        if self.waiting:
+            self._let_in()
+        over = [end for end in self.leaving if end.due <= runtime.scans + 1]
+        for end in over:
+            end.leave_now()
+        seq = ledger.last_seq
+        self.bench.step()
+        self.after_scan()
+        for end in over:
+            end.read_no_more()
+        self.leaving = [end for end in self.leaving if end not in over]
+        self.network.take_news()
+        changed = runtime.changed
+        is_quiet = not changed and ledger.last_seq == seq
+        self._quiet = self._quiet + 1 if is_quiet else 0
+        if self.holes or self._quiet == QUIET:
+            runtime.settle()
+            self._quiet = self._quiet if ledger.last_seq == seq else 0
+        if self.holes:
+            self._see_holes(seq)
+        if not is_quiet:
+            lacking = frozenset(self._lacking)
+            self._on_scan(runtime.scans, changed, lacking)
+            self._lacking -= {e.instance for e in changed if e.outputs.done or e.outputs.error}
+            for edge in changed:
+                if edge.outputs.done and edge.outputs.rcvd_len:
+                    self._jobs += 1
+                    self.last_job[self.works_on[edge.instance]] = edge.outputs.rcvd_len
+
+    def _let_in(self) -> None:
+        """Let who waits go on; where a link lets nobody in, those after him do not ask."""
+        closed: set[str] = set()
+        left: list[_Waits] = []
+        waiting, self.waiting = self.waiting, []
+        for one in waiting:
+            if one.go_on(one.link not in closed):
+                left.append(one)
+                if one.keeps_out:
+                    closed.add(one.link)
+        self.waiting = left + self.waiting
+
+    def _see_holes(self, seq: int) -> None:
+        for _, _, event in self.bench.runtime.ledger.stamped_since(seq):
+            if not isinstance(event, BytesReceived) or event.connection not in self.holes:
+                continue
+            holes, end = self.holes[event.connection], event.offset + event.size
+            end = event.recv if event.connection in self.of_datagrams else end
+            if holes and holes[0][0] < end:
+                self._lacking.add(event.instance)
+            while holes and holes[0][1] <= end:
+                holes.popleft()
+        self.holes = {connect: holes for connect, holes in self.holes.items() if holes}
+
+
+class PlayedEnd:
+    """One end of one conversation, as a CONNECT meets it. It `calls`, or is called by the CONNECT.
+
+    `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nobody to talk to.
+    """
+
+    def __init__(self, shadows: Shadows, connect: str, own: Endpoint, calls: bool) -> None:
+        self.connect = connect
+        self.left_out = 0
+        self.is_over = False
+        self.has_ended = self.has_left = False  # in the capture: the partner; the shadow's own end
+        self.gives_up_at = 0
+        self.keeps_out = True
+        self._shadows = shadows
+        self._own = own
+        self._calls = calls
+        self._is_begun = self._has_called = False
+        config = shadows.bench.project.connect(connect)
+        self._asks = calls and config is not None and config.session is not None
+        self._awaits = self._has_answer = False  # the partner the shadow's answer: its CC
+        self._stream: SimStream | None = None
+        self._acts: deque[Callable[[], None]] = deque()  # what waits for the connection
+        self._begun = self._stood = 0  # after which scan; for how many, to the shadow's own end
+        self._has_read = False  # is known of that end: all that it can have
+        self._kept = self._packets = 0  # bytes of these; of the conversation
+        self._sent = 0
+
+    def begin(self) -> None:
+        """Build the connection, as soon as the shadow is ready for it."""
+        if not self._is_begun:
+            self._is_begun = True
+            self._shadows.holes.pop(self.connect, None)
+            self._begun = self._shadows.bench.runtime.scans
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._connect()
+            if self._stream is None:
+                self._shadows.waiting.append(self)
+
+    def hear(self) -> None:
+        """Hear the PLC end: to the first that it says the partner had waited, so it is waited for here."""
+        if self._asks:
+            self._asks = False
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._do(self._await)
+            if self._awaits:
+                self._shadows.waiting.append(self)
+
+    def _await(self) -> None:
+        self._awaits = not self._has_answer
+
+    @property
+    def link(self) -> str:
+        """Return the CONNECT."""
+        return self.connect
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether the shadow is ready; return whether it still waits."""
+        if may_try and self._stream is None:
+            self._connect()
+        is_late = self._shadows.network.now_ns >= self.gives_up_at
+        if self._stream is not None:
+            self._awaits &= not (self._has_answer or is_late)
+            self._catch_up()
+            return self._awaits
+        if not is_late:
+            return True
+        self.left_out += self._kept
+        self._acts.clear()
+        self.is_over = True
+        return False
+
+    def _connect(self) -> None:
+        wire, runtime = self._shadows.network.wire, self._shadows.bench.runtime
+        if self._calls:
+            port = runtime.listening_port(self.connect)
+            config = self._shadows.bench.project.connect(self.connect)
+            if port is None or config is None:
+                return
+            stream = wire.call(self._own, Endpoint(config.local.address, port))
+            self._has_called |= stream is not None
+            self.keeps_out = self._has_called  # else the same ends have a connection
+            if stream is None or stream.phase is not StreamPhase.OPEN:
+                return
+        else:
+            stream = wire.answer(self.connect)
+            if stream is None:
+                return
+        self._stream = stream
+        self._shadows.wake()
+        stream.changed = self._drain
+        self._catch_up()
+
+    def _catch_up(self) -> None:
+        while self._acts and not self._awaits:
+            self._acts.popleft()()
+
+    def _drain(self) -> None:
+        stream = self._stream
+        while stream is not None and stream.unread:
+            self._has_answer = True
+            stream.read(_WASTE, len(_WASTE))
+
+    def _do(self, act: Callable[[], None], size: int = 0) -> None:
+        if not self._is_begun:
+            self.begin()
+        if self._stream is not None and not self._awaits:
+            act()
+        elif not self.is_over and self._kept + size <= PLAYED_ROOM:
+            self._kept += size
+            self._acts.append(act)
+        else:
+            self.left_out += size
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        self._shadows.room += len(data)
+        if self._stream is not None and self._is_begun and not self._awaits:
+            self._send(data)
+        else:
+            self._do(lambda: self._send(data), len(data))
+
+    def keep_place(self, size: int) -> None:
+        """Keep a place for bytes that nobody knows, so that what follows stands where it stood."""
+        self._do(lambda: self._keep_place(size))
+
+    def _keep_place(self, size: int) -> None:
+        if self.is_over:
+            return
+        shadows, place = self._shadows, size
+        if size > shadows.room:  # whole jobs of it are left out, so that frames begin where they began
+            job = shadows.last_job.get(self.connect, 1)
+            left_out = -(-(size - shadows.room) // job) * job
+            place = size - left_out if left_out <= size else size % job
+            self.left_out += size - place
+        shadows.room -= place
+        if not place:
+            return
+        shadows.holes.setdefault(self.connect, deque()).append((self._sent, self._sent + place))
+        self._send(bytes(place), A_HOLE)
+
+    def _send(self, data: bytes, what: str = A_PACKET) -> None:
+        stream, rest = self._stream, memoryview(data)
+        assert stream is not None
+        if self._shadows.sent is not None:
+            self._packets += 1
+            ends = str(stream.local), str(stream.remote)
+            self._shadows.sent(PeerSent(what, self._packets, *ends, self._sent, len(data)))
+        self._sent += len(data)
+        while rest:
+            part = rest[: max(PLAYED_ROOM - stream.untaken, 0)]
+            got = stream.write(part) if part else 0
+            if not isinstance(got, int):  # the shadow has ended the connection
+                self.left_out += len(rest)
+                return
+            rest = rest[got:]
+            if rest and not self._wait_for_room(stream):
+                self.left_out += len(rest)
+                return
+
+    def _wait_for_room(self, stream: SimStream) -> bool:
+        """Let scans pass until the shadow has read something; return False where it reads nothing."""
+        unread = stream.untaken
+        for _ in range(QUIET + 1):
+            self._shadows.step()
+            if stream.untaken < unread:
+                return True
+        return False
+
+    def end(self, reset: bool) -> None:
+        """End the connection: with FIN, or RST."""
+        self.has_ended = True
+        self._shadows.wake()
+        self._do(self._reset if reset else self._finish)
+
+    def _finish(self) -> None:
+        if self._stream is not None and not self.is_over:
+            self._stream.shut(both=False)
+        self.is_over = True
+
+    def _reset(self) -> None:
+        if self._stream is not None:
+            self._stream.abort()
+        self.is_over = True
+
+    def leave(self, unread: int, may_read: bool, has_read: bool) -> None:
+        """Let the shadow's own end be over; so many bytes it cannot have read, all others it may, or has."""
+        self._shadows.wake()
+        self.has_left = self.has_ended = True
+        self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
+        self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+        self._do(lambda: self._leave(unread, may_read))
+
+    def _leave(self, unread: int, may_read: bool) -> None:
+        if self._stream is not None:
+            self._stream.take_back(unread)
+            if not may_read:
+                self._shadows.leaving.append(self)
+
+    @property
+    def due(self) -> int:
+        """Return in which scan a shadow is over that its own end has ended."""
+        runtime, task = self._shadows.bench.runtime, self._shadows.scans_of_task(self.connect)
+        since = runtime.stands_since(self.connect)
+        now_ns, stream = self._shadows.network.now_ns, self._stream
+        due = since + max(self._stood + task - 1, FIRST_JOB * task)
+        is_late = since <= self._begun or (self._has_read and stream is not None and stream.untaken > 0)
+        return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
+
+    def leave_now(self) -> None:
+        """Let the shadow's own end be over, where the capture has ended it."""
+        if self._stream is not None and self.has_left and not self.is_over:
+            self._stream.leave()
+
+    def read_no_more(self) -> None:
+        """Leave out what came and was not read."""
+        if self._stream is not None:
+            self.left_out += self._stream.untaken
+            self._stream.take_back(self._stream.untaken)
+
+    def fall_silent(self) -> None:
+        """Answer nothing any more."""
+        if self._stream is not None:
+            self._stream.fall_silent()
+
+
+class PlayedLine:
+    """What comes to shadows without a connection: datagrams at a socket, bytes on a serial line.
+
+    `left_out` counts, by the number of their conversation, bytes that never reached the shadow.
+    """
+
+    def __init__(self, shadows: Shadows, link: str, left_out: Counter[int]) -> None:
+        self.gives_up_at = 0
+        self.keeps_out = True
+        self._shadows = shadows
+        self._link = link
+        self._left_out = left_out
+        self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
+        self._kept = 0  # bytes of these
+        self._packets = self._sent = 0
+        self._numbers: dict[Endpoint, int] = {}  # of the conversation of each source
+        project = shadows.bench.project
+        of_udp = project.connect(link) or project.udp_config(link)
+        self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
+
+    def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
+        """Let a datagram, or bytes, come; of so many that follow it is known that they are missing."""
+        if not self._waiting and self._give(number, source, data, missing):
+            return
+        if not self._waiting:
+            self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
+            self._shadows.waiting.append(self)
+        if self._kept + len(data) <= MOST_UNREAD:
+            self._waiting.append((number, source, data, missing))
+            self._kept += len(data)
+        else:
+            self._left_out[number] += len(data)
+
+    @property
+    def link(self) -> str:
+        """Return the CONNECT, the UDP_CONFIG or the ComBuffer."""
+        return self._link
+
+    def go_on(self, may_try: bool) -> bool:
+        """Look again whether somebody receives; return whether something still waits."""
+        while may_try and self._waiting and self._give(*self._waiting[0]):
+            self._kept -= len(self._waiting.popleft()[2])
+        if self._shadows.network.now_ns >= self.gives_up_at:
+            self.close()
+        return bool(self._waiting)
+
+    def read_no_more(self) -> None:
+        """Leave out the datagrams that came and were not read."""
+        port = self._shadows.bench.runtime.listening_port(self._link)
+        if self._address and port is not None:
+            for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
+                self._left_out[self._numbers[source]] += len(data)
+
+    def close(self) -> None:
+        """Count what still waits as left out."""
+        for number, _, data, _ in self._waiting:
+            self._left_out[number] += len(data)
+        self._waiting.clear()
+        self._kept = 0
+
+    def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
+        """Hand it over; return False where nobody receives yet."""
+        shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
+        if self._address:
+            port = shadows.bench.runtime.listening_port(self._link)
+            if port is None:
+                return False
+            target = Endpoint(self._address, port)
+            self._numbers[source] = number
+            is_taken = shadows.network.datagrams.deliver(source, target, whole)
+        else:
+            line = shadows.bench.lines[self._link]
+            if not line.is_open:
+                return False
+            is_taken, target = line.arrive(whole), Endpoint(self._link, 0)
+            shadows.wake()
+        if not is_taken:
+            self._left_out[number] += len(data)
+            return True
+        self._packets += 1
+        if shadows.sent is not None:
+            ends = str(source), str(target)
+            shadows.sent(PeerSent(A_PACKET, self._packets, *ends, self._sent, len(data)))
+            if missing:
+                after = self._sent + len(data), len(whole) - len(data)
+                shadows.sent(PeerSent(A_HOLE, self._packets, *ends, *after))
+        self._sent += len(whole)
+        if missing:
+            hole = self._sent - len(whole) + len(data), self._sent
+            if self._address:
+                shadows.of_datagrams.add(self._link)
+                hole = self._packets - 1, self._packets
+            shadows.holes.setdefault(self._link, deque()).append(hole)
+        return True

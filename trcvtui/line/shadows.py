@@ -1,0 +1,410 @@
+"""Which conversation goes to which CONNECT: those of a project, or ad-hoc ones that take whatever comes.
+
+Rule 1: who calls and who listens follows the wire; what a CONNECT says of it, and of its ends, is set aside.
+Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final, TypeVar, cast
+
+from trcvtui.bench.program import read_program
+from trcvtui.blocks.pins import Direction, PinValue
+from trcvtui.blocks.table import block_row
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, guess_plc, parse_plc
+from trcvtui.capture.reassembly import Conversation, WireDirection
+from trcvtui.commands import words
+from trcvtui.errors import mistake
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
+from trcvtui.net.results import ANY_ADDRESS, Endpoint
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.project.file import read_project
+from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project
+from trcvtui.records import NamedTuple, replace
+from trcvtui.scenario.scenario import start_steps
+
+MOST_AD_HOC: Final = 256  # PLC ends with ad-hoc shadows
+NEVER_NS: Final = 1 << 62
+_DATAGRAM_SERVICES: Final = {
+    53: "DNS", 67: "DHCP", 68: "DHCP", 123: "NTP", 137: "NetBIOS", 138: "NetBIOS", 546: "DHCP", 547: "DHCP",
+    1900: "SSDP", 5353: "mDNS", 5355: "LLMNR",
+}  # fmt: skip
+STAND_IN: Final = "10.0.0.1"  # where an address of the capture is none that a simulated PLC can have
+ON: Final = ("EN_R", "CONT")  # 1 where nothing sets them
+AD_HOC_TYPE: Final = "ARRAY[0..65534] OF BYTE"
+
+
+Socket = ConnectConfig | UdpConfig
+Link = Socket | ComBufferDecl
+OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
+
+
+class Part(NamedTuple):
+    """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does he call it.
+
+    Datagrams may go to a UDP_CONFIG in place of a CONNECT, the bytes of a serial line go to a ComBuffer.
+    """
+
+    connect: str
+    plays_plc: bool
+    calls: bool
+
+
+class ShadowPlan(NamedTuple):
+    """The project of the shadows; by number of a conversation its parts, or why it has none."""
+
+    project: Project
+    parts: dict[int, tuple[Part, ...]]
+    unassigned: dict[int, str]
+    guesses: dict[int, PlcGuess]
+    notes: tuple[str, ...] = ()  # what another dialect does not have
+
+
+def ends_of(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
+    """Return the directions of the PLC end and of its partner, in another reading of the same capture."""
+    there, back = conversation.there, conversation.back
+    is_there = guess.says.conversation.there is guess.says
+    return (there, back) if is_there else (back, there)
+
+
+def _plc_listens(conversation: Conversation, guess: PlcGuess) -> bool:
+    return conversation.listener in (None, guess.says)
+
+
+def _guesses(
+    found: Iterable[Conversation], given: PlcEnd | None, known: KnownEnds, why_not: dict[int, str]
+) -> dict[int, tuple[Conversation, PlcGuess]]:
+    usable = {}
+    for each in found:
+        guess = guess_plc(each, given, known)
+        if given is not None and guess.why != "--plc" and each.protocol != "serial":
+            why_not[each.number] = "it is not of this PLC"
+        else:
+            usable[each.number] = each, guess
+    return usable
+
+
+# -- without a project ---------------------------------------------------------------------------------------
+
+
+def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) -> ShadowPlan:
+    """Return a plan with two TRCV_Cs for each PLC end: what goes to it, and what comes from it."""
+    base = read_project(
+        {"dialect": dialect, "data": [{"name": "bytes", "type": AD_HOC_TYPE}]}, "--dialect", Path()
+    )
+    unassigned: dict[int, str] = {}
+    usable = _guesses(found, None if plc is None else parse_plc(plc), NOTHING_KNOWN, unassigned)
+    names: dict[tuple[object, ...], str] = {}
+    parts: dict[int, tuple[Part, ...]] = {}
+    connects: list[ConnectConfig] = []
+    said = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)}
+    for number, (each, guess) in usable.items():
+        key, listens = _key(each, guess), _plc_listens(each, guess)
+        why_not = _no_datagrams(base, each, plc is not None) if each.protocol != "tcp" else ""
+        if why_not or key not in said:
+            unassigned[number] = why_not or "no connection was built"
+            continue
+        if key not in names and len(names) == MOST_AD_HOC:
+            unassigned[number] = f"there are {MOST_AD_HOC} PLC ends before it"
+            continue
+        if key not in names:
+            names[key] = f"C{number}"
+            ends, is_udp = (guess.says.address, guess.says.other.address), each.protocol == "udp"
+            there = _connect(f"C{number}", not listens, *ends)
+            back = _connect(f"C{number}_BACK", listens, *ends[::-1], is_free=True)
+            connects += [replace(c, active=False, is_datagram=True) if is_udp else c for c in (there, back)]
+        name = names[key]
+        parts[number] = Part(name, False, listens), Part(f"{name}_BACK", True, not listens)
+    return ShadowPlan(_with_instances(base, connects), parts, unassigned, _only_guesses(usable))
+
+
+def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
+    if conversation.protocol == "udp":
+        return "udp", guess.says.address
+    if _plc_listens(conversation, guess):
+        return "listens", guess.says.address
+    return "calls", guess.says.address[0], guess.says.other.address
+
+
+def _no_datagrams(base: Project, conversation: Conversation, is_asked: bool) -> str:
+    """Return why nobody looks on at datagrams, or at a serial line; "" where an ad-hoc block does."""
+    if conversation.protocol == "serial":
+        return "a serial line: a ComBuffer of a project looks on at it"
+    if not any(block_row(block).speaks_udp for block in base.dialect.blocks):
+        return f"UDP: no block of {base.dialect.name} receives it"
+    ends = conversation.there.address, conversation.back.address
+    service = next((_DATAGRAM_SERVICES[port] for _, port in ends if port in _DATAGRAM_SERVICES), "")
+    return "" if is_asked or not service else f"UDP: {service}"
+
+
+def begins_late(conversation: Conversation) -> bool:
+    """Return whether bytes of a connection have come that was built before."""
+    return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
+
+
+def _only_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:
+    return {number: guess for number, (_, guess) in usable.items()}
+
+
+def _local_address(packed: bytes) -> str:
+    address = ip_address(packed)
+    usable = address.version == 4 and not (
+        address.is_loopback or address.is_multicast or address.is_unspecified
+    )
+    return str(address) if usable else STAND_IN
+
+
+def end_of(end: tuple[bytes, int]) -> Endpoint:
+    """Return an end of a capture as the simulated network has it; of a serial line its name."""
+    if end[1] < 0:
+        return Endpoint(end[0].decode(errors="replace"), 0)
+    address = ip_address(end[0])
+    return Endpoint(str(address) if address.version == 4 else f"[{address}]", end[1])
+
+
+def _connect(
+    name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
+) -> ConnectConfig:
+    """Return a CONNECT at an end of the capture; `is_free`: any port will do, several stand at one end."""
+    local = _local_address(own[0])
+    port = 0 if active or is_free or local == STAND_IN else own[1]
+    return ConnectConfig(
+        name,
+        active,
+        Endpoint(local, port),
+        end_of(partner).address if active else ANY_ADDRESS,
+        partner[1] if active else 0,
+        any_local=True,
+    )
+
+
+def _receives_by_itself(project: Project, block: str) -> bool:
+    row = block_row(block)
+    return row.receives and not row.speaks_udp and any(pin.name == "CONT" for pin in project.pins(block))
+
+
+def _has_udp_config(block: str) -> bool:
+    row = block_row(block)
+    return row.receives and row.speaks_udp and not row.datagrams
+
+
+def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
+    of_streams = next(name for name in base.dialect.blocks if _receives_by_itself(base, name))
+    of_configs = next((name for name in base.dialect.blocks if _has_udp_config(name)), "")
+    data, instances, addrs = [], [], []
+    for config in connects:
+        number, _, back = config.name.partition("_")
+        name = f"{number}_FROM_PLC" if back else f"{number}_TO_PLC"
+        on_config = config.is_datagram and bool(of_configs)
+        block = of_configs if on_config else of_streams
+        known = {pin.name for pin in base.pins(block) if pin.direction is Direction.IN}
+        inputs: list[tuple[str, PinValue]] = [(pin, True) for pin in (*ON, "ADHOC") if pin in known]
+        inputs += [("LEN", base.rules.max_datagram)] if config.is_datagram else []
+        data.append(replace(base.data[0], name=f"{name}_data"))
+        addr = f"{name}_ADDR" if config.is_datagram else None
+        addrs += [AddrParam(addr)] if addr else []
+        pins = tuple(inputs)
+        instances.append(InstanceDecl(name, block, config.name, data[-1].name, "MAIN", pins, addr, on_config))
+    rules = replace(base.rules, buffers=NEVER_NS, queue=NEVER_NS)
+    return _on_a_network(
+        replace(
+            base,
+            path=Path("watch"),
+            connection_limit=NEVER_NS,
+            rules=rules,
+            connects=tuple([c for c in connects if not (c.is_datagram and of_configs)]),
+            udp_configs=tuple([UdpConfig(c.name, c.local) for c in connects if c.is_datagram and of_configs]),
+            addrs=tuple(addrs),
+            data=tuple(data),
+            instances=tuple(instances),
+        )
+    )
+
+
+# -- of a project --------------------------------------------------------------------------------------------
+
+
+def known_ends(project: Project) -> KnownEnds:
+    """Return the ports on which the PLC of a project listens."""
+    listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
+    return KnownEnds(frozenset(each.local.port for each in listening if each.local.port))
+
+
+def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
+    """Return a plan with the links of a project: those of its [[watch]] rows, else the one that fits."""
+    given = None if plc is None else parse_plc(plc)
+    unassigned: dict[int, str] = {}
+    rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
+    usable = _guesses(found, given, known_ends(project), unassigned)
+    parts: dict[int, tuple[Part, ...]] = {}
+    taken: dict[str, Link] = {}
+    ends: set[tuple[bytes, int]] = set()  # of the PLC, that have a link
+    for number, (each, guess) in tuple(usable.items()):
+        name, back = None, ""
+        for end, partner, row in rows if given is None else ():
+            if _protocol_of(_link(project, row.connect)) != each.protocol:
+                continue
+            of_row = guess_plc(each, end)
+            if of_row.why == "--plc" and _is_at(of_row.says.other.address, partner):
+                name, back, guess = row.connect, row.back, of_row._replace(why=f"[[watch]] {row.name}")
+                usable[number] = each, guess
+                break
+        listens = _plc_listens(each, guess)
+        if name is None and (given is not None or not rows or each.protocol == "serial"):
+            name = _only_one(project, guess, listens, given is not None)
+        if name is None:
+            kind = "ComBuffer" if each.protocol == "serial" else "CONNECT"
+            unassigned[number] = f"no {kind} of the project fits it, or several do"
+            continue
+        if name not in taken:
+            is_free = guess.says.address in ends
+            taken[name] = _following(_link(project, name), guess, listens, is_free)
+            ends.add(guess.says.address)
+        if each.protocol == "tcp" and getattr(taken[name], "active", None) == listens:
+            unassigned[number] = f"{name} has the other role in a conversation before it"
+            continue
+        parts[number] = (Part(name, False, listens),)
+        if back:
+            if back not in taken:
+                other = PlcGuess(guess.says.other, 1.0, "")
+                taken[back] = _following(_link(project, back), other, not listens, is_free=True)
+            parts[number] += (Part(back, True, not listens),)
+    set_by = _pins_set(project)
+    instances = tuple(
+        [_switched_on(project, each, set_by) if each.connect in taken else each for each in project.instances]
+    )
+    made = replace(
+        project,
+        peers=(),
+        connects=_looked_on(project.connects, taken),
+        udp_configs=_looked_on(project.udp_configs, taken),
+        combuffers=_looked_on(project.combuffers, taken),
+        instances=instances,
+    )
+    return ShadowPlan(_on_a_network(made), parts, unassigned, _only_guesses(usable))
+
+
+def _looked_on(links: tuple[OneLink, ...], taken: dict[str, Link]) -> tuple[OneLink, ...]:
+    return tuple([cast(OneLink, taken.get(each.name) or _set_aside(each)) for each in links])
+
+
+def _is_at(address: tuple[bytes, int], end: PlcEnd | None) -> bool:
+    return end is None or (end.address == address[0] and end.port in (None, address[1]))
+
+
+def _protocol_of(link: Link) -> str:
+    if isinstance(link, ComBufferDecl):
+        return "serial"
+    return "udp" if isinstance(link, UdpConfig) or link.is_datagram else "tcp"
+
+
+def _link(project: Project, name: str) -> Link:
+    found = project.connect(name) or project.udp_config(name) or project.combuffer(name)
+    if found is None:
+        raise mistake(f"{project.path}: watch", f"'{name}'", "a CONNECT of the project")
+    return found
+
+
+def _only_one(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
+    """Return the link that fits the ends; with `--plc` also the only one that there is."""
+    protocol = guess.says.conversation.protocol
+    if protocol == "serial":
+        return _only_line(project, guess.says.address[0].decode(errors="replace"))
+    receiving = {i.connect for i in project.instances if block_row(i.block).receives}
+    if protocol == "udp":
+        return _only_socket(project, receiving, guess.says.address[1], is_given)
+    known = [c for c in project.connects if c.name in receiving and not c.is_datagram]
+    port = guess.says.address[1] if listens else guess.says.other.address[1]
+    of_port = [
+        c for c in known if port == (c.remote_port if c.active else c.local.port) and c.active != listens
+    ]
+    of_role = [c for c in known if c.active != listens]
+    for fits in (of_port, of_role, known) if is_given else (of_port,):
+        if len(fits) == 1:
+            return fits[0].name
+        if fits and fits is of_port:
+            return None
+    return None
+
+
+def _only_line(project: Project, line: str) -> str | None:
+    read = {each.connect for each in project.instances if block_row(each.block).reads_buffer}
+    known = [b.name for b in project.combuffers if b.name in read and b.source in (SIMULATED, SERIAL)]
+    return line if line in known else known[0] if len(known) == 1 else None
+
+
+def _only_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
+    """Return what receives datagrams at a port; with `--plc` also the only one that receives any."""
+    links: tuple[Socket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
+    known = [each for each in links if each.name in receiving]
+    of_port = [each.name for each in known if each.local.port == port]
+    if len(of_port) == 1:
+        return of_port[0]
+    return known[0].name if is_given and len(known) == 1 and not of_port else None
+
+
+def _following(config: Link, guess: PlcGuess, listens: bool, is_free: bool) -> Link:
+    """Return a link with the ends that the wire shows; `is_free`: another one has this end."""
+    if isinstance(config, ComBufferDecl):
+        return replace(config, source=SERIAL, serial=SerialSettings(config.name))
+    own, other = guess.says.address, guess.says.other.address
+    if isinstance(config, UdpConfig) or config.is_datagram:
+        made = _connect(config.name, False, own, other, is_free)
+        return replace(config, local=made.local)
+    made = _connect(config.name, not listens, own, other, is_free)
+    return replace(
+        config,
+        active=made.active,
+        local=made.local,
+        remote_address=made.remote_address,
+        remote_port=made.remote_port,
+        remote_name="",
+        any_local=True,
+    )
+
+
+def _set_aside(config: Link) -> Link:
+    if isinstance(config, ComBufferDecl):
+        return config
+    if isinstance(config, UdpConfig):
+        return replace(config, local=Endpoint(STAND_IN, 0))
+    return replace(
+        config,
+        local=Endpoint(STAND_IN, 0),
+        remote_address=STAND_IN if config.active else config.remote_address,
+        remote_name="",
+        any_local=True,
+    )
+
+
+def _pins_set(project: Project) -> set[tuple[str, str]]:
+    """Return the pins that `start` or `program` write."""
+    written: set[tuple[str, str]] = set()
+    for step in (*start_steps(project), *read_program(project)):
+        match step.command:
+            case words.Set(instance, pins):
+                written |= {(instance, pin) for pin, _ in pins}
+            case words.Pulse(instance, pin):
+                written.add((instance, pin))
+    return written
+
+
+def _switched_on(project: Project, decl: InstanceDecl, set_by: set[tuple[str, str]]) -> InstanceDecl:
+    known = {pin.name for pin in project.pins(decl.block) if pin.direction is Direction.IN}
+    given = {name for name, _ in decl.inputs}
+    on = [(pin, True) for pin in ON if pin in known - given and (decl.name, pin) not in set_by]
+    return replace(decl, inputs=(*decl.inputs, *on))
+
+
+def _on_a_network(project: Project) -> Project:
+    ends: tuple[Socket, ...] = (*project.connects, *project.udp_configs)
+    own = tuple(dict.fromkeys((STAND_IN, *(config.local.address for config in ends))))
+    policy = replace(project.rules.policy, attempt_limit_ns=NEVER_NS)
+    return replace(
+        project,
+        rules=replace(project.rules, policy=policy),
+        sim=replace(project.sim, addresses=own, not_ethernet=(), latency_ns=0, fragment=False),
+    )

@@ -1,0 +1,329 @@
+"""`trcvtui tap`: forwards in this process; who looks on are others, so that nothing waits for them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from subprocess import DEVNULL, Popen, TimeoutExpired
+from typing import IO, TYPE_CHECKING, Any, Final
+
+from trcvtui.commands.snapshots import ARMED_TAP, TAP
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
+from trcvtui.net.os.tap_ways import AskedWays
+from trcvtui.net.tap import Route, end_text
+from trcvtui.records import NamedTuple
+
+if TYPE_CHECKING:
+    from trcvtui.engine.driver import EngineDriver
+    from trcvtui.project.project import TapDecl
+
+RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
+LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"
+SHOWS: Final = "import sys; from trcvtui.cli.main import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
+SERVES: Final = (
+    "import sys; from trcvtui.line.tap_command import forward_for; sys.exit(forward_for(*sys.argv[1:]))"
+)
+MOST_SAID: Final = 100  # lines that wait for the end of the screen
+NO_SCREEN_NS: Final = 5_000_000_000
+# Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
+LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
+PATIENCE: Final = 5.0  # seconds for those who look on to end
+TYPED: Final = 1 << 16  # bytes of one read
+WRONG_INPUT: Final = 2
+
+
+class Looks(NamedTuple):
+    """What shadows look on, and whether anybody is shown it; `form`: text or jsonl.
+
+    `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
+    `is_armed`: keys of the screen intervene without a question.
+    """
+
+    project: Path | None
+    plc: str | None
+    dialect: str | None
+    form: str | None
+    is_shown: bool
+    has_screen: bool = False
+    holds: bool = False
+    is_armed: bool = False
+
+
+def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> int:
+    """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
+    if os.name != "posix" and (looks.is_shown or record is not None):
+        raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
+    raise_limit()
+    voice = _Voice()
+    loop = Forwarder(voice.say)
+    for route in routes:
+        loop.add_route(route)
+    started: list[Popen[bytes]] = []
+    screen = _Screen(loop, voice) if looks.has_screen else None
+    try:
+        if record is not None:
+            with record:
+                ours, theirs = loop.pair()
+                with theirs:
+                    started.append(_started(theirs.fileno(), record, RECORDS))
+                loop.add_looker(ours, "the recording")
+        loop.holds = looks.holds
+        if screen is not None:
+            if not screen.open(routes, looks):
+                return screen.wait()
+        elif looks.holds:
+            loop.stop_after(NO_SCREEN_NS)
+        elif not _look_on(loop, routes, looks, started):
+            return WRONG_INPUT
+        _say_where(voice.say, loop, routes)
+        loop.run()
+        if looks.holds and screen is None:
+            _say("--hold: found no screen within 5 s, expected one that lets go what is held")
+            return WRONG_INPUT
+    finally:
+        loop.close()
+        if screen is not None:
+            screen.end()
+        for process in started:
+            _wait(process)
+    return 0
+
+
+def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Route]) -> None:
+    addresses = [made.address for made in loop.routes]
+    for route, address in zip(routes, addresses, strict=True):
+        say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}")
+    for place in reachable(addresses):
+        say(f"other machines reach {place}")
+
+
+def forward_for(fd: str, project: str) -> int:
+    """Forward the taps of a project until the process ends that holds the other end of `fd`."""
+    from trcvtui.line.tap_observer import routes_of
+    from trcvtui.scenario.scenario import load_bench
+
+    raise_limit()
+    ways, loop = AskedWays(int(fd)), Forwarder(_say)
+    try:
+        routes = routes_of(load_bench(Path(project)).taps)
+        for route in routes:
+            loop.add_route(route)
+
+        def hear(_: int) -> None:
+            if ways.is_asked():
+                loop.add_looker(ways.hand_over(), "who looks on", gives_orders=True)
+            else:
+                loop.stop()
+
+        loop.hear(ways.fd, 1, hear)
+        loop.tell_time()
+        _say_where(_say, loop, routes)
+        loop.run()
+    except UserError as wrong:
+        for line in wrong.lines():
+            _say(line)
+        return WRONG_INPUT
+    finally:
+        loop.close()
+    return 0
+
+
+class TapInBackground:
+    """The taps of a project, forwarded by a process of their own; shadows come and go beside them."""
+
+    def __init__(self, project: Path, taps: Sequence[TapDecl]) -> None:
+        places = [[tap.name, tap.listen, tap.to] for tap in taps]
+        self._asked = places, str(project), None, None
+        self._ours, theirs = Forwarder.pair()
+        with theirs:
+            words = [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(project)]
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+            self._process = Popen(words, stdin=DEVNULL, env=environment, pass_fds=(theirs.fileno(),))
+
+    @property
+    def is_running(self) -> bool:
+        return self._process.poll() is None
+
+    def shadows(self) -> EngineDriver:
+        from trcvtui.line.tap_screen import TapDriver
+
+        return TapDriver(self._ours.fileno(), self._asked)
+
+    def close(self) -> None:
+        """Let it end its connections, and itself."""
+        self._ours.close()
+        _wait(self._process)
+
+
+def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: list[Popen[bytes]]) -> bool:
+    """Start the shadows, where they are shown, or somebody may type; return whether they can be."""
+    types = _can_type()
+    if not (looks.is_shown or types):
+        return True
+    places = [(route.name, str(route.listen), str(route.to)) for route in routes]
+    project = None if looks.project is None else str(looks.project)
+    asked = json.dumps((places, project, looks.plc, looks.dialect, looks.form, looks.is_shown))
+    ours, theirs = loop.pair()
+    with theirs:
+        started.append(_started(theirs.fileno(), None, LOOKS_ON, asked))
+    if ours.recv(1) != b"\n":  # it has said what is wrong
+        ours.close()
+        return False
+    loop.add_looker(ours, "who shows it", gives_orders=True, wants_bytes=looks.is_shown)
+    if looks.is_shown:
+        loop.tell_time()
+    if types:
+
+        def read(_: int) -> None:
+            data = b""
+            with suppress(OSError):
+                data = os.read(0, TYPED)
+            if data:
+                loop.tell_typed(data)
+            else:
+                loop.forget(0)
+                loop.let_all_go()
+
+        loop.hear(0, 1, read)
+    return True
+
+
+class _Voice:
+    """What is said to the user: at once, or after the screen that has the terminal."""
+
+    def __init__(self) -> None:
+        self.is_kept = False
+        self._kept: deque[str] = deque(maxlen=MOST_SAID)
+
+    def say(self, line: str) -> None:
+        if self.is_kept:
+            self._kept.append(line)
+        else:
+            _say(line)
+
+    def let_out(self) -> None:
+        """Say what was kept, and the rest at once."""
+        self.is_kept = False
+        while self._kept:
+            _say(self._kept.popleft())
+
+
+class _Screen:
+    """The screen, a child of this process: the terminal is put right when it was killed."""
+
+    def __init__(self, loop: Forwarder, voice: _Voice) -> None:
+        self._loop, self._voice = loop, voice
+        self._process: Popen[bytes] | None = None
+        self._terminal: list[Any] = []
+        self._asked = AskedWays()  # at its end the screen has ended
+
+    def open(self, routes: Sequence[Route], looks: Looks) -> bool:
+        """Start it; return whether it has begun to look on."""
+        import termios
+
+        self._terminal = termios.tcgetattr(0)
+        places = [
+            (route.name, _listens(route, made.address), str(route.to))
+            for route, made in zip(routes, self._loop.routes, strict=True)
+        ]
+        asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
+        with self._asked.theirs as theirs:
+            kernel = ARMED_TAP if looks.is_armed else TAP
+            words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked, kernel]
+            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+            self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(),))
+        if not self._asked.is_asked():
+            return False
+        ours = self._asked.hand_over()
+        if ours.recv(1) != b"\n":
+            ours.close()
+            return False
+        self._loop.hear(self._asked.fd, 1, self._hear)
+        self._loop.add_looker(ours, "who shows it", gives_orders=True)
+        self._loop.tell_time()
+        self._voice.is_kept = True  # the terminal belongs to the screen
+        return True
+
+    def _hear(self, _: int) -> None:
+        """Its engine starts anew and asks for another way, or the screen has ended."""
+        if self._asked.is_asked():
+            self._loop.add_looker(self._asked.hand_over(), "who shows it", gives_orders=True)
+        else:
+            self._gone()
+
+    def _gone(self) -> None:
+        """The user has left it, and that ends the tap; or it was killed, and bytes go on."""
+        import termios
+
+        self._loop.forget(self._asked.fd)
+        code = self.wait()
+        self._loop.let_all_go()
+        if code == 0:
+            self._loop.stop()
+        else:
+            termios.tcsetattr(0, termios.TCSADRAIN, self._terminal)
+            sys.stdout.write(LEAVE_SCREEN)
+            sys.stdout.flush()
+            _say("the screen is gone: bytes still go on; Ctrl+C ends the tap")
+        self._voice.let_out()
+
+    def wait(self) -> int:
+        assert self._process is not None
+        return self._process.wait()
+
+    def end(self) -> None:
+        """End it, where it still is there."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait()
+
+
+def _listens(route: Route, address: tuple[str, int] | None) -> str:
+    """Return where a tap listens, with the port that it has found."""
+    if address is None:
+        return str(route.listen)
+    return ("udp:" if route.listen.kind == "udp" else "") + end_text(*address)
+
+
+def _can_type() -> bool:
+    """Return whether stdin is one that lines may come from: a terminal, a pipe."""
+    import stat
+
+    with suppress(AttributeError, ValueError):
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background a terminal is not read
+    try:
+        mode = os.fstat(0).st_mode
+    except OSError:
+        return False
+    return os.name == "posix" and (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(0))
+
+
+def _started(events: int, out: IO[bytes] | None, program: str, *asked: str) -> Popen[bytes]:
+    """Start a program that looks on: events come to its stdin."""
+    words = [sys.executable, "-P", "-c", program, *asked]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return Popen(words, stdin=events, stdout=out, env=environment)
+
+
+def _wait(process: Popen[bytes]) -> None:
+    """Let who looks on end; who waits for a reader of stdout waits no longer."""
+    try:
+        process.wait(PATIENCE)
+    except TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _say(line: str) -> None:
+    try:
+        sys.stderr.write(f"{one_line(line)}\n")
+        sys.stderr.flush()
+    except OSError:
+        return  # nobody reads it: bytes go on

@@ -1,0 +1,107 @@
+"""A tap on the screen: who looks on serves a screen; the screen is a child of the process that forwards.
+
+Rule: the tap forwards whatever becomes of these two. All is let go when one of them is gone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.commands.snapshots import TAP
+from trcvtui.engine.driver import EngineDriver, EngineStopped
+from trcvtui.line.live_screen import ServedShadows
+from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.replay.driver import serve_until_gone
+
+if TYPE_CHECKING:
+    from trcvtui.history.bench_update import BenchUpdate
+    from trcvtui.line.capture_player import ShadowLines
+    from trcvtui.net.tap import TapOrder
+
+OVER: Final = "the tap has ended"
+Asked = tuple[list[list[str]], str | None, str | None, str | None]
+
+
+class TapEnded(EngineStopped):
+    """The tap was killed: the terminal belongs to the shell again, which reads the keys."""
+
+    ends_screen = True
+
+
+class TapDriver(EngineDriver):
+    """Shadows of a tap in a process of its own; each time it starts, the tap hands over a way for events.
+
+    `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
+    """
+
+    def __init__(self, tap: int, asked: Asked, kernel: str = TAP) -> None:
+        self._tap, self._asked_of, self._kernel = tap, asked, kernel
+        super().__init__(Path("tap"), "tap")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        self._events = Channel(ask_for_way(self._tap))
+        return tap_main, (self._events, self._asked_of, self._kernel)
+
+    def picture(self) -> BenchUpdate | None:
+        """Return the newest picture that has arrived; raise TapEnded."""
+        picture = super().picture()
+        if picture is not None and picture.over:
+            raise TapEnded(f"{picture.over}: both ends have seen an end")
+        return picture
+
+    def _start(self) -> None:
+        super()._start()
+        self._events.close()  # its end is the end of who looks on
+
+
+def tap_main(channel: Channel, events: Channel, asked: Asked, kernel: str) -> None:
+    serve_until_gone(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
+
+
+class _TapServed(ServedShadows):
+    """Shadows on the conversations of a tap."""
+
+    def run(self, fd: int, asked: Asked, kernel: str) -> None:
+        """Play what the tap tells; when it is gone, go on showing what there was."""
+        from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
+        from trcvtui.line.live import KeptPackets
+        from trcvtui.line.tap_observer import LookingOn, TapPlan
+        from trcvtui.line.tapped import TapPackets
+        from trcvtui.net.tap import events_of, route_of
+        from trcvtui.recording.worker_process import FilesJudge
+
+        places, project, plc, dialect = asked
+        routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
+        plan = TapPlan(routes, None if project is None else Path(project), plc, dialect)
+
+        def order(given: TapOrder) -> None:
+            with suppress(OSError):  # the tap has ended: soon it is said
+                os.write(fd, given.line())
+
+        def lines_of(first_ns: int) -> ShadowLines:
+            judge.begins_ns = first_ns or None
+            return self
+
+        kept, packets = KeptPackets(), TapPackets()
+        kept.interfaces = lambda: [(RAW_IP, "tap"), *((RTAC_SERIAL, name) for name in packets.lines)]
+        end = plc or (str(routes[0].to).removeprefix("udp:") if len(routes) == 1 else None)
+        end = None if routes[0].to.kind == "serial" else end
+        self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
+        looking = LookingOn(plan, lines_of, order, lambda text: self.tell("tap", text))
+        self.show(looking.player, kernel)
+        with suppress(OSError):
+            os.write(fd, b"\n")
+            for events in events_of(lambda most: os.read(fd, most)):
+                for event in events:
+                    for interface, ns, data, remarks in packets.of(event):
+                        kept.keep(Packet(ns, interface, data, len(data), remarks, 0))
+                    looking.take(event)
+                self.serve()
+        if looking.player.talks is not None:
+            looking.player.talks.end_all()
+        self.go_on("tap", OVER)

@@ -1,0 +1,255 @@
+"""What passes a tap as packets: a conversation between who came and whom he is brought to, as without a tap.
+
+An intervention of ours is a comment of the packet that it has made or changed. The program that records a
+tap reads its events from stdin and writes pcapng to stdout, whole blocks at a time: cut off it is still good.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+from collections.abc import Iterator
+from ipaddress import IPv6Address, ip_address
+from typing import Final
+
+from trcvtui import __version__
+from trcvtui.capture import pcap
+from trcvtui.capture.packets import TCP, UDP
+from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, events_of
+from trcvtui.recording.wire import (
+    ACK,
+    FIN,
+    MOST_PAYLOAD,
+    PSH,
+    RST,
+    SERIAL_RECEIVED,
+    SERIAL_SENT,
+    SYN,
+    WINDOW,
+)
+from trcvtui.records import NamedTuple
+from trcvtui.signals import OF_A_GROUP, leave
+
+WIRE: Final = 0  # the interface of IP packets; a serial line each from 1 on
+_V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
+_V6: Final = struct.Struct(">IHBB16s16s").pack
+_TCP: Final = struct.Struct(">HHIIBBHHH").pack
+_UDP: Final = struct.Struct(">HHHH").pack
+_SERIAL: Final = struct.Struct(">IIBBH").pack
+
+
+class TapPacket(NamedTuple):
+    """A packet; `interface` counts from 0."""
+
+    interface: int
+    ns: int
+    data: bytes
+    comments: tuple[str, ...]
+
+
+class _TappedTalk:
+    """One conversation: its ends by way, what each has sent, our remarks on its next packets."""
+
+    def __init__(self, kind: str, ends: tuple[tuple[bytes, int], tuple[bytes, int]]) -> None:
+        self.kind, self.ends = kind, ends
+        self.interface = WIRE
+        self.next = [0, 0]  # sequence numbers
+        self.remarks: tuple[list[str], list[str]] = [], []
+        self.stands = self.is_over = False
+        # What the checksum of a segment has in each direction, but for its length and its payload.
+        self.sums = [
+            (sum(_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)) for a, b in _ways(ends)
+        ]
+
+
+def _ways(
+    ends: tuple[tuple[bytes, int], tuple[bytes, int]],
+) -> tuple[tuple[tuple[bytes, int], tuple[bytes, int]], ...]:
+    return (ends[0], ends[1]), (ends[1], ends[0])
+
+
+def _words(data: bytes) -> tuple[int, ...]:
+    return struct.unpack(f">{len(data) // 2}H", data)
+
+
+class TapPackets:
+    """The packets of a tap's events, one event after the other."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []  # names of serial lines; interface 1 is the first
+        self._talks: dict[int, _TappedTalk] = {}
+        self._number = 0  # of IP packets
+
+    def of(self, event: TapEvent) -> Iterator[TapPacket]:
+        """Yield the packets of one event."""
+        kind, way, ns = event.kind, event.way, event.ns
+        if kind == TapEventKind.OPEN:
+            yield from self._open(event)
+            return
+        if kind == TapEventKind.LOST:
+            yield from self._lost(event)
+            return
+        talk = self._talks.get(event.number)
+        if talk is None:
+            return
+        if kind == TapEventKind.BYTES:
+            yield from self._data(talk, event)
+        elif kind == TapEventKind.OURS:
+            talk.remarks[way].append(f"{pcap.OURS}{event.data.decode(errors='replace')}")
+        elif kind == TapEventKind.STANDS and talk.kind == "tcp":
+            talk.stands = True
+            yield self._segment(talk, BACK, ns, SYN | ACK)
+            yield self._segment(talk, TO, ns, ACK)
+        elif kind in (TapEventKind.FIN, TapEventKind.RST) and talk.kind == "tcp":
+            if talk.stands:
+                talk.next[way] = event.at + 1
+            yield self._segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
+            talk.is_over |= kind == TapEventKind.RST
+        elif kind == TapEventKind.OVER:
+            yield from self._over(event.number, ns)
+
+    def _open(self, event: TapEvent) -> Iterator[TapPacket]:
+        if event.number in self._talks:
+            return
+        kind, near, near_port, far, far_port = event.data.decode().split("|")
+        if kind == "serial":
+            talk = self._talks[event.number] = _TappedTalk(kind, ((b"", 0), (b"", 0)))
+            self.lines.append(f"{near} - {far}")
+            talk.interface = len(self.lines)
+            return
+        addresses = [ip_address(near.partition("%")[0]), ip_address(far)]
+        if addresses[0].version != addresses[1].version:
+            addresses = [each if each.version == 6 else IPv6Address(f"::ffff:{each}") for each in addresses]
+        ends = (addresses[0].packed, int(near_port)), (addresses[1].packed, int(far_port))
+        talk = self._talks[event.number] = _TappedTalk(kind, ends)
+        if kind == "tcp" and not event.at:
+            yield self._segment(talk, TO, event.ns, SYN)
+        talk.stands = bool(event.at)
+
+    def _over(self, number: int, ns: int) -> Iterator[TapPacket]:
+        """Let a conversation end: by FIN or RST it has; else the tap ended it, with FIN to both."""
+        talk = self._talks.pop(number)
+        for way in (TO, BACK):
+            if talk.remarks[way] and talk.kind == "tcp":
+                yield self._segment(talk, way, ns, ACK)
+
+    def _lost(self, event: TapEvent) -> Iterator[TapPacket]:
+        """Forget who is gone; say with the next packets of the others that some are not here."""
+        count, size = LOSS.unpack_from(event.data)
+        alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
+        text = f"{pcap.OURS}{size} bytes before this are not in the recording ({count} events)"
+        for number, talk in tuple(self._talks.items()):
+            if number not in alive:
+                yield from self._over(number, event.ns)
+                continue
+            for remarks in talk.remarks:
+                remarks.append(text)
+
+    def _data(self, talk: _TappedTalk, event: TapEvent) -> Iterator[TapPacket]:
+        way, data, ns = event.way, event.data, event.ns
+        if talk.kind == "serial":
+            head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, _EVENT_OF[way], 0, 0)
+            yield TapPacket(talk.interface, ns, head + data, self._remarks(talk, way))
+            return
+        if talk.kind == "udp":
+            yield self._datagram(talk, way, ns, data)
+            return
+        talk.next[way] = event.at + 1
+        for at in range(0, len(data), MOST_PAYLOAD):
+            part = data[at : at + MOST_PAYLOAD]
+            yield self._segment(talk, way, ns, ACK if at + MOST_PAYLOAD < len(data) else ACK | PSH, part)
+
+    @staticmethod
+    def _remarks(talk: _TappedTalk, way: int) -> tuple[str, ...]:
+        said = talk.remarks[way]
+        if not said:
+            return ()
+        found = tuple(said)
+        said.clear()
+        return found
+
+    def _segment(self, talk: _TappedTalk, way: int, ns: int, flags: int, data: bytes = b"") -> TapPacket:
+        source, target = talk.ends[way], talk.ends[1 - way]
+        seq = talk.next[way] & 0xFFFFFFFF
+        ack = talk.next[1 - way] & 0xFFFFFFFF if flags & ACK else 0
+        talk.next[way] += len(data) + (1 if flags & (SYN | FIN) else 0)
+        size = 20 + len(data)
+        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + WINDOW
+        total += _sum(data)
+        sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
+        head = _TCP(source[1], target[1], seq, ack, 5 << 4, flags, WINDOW, sum_of, 0)
+        return TapPacket(
+            WIRE,
+            ns,
+            b"".join((self._ip(source[0], target[0], TCP, size), head, data)),
+            self._remarks(talk, way),
+        )
+
+    def _datagram(self, talk: _TappedTalk, way: int, ns: int, data: bytes) -> TapPacket:
+        source, target = talk.ends[way], talk.ends[1 - way]
+        size = 8 + len(data)
+        total = talk.sums[way] + 2 * size + _sum(data)
+        head = _UDP(source[1], target[1], size, 0xFFFF - (total % 0xFFFF or 0xFFFF) or 0xFFFF)
+        whole = b"".join((self._ip(source[0], target[0], UDP, size), head, data))
+        return TapPacket(WIRE, ns, whole, self._remarks(talk, way))
+
+    def _ip(self, source: bytes, target: bytes, protocol: int, size: int) -> bytes:
+        if len(source) == 16:
+            return _V6(0x6000_0000, size, protocol, 64, source, target)
+        self._number = self._number + 1 & 0xFFFF
+        total = 0x4500 + 20 + size + self._number + 0x4000 + (64 << 8) + protocol
+        total += int.from_bytes(source, "big") + int.from_bytes(target, "big")
+        sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
+        return _V4(0x45, 0, 20 + size, self._number, 0x4000, 64, protocol, sum_of, source, target)
+
+
+_EVENT_OF: Final = (SERIAL_RECEIVED, SERIAL_SENT)  # as the end at LISTEN is on the line that is received from
+
+
+_HALVES: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472, 736)])
+
+
+def _sum(data: bytes) -> int:
+    """Return a number that is the sum of the 16-bit words modulo 65535; a whole segment costs half of `%`."""
+    if len(data) != MOST_PAYLOAD:
+        return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
+    number = int.from_bytes(data, "little")
+    for bits, mask in _HALVES:
+        number = (number >> bits) + (number & mask)
+    number %= 0xFFFF
+    return (number & 0xFF) << 8 | number >> 8  # the sum of swapped words is the swapped sum
+
+
+# -- the program that records --------------------------------------------------------------------------------
+
+
+def record_tap() -> None:
+    """Write the events of stdin to stdout until nobody tells more; exit 2 where there is no room."""
+    leave(OF_A_GROUP)  # they end the tap, and its end ends us
+    packets, interfaces = TapPackets(), 1
+    try:
+        _write(
+            pcap.section_block(f"trcvtui {__version__}", ("a recording of a tap",))
+            + pcap.interface_block(pcap.RAW_IP, "tap")
+        )
+        for events in events_of(lambda most: os.read(0, most)):
+            written: list[bytes] = []
+            for event in events:
+                for interface, ns, data, comments in packets.of(event):
+                    if interface >= interfaces:
+                        written += [
+                            pcap.interface_block(pcap.RTAC_SERIAL, n) for n in packets.lines[interfaces - 1 :]
+                        ]
+                        interfaces = 1 + len(packets.lines)
+                    written.append(pcap.packet_block(interface, ns, data, comments))
+            _write(b"".join(written))
+    except OSError as failed:
+        sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
+        sys.exit(2)
+
+
+def _write(data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[os.write(1, left) :]

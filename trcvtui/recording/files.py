@@ -1,0 +1,315 @@
+"""What a recording is written to: one file, or numbered ones: a ring, or one for what surrounds a trigger.
+
+Rule 1: a name is never used again; only files of this run are removed.
+Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
+a file runs again from its first keyframe.
+Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
+what-if begins there; and it has keyframes.
+Rule 4: packets of connections go on from file to file; those of entries that stand in no file are passed by.
+Bound: MOST_KEPT entries wait for a trigger.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import deque
+from collections.abc import Callable, Iterable
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from trcvtui.errors import mistake
+from trcvtui.files import make_folder
+from trcvtui.recording.journal import (
+    DO,
+    ENDED_HERE,
+    STEP,
+    Answered,
+    BlockWriter,
+    EntriesLost,
+    Entry,
+    RunBegins,
+    Secrets,
+    WireCall,
+    entries_of,
+)
+from trcvtui.records import NamedTuple, dataclass
+
+if TYPE_CHECKING:
+    from trcvtui.recording.journal import Keyframe
+    from trcvtui.recording.run_packets import RunPackets
+
+SUFFIX: Final = ".pcapng"
+TRIGGER: Final = "trigger"  # the first word of the line that tells of one
+ELSEWHERE: Final = "this file begins in the middle of its run"
+MOST_KEPT: Final = 500_000
+MOST_SECRETS: Final = 1000
+MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
+MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
+
+
+class Sink(Protocol):
+    """Who writes entries; `trouble`: why nothing more is written, or ""."""
+
+    @property
+    def trouble(self) -> str:
+        """Return it."""
+        ...
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left, and end the file."""
+        ...
+
+
+class FileSink(Sink, Protocol):
+    """Who writes a file, with keyframes."""
+
+    first_scan: int  # scans of the run before the first one of a file that begins in the middle
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
+        ...
+
+
+class NumberedFile(FileSink, Protocol):
+    """Who writes one of several files of a run, with so many bytes."""
+
+    size: int
+
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        ...
+
+
+class OldBlock(NamedTuple):
+    """Entries that stand before those that wait for a trigger."""
+
+    entries: int
+    scans: int
+    block: bytes
+
+
+class FileLimits(NamedTuple):
+    """Bytes of a file and of all of them, 0: no limit; ns before and after a trigger, -1: all is kept."""
+
+    split: int
+    ring: int
+    before_ns: int
+    after_ns: int
+
+
+class NumberedFiles:
+    """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
+
+    trouble = ""  # what goes wrong is raised
+
+    def __init__(
+        self,
+        folder: Path,
+        stem: str,
+        limits: FileLimits,
+        new: Callable[[Path], NumberedFile],
+        packets: RunPackets,
+    ) -> None:
+        self._packets = packets
+        self._beside = 0  # bytes of the file that are not of its scans
+        self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
+        self._begins: RunBegins | None = None
+        self._file: NumberedFile | None = None
+        self._path = Path()
+        self._files: list[Path] = []
+        self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
+        self._now = self._until = 0
+        self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
+        self.first_scan = self._file_from = 0
+        self._frames: list[Keyframe] = []  # of the old blocks
+        self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
+        self._kept = 0
+        self._old: deque[OldBlock] = deque()
+        self._old_size = self._in_block = self._scans_in_block = 0
+        self._block = BlockWriter(0)
+        self._is_over = False
+        self._number = next_number(folder, stem)
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order."""
+        waits = self._limits.before_ns >= 0
+        for entry in entries:
+            if isinstance(entry, RunBegins):
+                self._begins = entry
+                if not waits:
+                    self._open()
+                continue
+            if isinstance(entry, Secrets):
+                self._secrets.append(entry)
+            if isinstance(entry, Answered):
+                if entry.call == STEP and isinstance(entry.answer, int):
+                    self._begin_scan(entry.answer)
+                elif waits and entry.call == DO and str(entry.args[0]).startswith(TRIGGER):
+                    self._until = self._now + self._limits.after_ns
+                    if self._file is None:
+                        self._open()
+            self._scans[-1][1].append(entry)
+            self._kept += 1
+        if self._file is not None:
+            self._write()
+
+    def _begin_scan(self, now: int) -> None:
+        self._now = now
+        if self._file is not None:
+            self._write()
+            if self._limits.before_ns >= 0:
+                if now > self._until:
+                    self._end()
+            elif self._limits.split and self._is_large(self._file):
+                self._end()
+                self._open()
+        self._scans.append((now, []))
+        before = self._limits.before_ns
+        while len(self._scans) > 1 and (self._kept > MOST_KEPT or self._scans[0][0] < now - before):
+            some = self._scans.popleft()[1]
+            self._kept -= len(some)
+            if some:  # no file has it
+                self._packets.pass_by(some)
+                self._remember(some)
+
+    def _is_large(self, file: NumberedFile) -> bool:
+        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
+        split = self._limits.split
+        return file.size >= max(split, self._beside + split // 4)
+
+    def _remember(self, some: list[Entry]) -> None:
+        """Keep the entries of a scan, before those that wait; what is too old is counted alone."""
+        scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])
+        if self._limits.before_ns < 0:
+            self._passed += len(some)
+            self._passed_scans += scans
+            return
+        for entry in some:
+            if not isinstance(entry, WireCall):
+                self._block.take(entry)
+                self._in_block += 1
+        self._scans_in_block += scans
+        if self._block.is_full:
+            self._end_block()
+        while self._old_size > MOST_OLD_BYTES:
+            oldest = self._old.popleft()
+            self._passed += oldest.entries
+            self._passed_scans += oldest.scans
+            self._old_size -= len(oldest.block)
+
+    def _end_block(self) -> None:
+        made = OldBlock(self._in_block, self._scans_in_block, self._block.block())
+        self._old.append(made)
+        self._old_size += len(made.block)
+        self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Take the state after a scan that has been taken."""
+        if self._file is not None:
+            self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+            self._beside += len(frame.content)
+        if self._limits.before_ns >= 0:
+            self._frames.append(frame)
+            while self._frames and self._frames[0].scan <= self._passed_scans:
+                del self._frames[0]
+            if len(self._frames) > MOST_FRAMES:
+                del self._frames[1::2]
+
+    def _open(self) -> None:
+        self._path = self._folder / f"{self._stem}-{self._number:04}{SUFFIX}"
+        self._number += 1
+        self._file = self._new(self._path)
+        self._files.append(self._path)
+        lost = [EntriesLost(self._passed, ELSEWHERE)] if self._passed else []
+        self._file.take([*([self._begins] if self._begins else []), *self._secrets, *lost])
+        if self._in_block:
+            self._end_block()
+        blocks = [entries_of([old.block], str(self._path)) for old in self._old]
+        self._file.go_on(self._packets, chain.from_iterable(blocks))
+        self._file_from = self._passed_scans
+        if self._limits.before_ns < 0:
+            self.first_scan = self._file_from
+        for frame in self._frames:
+            if frame.scan > self._file_from:
+                self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
+        self._beside = self._file.size
+        self._remove_the_oldest()
+
+    def _write(self) -> None:
+        """Hand over what waits; it is then in this file."""
+        assert self._file is not None
+        for _, some in self._scans:
+            self._file.take(some)
+            self._remember(some)
+        self._scans, self._kept = deque([(self._now, [])]), 0
+
+    def _end(self) -> None:
+        if self._file is not None:
+            if not self._is_over:
+                self._file.take([EntriesLost(0, ENDED_HERE)])
+            self._file.close()
+            self._file = None
+
+    def _remove_the_oldest(self) -> None:
+        sizes = [path.stat().st_size if path.exists() else 0 for path in self._files]
+        room = self._limits.ring - self._limits.split
+        while self._limits.ring and len(self._files) > 1 and sum(sizes) > room:
+            self._files.pop(0).unlink(missing_ok=True)
+            sizes.pop(0)
+
+    def close(self) -> None:
+        """End the file that is written: the run is over."""
+        self._is_over = True
+        self._end()
+
+
+@dataclass(frozen=True, slots=True)
+class RecordTo:
+    """What is asked for; of several runs each has a file of its own in the folder `target`."""
+
+    target: Path
+    overwrite: bool = False
+    has_secrets: bool = True
+    limits: FileLimits | None = None  # of numbered files in the folder `target`
+    follow: Callable[[FileSink, str], Sink] | None = None  # what makes keyframes beside a writer
+
+    def files(self, paths: Iterable[Path]) -> tuple[Path, ...]:
+        """Return the file of each run; raise UserError where two would be one."""
+        given = tuple(paths)
+        if len(given) == 1 and not self.target.is_dir():
+            return (self.target,)
+        files = tuple([self.target / (path.stem + SUFFIX) for path in given])
+        for file in files:
+            if files.count(file) > 1:
+                raise mistake(
+                    f"--record {self.target}", f"two files for {file.name}", "files of unlike names"
+                )
+        make_folder(self.target, "--record")
+        return files
+
+    def sink(self, file: Path) -> Sink:
+        """Return what writes in this process; raise UserError where a file is refused."""
+        sink = self.file_sink(file)
+        return sink if self.follow is None else self.follow(sink, str(file))
+
+    def file_sink(self, file: Path) -> FileSink:
+        """Return what writes, and nothing beside it."""
+        from trcvtui.recording.recording import RecordingWriter
+        from trcvtui.recording.run_packets import RunPackets
+
+        if self.limits is None:
+            return RecordingWriter(file, self.overwrite)
+        return NumberedFiles(self.target, file.name, self.limits, RecordingWriter, RunPackets())
+
+
+def next_number(folder: Path, stem: str) -> int:
+    """Return the number after those of all files there."""
+    named = re.compile(re.escape(stem) + r"-(\d{1,9})" + re.escape(SUFFIX))
+    found = [int(match[1]) for name in os.listdir(folder) if (match := named.fullmatch(name))]
+    return max(found, default=0) + 1

@@ -1,0 +1,282 @@
+"""A run on record while it runs: its seam, its first entry, and who gets the entries.
+
+Rule: a scan only appends to a list; in the gap after it the list is handed over.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from trcvtui import __version__, clock
+from trcvtui.errors import UserError, one_line
+from trcvtui.files import FilesRead, unnamed
+from trcvtui.recording.files import RecordTo, Sink
+from trcvtui.recording.journal import (
+    HOLDS_SECRETS,
+    READ,
+    SIM_WALL_NS,
+    Answered,
+    EntriesLost,
+    Entry,
+    RunBegins,
+    Secrets,
+)
+from trcvtui.recording.seam import SeamRecorder
+from trcvtui.wording import size_text
+
+if TYPE_CHECKING:
+    from trcvtui.plc.containment import Containment
+    from trcvtui.plc.runtime import Runtime
+    from trcvtui.project.project import Project
+    from trcvtui.recording.black_box import BlackBox
+
+SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
+LOOK_NS: Final = 5_000_000_000  # in so long
+MOST_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
+AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
+TLS: Final = "trcvtui.net.layers.tls"
+
+
+class RecordedBench(Protocol):
+    """What is recorded: the bench of `trcvtui.bench`, as far as a recorder asks it."""
+
+    kernel_name: str
+    reports: Path | None  # where reports of internal errors go
+
+    @property
+    def now(self) -> int: ...
+    @property
+    def project(self) -> Project: ...
+    @property
+    def runtime(self) -> Runtime: ...
+    @property
+    def containment(self) -> Containment: ...
+    def tell_outputs(self) -> None: ...
+
+
+class RunRecorder:
+    """What is recorded of one run: note the `reads` of its project, enter it, make the bench on `seam`."""
+
+    def __init__(
+        self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True, secrets: bool = True
+    ) -> None:
+        self.holds_secrets = False  # of TLS sessions, which `secrets` allows
+        self._may_hold = secrets
+        self._key_log = -1  # a file of the process, where there may be sessions
+        self._opened = ExitStack()
+        self._hidden: frozenset[str] = frozenset()  # whose bytes are not to be recorded
+        self.trouble = ""  # why nothing more is recorded
+        self.size = 0  # bytes of the file, as known a second ago
+        self.file = file
+        self.box: BlackBox | None = None  # where that is the sink
+        self._spent = self._looked_at = 0
+        self._time_of = clock.now_ns  # of the gaps
+        self.reads = FilesRead()
+        self._new_sink = sink
+        self._sink: Sink | None = None
+        self._least = AT_ONCE if waits else 1
+        self._entries: list[Entry] = []
+        self._sample_at = 0
+        self.seam = SeamRecorder(self._entries.append)
+
+    def give_to(self, other: Sink) -> None:
+        """Let another sink have all entries, too, scan by scan."""
+        first, self._least = self._new_sink, 1
+        self._new_sink = lambda: _Both(first(), other)
+
+    def __enter__(self) -> RunRecorder:
+        """Open the file, when the project has been read; raise UserError where it is refused."""
+        self._sink = self._new_sink()
+        if TLS in sys.modules and self._may_hold:  # a project without it has not loaded it
+            from trcvtui.net.layers.tls import log_keys
+
+            self._key_log, name = self._opened.enter_context(unnamed())
+            log_keys(name)
+            self._opened.callback(log_keys, "")
+        return self
+
+    def begin(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
+        """Tell what the run begins with; time 0 of a live run is now."""
+        read, is_live = self.reads, bench.kernel_name == "live"
+        if self.file.name:
+            bench.reports = self.file.absolute().parent  # of internal errors: beside the recording
+        begins = RunBegins(
+            __version__,
+            bench.kernel_name,
+            bench.project.sim.seed,
+            clock.wall_ns() if is_live else SIM_WALL_NS,
+            is_scenario,
+            str(path),
+            tuple(options),
+            read.folder,
+            tuple(read.contents.items()),
+            tuple(read.digests.items()),
+        )
+        first: list[Entry] = [begins]
+        if TLS in sys.modules and not self._may_hold:
+            from trcvtui.net.layers.tls import TlsSettings
+
+            project = bench.project
+            sessions = [(each.name, each.session) for each in project.connects]
+            sessions += [(each.name, each.session) for each in project.peers]
+            self._hidden = frozenset([name for name, one in sessions if isinstance(one, TlsSettings)])
+        if self._hidden:
+            first.append(EntriesLost(0, "--no-secrets: it can be looked at, not replayed"))
+        self._entries[:0] = first
+        if is_live:
+            self.seam.clock = clock.now_ns
+        read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
+
+    def gap(self, bench: RecordedBench) -> None:
+        """Take outputs that the scan has changed, once a second what stacks say; hand all to the sink."""
+        if self.box is None:
+            self._take(bench)
+            return
+        began = self._time_of()
+        self._take(bench)
+        self._spent += self._time_of() - began
+        now = clock.now_ns()
+        if now > self._looked_at + LOOK_NS:
+            is_costly = self._looked_at and self._spent > LOOK_NS * MOST_PERCENT // 100
+            if is_costly and self._time_of is clock.used_ns and not self.box.is_recording:
+                self.box.give_up()
+                self.seam.end()
+            # A gap may be long because it waited beside other programs; asking for what it used costs more.
+            self._time_of = clock.used_ns if is_costly else clock.now_ns
+            self._spent, self._looked_at = 0, now
+
+    def _take(self, bench: RecordedBench) -> None:
+        bench.tell_outputs()
+        if bench.now >= self._sample_at:
+            bench.containment.serve(("reader", "samples"), bench.runtime.sample)
+            self._sample_at = bench.now + SAMPLE_NS
+            with suppress(OSError):
+                self.size = os.stat(self.file).st_size
+        if self._key_log >= 0:
+            self._log_secrets()
+        if len(self._entries) >= self._least:
+            self._hand_over()
+
+    def _log_secrets(self) -> None:
+        """Take what sessions have written: for the packets that are not in the file yet."""
+        size = os.fstat(self._key_log).st_size
+        if size:
+            self._entries.append(Secrets(os.pread(self._key_log, size, 0)))
+            os.ftruncate(self._key_log, 0)
+            self.holds_secrets = True
+
+    def _without_bytes(self, entry: Entry) -> Entry:
+        """Return an entry without what came over TLS."""
+        if not isinstance(entry, Answered) or entry.owner not in self._hidden or entry.call != "recv":
+            return entry
+        got = entry.answer[0] if isinstance(entry.answer, tuple) else 0
+        return entry._replace(answer=(got, bytes(got) if isinstance(got, int) else b""))
+
+    def _hand_over(self) -> None:
+        some = self._entries[:]
+        if self._hidden:
+            some = [self._without_bytes(entry) for entry in some]
+        self._entries.clear()
+        self._write(lambda sink: sink.take(some))
+
+    def _write(self, act: Callable[[Sink], None]) -> None:
+        """Let the sink do it; without a file to write to, the run goes on."""
+        if self._sink is None:
+            return
+        try:
+            act(self._sink)
+            self.trouble = self._sink.trouble
+        except UserError as wrong:  # such as a full disk
+            self.trouble = str(wrong)
+        except OSError as failed:
+            self.trouble = f"{self.file}: {failed.strerror}; nothing more is recorded"
+        if self.trouble:
+            self._sink = None
+
+    def close(self) -> None:
+        if self._key_log >= 0:
+            self._log_secrets()
+        self._hand_over()
+        self._write(lambda sink: sink.close())
+        self._sink = None
+        self._key_log = -1
+        self._opened.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def lines(self) -> list[str]:
+        secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
+        return [one_line(line) for line in (secrets, self.trouble) if line]
+
+    @property
+    def wrong(self) -> str:
+        """Return what went wrong last, of the run's own file or of one that was asked for; "" for nothing."""
+        return self.trouble or (self.box.file_trouble if self.box is not None else "")
+
+    def text(self) -> str:
+        """Return the name of the file and its size, or why nothing is written any more."""
+        if self.box is not None:
+            return self.trouble or self.box.text
+        secrets = ", with TLS secrets" if self.holds_secrets else ""
+        return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
+
+
+def black_box_recorder() -> RunRecorder:
+    from trcvtui.recording.black_box import BlackBox
+
+    box = BlackBox()
+    recorder = RunRecorder(lambda: box, waits=False)
+    recorder.box = box
+    return recorder
+
+
+class _Both:
+    """Two sinks of one run; the second has no trouble."""
+
+    def __init__(self, first: Sink, second: Sink) -> None:
+        self._first, self._second = first, second
+
+    @property
+    def trouble(self) -> str:
+        return self._first.trouble
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        some = [*entries]
+        self._first.take(some)
+        self._second.take(some)
+
+    def close(self) -> None:
+        self._first.close()
+        self._second.close()
+
+
+def kept_recorder(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
+    """Return what records a run, or nobody yet, so that a black box has the run, too; and the box."""
+    from trcvtui.recording.black_box import BlackBox
+
+    box = BlackBox()
+    if recorder is None:
+        recorder = RunRecorder(lambda: box, waits=False)
+        recorder.reads = reads
+    else:
+        recorder.give_to(box)
+    return recorder, box
+
+
+def recorder_of(record: RecordTo, file: Path, waits: bool) -> RunRecorder:
+    """Return what records a run into a file; a run that does not wait has a process that writes."""
+
+    def sink() -> Sink:
+        if waits:
+            return record.sink(file)
+        from trcvtui.recording.writer import WriterProcess
+
+        return WriterProcess(file, record)
+
+    return RunRecorder(sink, file, waits, record.has_secrets)

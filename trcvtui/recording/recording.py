@@ -1,0 +1,483 @@
+"""The recording file: the entries of a run as one pcapng that Wireshark opens, and back.
+
+Rule 1: what is written goes to the system in whole blocks, packets first, then the journal that tells of
+them; so a file that nobody ended is good up to its last journal block.
+Rule 2: bytes that a packet carries are not written twice: the journal points to it (docs/recording.md).
+Rule 3: a file is data: no length in it is trusted, and a block's packets are all that is kept of it.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, suppress
+from itertools import chain
+from typing import IO, Final
+
+from trcvtui import __version__
+from trcvtui.capture import pcap
+from trcvtui.capture.packets import TCP
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import FileName, create, open_to_read, reason_of, unnamed
+from trcvtui.recording.journal import (
+    STEP,
+    Answered,
+    BlockWriter,
+    Entry,
+    Keyframe,
+    RunBegins,
+    Secrets,
+    WireCall,
+    check_block,
+    entries_of,
+    in_blocks,
+)
+from trcvtui.recording.run_packets import OF_JOURNAL, RunPackets
+from trcvtui.records import NamedTuple
+
+WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
+JOURNAL_NAME: Final = "trcvtui journal"
+MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
+LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
+FLUSH_NS: Final = 500_000_000  # of the run's time, at most, between two blocks of the journal
+MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
+MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
+MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
+MOST_UNPACKED: Final = 1 << 30  # bytes of a .gz, in memory
+INDEX: Final = b"trcvtui index\n\0\0"
+KEYFRAME: Final = b"trcvtui state\n\0\0"
+IS_KEYFRAME: Final = (1 << 64) - 1  # in a row of the index, in place of the block of the journal
+_KEYFRAME: Final = struct.Struct("<IqIIII")  # scan, ns; scans and entries before; bytes; of the text
+_ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
+_LENGTH: Final = struct.Struct("<I")
+_HEAD: Final = struct.Struct("<II")
+_PACKET: Final = struct.Struct("<IIII")
+_HEADERS: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
+SERIAL_HEADER: Final = 12
+AT_DATA: Final = 28  # of a block with a packet
+
+
+class BlockPlace(NamedTuple):
+    """Where a block of the journal stands; `scans`: how many have begun before it; `ns` of the run then."""
+
+    packets_at: int
+    journal_at: int
+    scans: int
+    ns: int
+
+
+class RecordingWriter:
+    """Writes one file, 0600; raise UserError where it cannot be made, or written any more.
+
+    An existing file is refused; `overwrite` replaces a recording, and no other file. `file`: it is open.
+    """
+
+    trouble = ""  # what goes wrong is raised
+    first_scan = 0
+
+    def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
+        self._path = str(path)
+        if overwrite and os.path.lexists(path):
+            Recording(path)
+        self._file: IO[bytes] = create(path, "--record", overwrite) if file is None else file
+        self.size = 0  # bytes that the file has
+        self._lines: dict[str, int] = {}  # interface of each serial line
+        self._index: list[BlockPlace] = []
+        self._told = RunPackets()
+        self._wall_ns = self._now = self._flushed = 0
+        self._scans = self._block_scans = self._block_ns = 0
+        self._secrets = b""  # of the packets of this block
+        self._block = BlockWriter(0)
+        self._blocks = 0
+        self._write(
+            pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
+            + pcap.interface_block(pcap.RAW_IP, "wire")
+            + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
+        )
+
+    def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        for entry in old:
+            self._keep(entry)
+        packets.wire.wall_ns, self._told = self._wall_ns, packets
+        for entry in packets.begin_file():
+            self._keep(entry)
+        self.flush()
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order; whole blocks are written."""
+        for entry in entries:
+            if type(entry) is Answered:
+                self._keep(self._told.take(entry))
+            elif isinstance(entry, WireCall):
+                self._told.tell(entry)
+            elif isinstance(entry, Secrets):
+                self._secrets += entry.key_log
+            elif isinstance(entry, Keyframe):
+                self.keyframe(entry)
+            else:
+                if isinstance(entry, RunBegins):
+                    self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
+                self._keep(entry)
+
+    def _keep(self, entry: Entry) -> None:
+        if type(entry) is Answered and entry[1] == STEP and isinstance(entry[3], int):
+            self._begin_scan(entry[3])
+        self._block.take(entry)
+        if self._block.size >= MOST_OF_A_SCAN:
+            self.flush()
+
+    def _begin_scan(self, now: int) -> None:
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD:
+            self.flush()
+            self._flushed = now
+        self._now = now
+        self._scans += 1
+
+    def flush(self) -> None:
+        """Write what has come; a block of the journal ends with it."""
+        if not len(self._block):
+            return
+        check, written = 0, [pcap.secrets_block(self._secrets)] if self._secrets else []
+        self._secrets = b""
+        for number, packet in enumerate(self._told.packets):
+            if packet.line and packet.line not in self._lines:
+                self._lines[packet.line] = FIRST_LINE + len(self._lines)
+                written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
+            interface = self._lines[packet.line] if packet.line else WIRE
+            comments = tuple(self._told.comments.get(number, ()))
+            block = pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent)
+            check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)
+            written.append(block)
+        packets = b"".join(written)
+        of_journal = self._told.comments.get(OF_JOURNAL, ())
+        journal = self._journal_packets(self._block.block(check), of_journal)
+        row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
+        self._write(packets + journal)
+        self._index.append(row)
+        self._blocks += 1
+        self._block_scans, self._block_ns = self._scans, self._now
+        self._block = BlockWriter(self._blocks)
+        self._told.begin_block()
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Write a keyframe of the scans that have been taken."""
+        self.flush()
+        program = frame.program.encode()
+        content = _KEYFRAME.pack(*frame[1:6], len(program)) + program + frame.content
+        row = BlockPlace(self.size, IS_KEYFRAME, frame.scan, frame.ns)
+        self._write(self._journal_packets(_with_check(KEYFRAME, content)))
+        self._index.append(row)
+
+    def _journal_packets(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
+        pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
+        marks = [MORE] * (len(pieces) - 1) + [LAST]
+        ns = self._wall_ns + self._now
+        said = [tuple(comments), *[()] * (len(pieces) - 1)]
+        parts = zip(marks, pieces, said, strict=True)
+        return b"".join([pcap.packet_block(JOURNAL, ns, mark + piece, text) for mark, piece, text in parts])
+
+    def _write(self, data: bytes) -> None:
+        """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
+        try:
+            left = memoryview(data)
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as failed:
+            self._file.truncate(self.size)
+            self._file.close()
+            expected = f"room for it: the recording ends after {self.size} bytes"
+            raise mistake(self._path, reason_of(failed), expected) from None
+        self.size += len(data)
+
+    def close(self) -> None:
+        """Write what is left, and the index."""
+        if self._file.closed:
+            return
+        self.flush()
+        self._index.append(BlockPlace(self.size, self.size, self._scans, self._now))  # of itself
+        rows = b"".join(_ROW.pack(*row) for row in self._index)
+        self._write(self._journal_packets(_with_check(INDEX, rows)))
+        self._file.close()
+
+
+class Recording:
+    """A recording to read; raise UserError where the file cannot be opened or is none of ours.
+
+    `stopped`: why reading ended before the end of the file, "" where it did not. Of a .gz bytes are counted
+    as it is unpacked.
+    """
+
+    def __init__(self, path: FileName) -> None:
+        self.path = str(path)
+        self.stopped = ""
+        self.has_secrets = False  # of TLS, as far as it has been read
+        self._memory, self._unpacked, self._torn = ExitStack(), "", ""  # of a .gz; why it breaks off
+        with self._opened() as file:
+            self._check_head(file)
+        self._index: list[BlockPlace] | None = None
+        self._keyframes: list[BlockPlace] = []
+
+    def _opened(self) -> IO[bytes]:
+        try:
+            with open_to_read(self.path) as file:
+                if not self._unpacked and os.read(file.fileno(), 2) == pcap.GZIP:
+                    self._unpack(file)
+                return open(self._unpacked or os.dup(file.fileno()), "rb")
+        except (OSError, ValueError) as failed:
+            raise mistake(self.path, reason_of(failed), "a recording that can be read") from None
+
+    def _unpack(self, packed: IO[bytes]) -> None:
+        """Unpack a .gz; what comes before a place where it is broken is kept."""
+        handle, self._unpacked = self._memory.enter_context(unnamed())
+        read, size = pcap.gunzip(packed.read, pcap.GZIP), 0
+        try:
+            while piece := read(pcap.CHUNK):
+                size += os.write(handle, piece)
+                if size > MOST_UNPACKED:
+                    expected = f"{MOST_UNPACKED} at most: unpack it with gunzip first"
+                    raise mistake(self.path, "more bytes in the .gz", expected)
+        except EOFError as failed:
+            self._torn = str(failed)
+
+    def _check_head(self, file: IO[bytes]) -> None:
+        """Raise UserError where the interface of our journal is not there."""
+        found = []
+        for kind, body, _ in self._blocks(file, 0):
+            if kind == pcap.INTERFACE:
+                found.append(body)
+            elif kind != pcap.SECTION:
+                break
+            if len(found) > JOURNAL:
+                break
+        self.stopped = ""
+        is_ours = len(found) > JOURNAL and found[JOURNAL][:2] == struct.pack("<H", pcap.USER0)
+        if not is_ours or JOURNAL_NAME.encode() not in found[JOURNAL]:
+            what = f"no recording of trcvtui: try trcvtui watch {self.path}"
+            raise mistake(self.path, what, "a journal of trcvtui")
+
+    def _blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
+        """Yield type, body and place of each block from a byte on; say in `stopped` why there are no more."""
+        file.seek(at)
+        while head := file.read(8):
+            if len(head) < 8:
+                break
+            kind, size = _HEAD.unpack(head)
+            if size < 12 or size & 3 or size > pcap.MOST_BLOCK:
+                self._stop(at, f"a block of {size} bytes", f"{pcap.MOST_BLOCK} at most")
+                return
+            body = file.read(size - 8)
+            if len(body) < size - 8:
+                break
+            if body[-4:] != head[4:]:
+                self._stop(at, "a block with two lengths", str(size))
+                return
+            if kind == pcap.SECTION and at:
+                self._stop(at, "a second capture after the first", "the end of the file")
+                return
+            yield kind, body[:-4], at
+            at += size
+        if self._torn:
+            self._stop(at, self._torn, "a whole file")
+        elif head:
+            self._stop(at, "the end of the file", "the rest of a block")
+
+    def _stop(self, at: int, found: str, expected: str) -> None:
+        self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
+
+    def blocks(self) -> Iterator[tuple[int, bytes]]:
+        """Yield type and body of each block of the file, as far as it can be read."""
+        with self._opened() as file:
+            for kind, body, _ in self._blocks(file, 0):
+                yield kind, body
+
+    def damage(self) -> str:
+        """Read the whole file; return the first place at which it is not as it was written, "" for none."""
+        found: list[int] = []
+        try:
+            for block, place in self._journal(0, []):
+                where = f"{self.path}: byte {place.journal_at}"
+                found.append(place.journal_at)
+                if block.startswith(KEYFRAME):
+                    _keyframe_of(block, where)
+                elif block.startswith(INDEX):
+                    rows = _rows_of(block, place.packets_at, where)
+                    if rows and [max(set(row[:2]) - {IS_KEYFRAME}) for row in rows] != found:
+                        raise mistake(where, "an index of other blocks", "one of those before it")
+        except UserError as wrong:
+            return str(wrong)
+        return self.stopped
+
+    def entries(self, first: int = 0) -> Iterator[Entry]:
+        """Yield the entries of the journal from block number `first` on, as far as they can be read.
+
+        Raise UserError where not even the first one can.
+        """
+        return chain.from_iterable(self._in_blocks(first))
+
+    def _in_blocks(self, first: int) -> Iterator[Iterator[Entry]]:
+        at = self.index()[first].packets_at if first else 0
+        payloads: list[bytes] = []
+        found = self._journal(at, payloads, first)
+        blocks = (block for block, _ in found if not block.startswith((INDEX, KEYFRAME)))
+        number = first
+        try:
+            for block in in_blocks(blocks, self.path, payloads, first):
+                number += 1
+                yield block
+        except UserError as wrong:
+            if not number:
+                raise
+            self.stopped = str(wrong)
+
+    def _journal(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
+        """Yield blocks of the journal from `number` on, keyframes and index, with their places.
+
+        Before each block `payloads` are of its packets. Raise UserError for one that was changed.
+        """
+        pieces: list[bytes] = []
+        begun, journal_at, kept, check, is_over = -1, 0, 0, 0, False
+        with self._opened() as file:
+            for kind, body, place in self._blocks(file, at):
+                self.has_secrets |= kind == pcap.SECRETS
+                if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8:
+                    continue
+                interface, _, _, size = _PACKET.unpack_from(body)
+                data = body[AT_DATA - 8 : AT_DATA - 8 + size]
+                begun = place if begun < 0 else begun
+                kept += len(data)
+                if kept > MOST_KEPT:
+                    expected = f"a block of the journal after {MOST_KEPT} bytes at most"
+                    raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
+                if is_over or (interface == JOURNAL and data[:1] not in (LAST, MORE)):
+                    expected = "the end of the file" if is_over else "a piece of the journal"
+                    raise mistake(f"{self.path}: byte {place}", "another packet", expected)
+                if interface != JOURNAL:
+                    payloads.append(_payload(interface, data))
+                    check = zlib.crc32(body[: AT_DATA - 8 + size], check)
+                    continue
+                journal_at = place if not pieces else journal_at
+                pieces.append(data[1:])
+                if data[:1] == LAST:
+                    block = b"".join(pieces)
+                    is_over = block.startswith(INDEX)
+                    if not block.startswith((INDEX, KEYFRAME)):
+                        check_block(block, number, check, f"{self.path}: byte {begun}")
+                        number += 1
+                    yield block, BlockPlace(begun, journal_at, 0, 0)
+                    payloads.clear()
+                    pieces, begun, kept, check = [], -1, 0, 0
+
+    def index(self) -> list[BlockPlace]:
+        """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
+        if self._index is None:
+            with self._opened() as file:
+                rows = _written_index(file)
+            if rows:
+                self._keyframes = [row for row in rows if row.journal_at == IS_KEYFRAME]
+                self._index = [row for row in rows if row.journal_at != IS_KEYFRAME]
+            else:
+                self._index = self._rebuilt()
+        return self._index
+
+    def _rebuilt(self) -> list[BlockPlace]:
+        """Return the rows that the index would have; scans and times are counted by reading."""
+        rows: list[BlockPlace] = []
+        payloads: list[bytes] = []
+        scans = ns = 0
+        try:
+            for block, row in self._journal(0, payloads):
+                if block.startswith(KEYFRAME):
+                    with suppress(UserError):
+                        frame = _keyframe_of(block, self.path)
+                        self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
+                elif not block.startswith(INDEX):
+                    row = row._replace(scans=scans, ns=ns)
+                    for entry in entries_of([block], self.path, payloads, len(rows)):
+                        if (
+                            isinstance(entry, Answered)
+                            and entry.call == STEP
+                            and isinstance(entry.answer, int)
+                        ):
+                            scans, ns = scans + 1, entry.answer
+                    rows.append(row)
+        except UserError as wrong:
+            self.stopped = str(wrong)
+        return rows
+
+    def keyframes(self) -> list[BlockPlace]:
+        """Return where the keyframes stand, in their order; `scans` are those of the run."""
+        self.index()
+        return self._keyframes
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        """Return a keyframe; raise UserError."""
+        where = f"{self.path}: byte {place.packets_at}"
+        found = next(self._journal(place.packets_at, []), None)
+        if found is not None and (frame := _keyframe_of(found[0], where)).scan == place.scans:
+            return frame
+        raise mistake(where, "no keyframe", "one, as the index says")
+
+
+def _with_check(magic: bytes, content: bytes) -> bytes:
+    return magic + _LENGTH.pack(zlib.crc32(content)) + content
+
+
+def _checked(magic: bytes, block: bytes, where: str) -> bytes:
+    """Return the content of a keyframe or an index; raise UserError where it was changed."""
+    content = block[len(magic) + _LENGTH.size :]
+    if _with_check(magic, content) != block:
+        raise mistake(where, "another checksum", "that of the content")
+    return content
+
+
+def _keyframe_of(block: bytes, path: str) -> Keyframe:
+    where = f"{path}: keyframe"
+    content = _checked(KEYFRAME, block, where)
+    if len(content) < _KEYFRAME.size:
+        raise mistake(where, f"{len(content)} bytes", "a keyframe")
+    scan, ns, steps, beyond, size, length = _KEYFRAME.unpack_from(content)
+    at = _KEYFRAME.size + length
+    program = content[_KEYFRAME.size : at].decode(errors="replace")
+    return Keyframe(program, scan, ns, steps, beyond, size, content[at:])
+
+
+def _payload(interface: int, data: bytes) -> bytes:
+    if interface == WIRE:
+        return data[_HEADERS[data[9:10] == bytes([TCP])] :]
+    return data[SERIAL_HEADER:]
+
+
+def _written_index(file: IO[bytes]) -> list[BlockPlace]:
+    """Return the rows of the index at the end of a file; [] where there is none that fits."""
+    pieces: list[bytes] = []
+    end = file.seek(0, os.SEEK_END)
+    while not (pieces and pieces[0].startswith(INDEX)):
+        file.seek(max(0, end - _LENGTH.size))
+        (size,) = _LENGTH.unpack(file.read(_LENGTH.size).ljust(_LENGTH.size, b"\0"))
+        if not AT_DATA < size <= min(end, 2 * MOST_PIECE):
+            return []
+        end -= size
+        file.seek(end)
+        block = file.read(size)
+        kind, _, interface, _, _, kept = struct.unpack_from("<IIIIII", block)
+        if kind != pcap.ENHANCED_PACKET or interface != JOURNAL or kept > size - AT_DATA - _LENGTH.size:
+            return []
+        if block[AT_DATA : AT_DATA + 1] != (MORE if pieces else LAST):
+            return []
+        pieces.insert(0, block[AT_DATA + 1 : AT_DATA + kept])
+    with suppress(UserError):
+        return _rows_of(b"".join(pieces), end, "")[:-1]
+    return []
+
+
+def _rows_of(block: bytes, at: int, where: str) -> list[BlockPlace]:
+    """Return the rows of an index; [] where it stands elsewhere than it was written. Raise UserError."""
+    content = _checked(INDEX, block, f"{where}: index")
+    if len(content) % _ROW.size:
+        raise mistake(f"{where}: index", f"{len(content)} bytes", f"rows of {_ROW.size} bytes")
+    rows = [BlockPlace(*row) for row in _ROW.iter_unpack(content)]
+    places = [place for row in rows for place in row[:2] if place != IS_KEYFRAME]
+    return rows if places == sorted(places) and places[-1:] == [at] else []

@@ -1,0 +1,224 @@
+"""A seam that answers from a journal; what a bench asks is compared with what was asked when it was recorded.
+
+Rule: a difference is an error of scan, owner and call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import NoReturn, TypeVar, cast
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead
+from trcvtui.net.kernel import Handle
+from trcvtui.plc.containment import EXCEPTION, INTERNAL_ERROR, RecordedException, RunPart
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.recording.journal import (
+    ENDED_HERE,
+    GAP,
+    READ,
+    STEP,
+    Answered,
+    BesideJournal,
+    EntriesLost,
+    Entry,
+    Note,
+    RunBegins,
+)
+
+T = TypeVar("T")
+
+
+class Replay:
+    """Answers from entries that `can_answer` let in; `tell` writes what a call had told into the ledger.
+
+    `begins` is the first entry, where it is one of a run; `files` are what was read up to here.
+    """
+
+    answers = True
+    is_busy = True
+    is_off = False
+
+    def __init__(self, entries: Iterator[Entry], where: str) -> None:
+        self.entries = entries
+        self.where = where
+        self.scan = self._now = 0
+        self.tell: Callable[[Note], None] = _tell_nobody
+        self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
+        self._front = next(entries, None)
+        self.begins: RunBegins | None = None
+        self.files = FilesRead()
+        if isinstance(self._front, RunBegins):
+            self.begins = self._front
+            self.files = FilesRead(self.begins.folder, self.begins.files, self.begins.digests)
+            self._front = next(entries, None)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a keyframe keeps: where it goes on is told beside it, and which file has it."""
+        return self.__dict__ | {"entries": None, "where": ""}
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        """Return what was answered; raise UserError where something else was asked then."""
+        if not self.is_busy:
+            return cast(T, self._known_in_gap(owner, call, args))
+        if call == STEP:
+            self.scan += 1
+        entry = self._front
+        if type(entry) is not Answered or entry[1] != call or entry[0] != owner or entry[2] != args:
+            entry = self._found(owner, call, args)
+        answer = entry[3]
+        if call == STEP:
+            if cast(int, answer) < self._now:
+                raise self._wrong(_words(owner, call, args), "a time that does not go back")
+            self._now = cast(int, answer)
+        self._front = next(self.entries, None)
+        return cast(T, answer)
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what asks this call: `ask` in one step, where the journal goes on with it."""
+        nothing = cast(Callable[[], T], None)
+
+        def asked(handle: Handle, *args: object) -> T:
+            owner, given, entry = owners.get(handle, label), (handle, *args), self._front
+            if (
+                not self.is_busy
+                or type(entry) is not Answered
+                or entry[1] != name
+                or entry[0] != owner
+                or entry[2] != given
+            ):
+                return self.ask(owner, name, given, nothing)
+            self._front = next(self.entries, None)
+            return cast(T, entry[3])
+
+        return asked
+
+    def _found(self, owner: str, call: str, args: tuple[object, ...]) -> Answered:
+        """Return the entry of a question, after notes and gaps; raise UserError for another question.
+
+        Where the recorded run has had an exception instead, raise RecordedException.
+        """
+        entry = self._front
+        while not isinstance(entry, Answered) or entry.call.startswith(GAP):
+            if entry is None or isinstance(entry, RunBegins | EntriesLost):
+                self._differs(entry, _words(owner, call, args))
+            self._pass(entry)
+            entry = self._front
+        if entry.call == EXCEPTION != call:
+            was = f"an internal error of {entry.owner}, which was recorded"
+            raise RecordedException(self._wrong(_words(owner, call, args), was).problems)
+        if entry[:3] != (owner, call, args):
+            self._differs(entry, _words(owner, call, args))
+        return entry
+
+    def _pass(self, entry: Answered | Note | BesideJournal) -> None:
+        """Go past a note, which is told, or what was asked in a gap, which is remembered."""
+        self._front = next(self.entries, None)
+        if isinstance(entry, BesideJournal):
+            return
+        if not isinstance(entry, Answered):
+            self.tell(entry)
+            return
+        owner, call, args, answer = entry
+        if call == READ:
+            self.files.take(cast(str, args[0]), cast(bytes | str, answer))
+        elif call == GAP + EXCEPTION:
+            self.tell(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
+        elif call == GAP + "path" and [*map(type, args)] == [int]:
+            self._known[owner, "path", args] = answer
+
+    def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
+        """Return what was told in this gap or the newest before; None: nobody has asked that."""
+        while isinstance(self._front, Answered) and self._front.call.startswith(GAP):
+            found = self._front[:3] == (owner, GAP + call, args)
+            self._pass(self._front)
+            if found:
+                break
+        return self._known.get((owner, call, args))
+
+    def has_failed(self, part: RunPart) -> bool:
+        """Return whether an exception in this part of the run was recorded next."""
+        return type(self._front) is Answered and self._front[:3] == (part[1], EXCEPTION, part[:1])
+
+    def told(self, note: Note) -> None:
+        """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
+
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Do nothing: no wire is there."""
+
+    def coming(self) -> Answered | None:
+        """Return what the bench was told next, or asked; None: the journal is at its end."""
+        while (entry := self._front) is not None and not isinstance(entry, RunBegins | EntriesLost):
+            if isinstance(entry, Answered) and not entry.call.startswith(GAP):
+                return entry
+            self._pass(entry)
+        return None
+
+    @property
+    def front(self) -> Entry | None:
+        """Return the entry that comes next, None: the journal is at its end."""
+        return self._front
+
+    @property
+    def lost(self) -> str:
+        """Return what was not recorded here, "" where the journal goes on or has ended."""
+        return str(self._front) if isinstance(self._front, EntriesLost) else ""
+
+    @property
+    def is_in_the_middle(self) -> bool:
+        """Return whether entries before the next one were not recorded."""
+        return isinstance(self._front, EntriesLost) and self._front.number > 0
+
+    @property
+    def is_ended(self) -> bool:
+        """Return whether somebody has ended the recording here, while the run went on."""
+        return isinstance(self._front, EntriesLost) and self._front.why == ENDED_HERE
+
+    def scans_left(self) -> int:
+        """Return how many scans come after a gap, to which nothing leads; the entries are gone then."""
+        return sum([type(entry) is Answered and entry.call == STEP for entry in self.entries])
+
+    def end(self) -> None:
+        entry = self.coming() or self._front
+        if entry is not None:
+            self._differs(entry, "nothing more")
+
+    def _differs(self, recorded: Entry | None, now: str) -> NoReturn:
+        match recorded:
+            case Answered():
+                was = f"{_words(*recorded[:3])}, which was recorded"
+            case EntriesLost(number, why):
+                was = f"{number} entries that were not recorded: {why}"
+            case _:
+                was = "the end of the journal, which was recorded"
+        raise self._wrong(now, was)
+
+    def _wrong(self, now: str, was: str) -> UserError:
+        return mistake(f"{self.where}: scan {self.scan}", now, was)
+
+
+def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:
+    """Return what is said of a journal that ends before its run, or has a gap after a scan.
+
+    Keyframes are made of the journal: after a gap there are none, and `left` scans cannot run again.
+    """
+    more = f", and {left} more that cannot run again after it" if left else ""
+    return mistake(
+        where, f"{lost or 'the end of the journal'} after {scan} scans{more}", "the end of the run"
+    )
+
+
+def _tell_nobody(note: Note) -> None:
+    """Do nothing: there is no ledger yet."""
+
+
+def _words(owner: str, call: str, args: tuple[object, ...]) -> str:
+    return f"{call} {_shown(args)} of {owner}"
+
+
+def _shown(args: tuple[object, ...]) -> str:
+    return "(" + ", ".join(str(each) for each in args)[:200] + ")"

@@ -1,0 +1,241 @@
+"""The packets of a run, entry by entry: those of the block under way, what points to them, their comments.
+
+Rule 1: what an entry points to stands in packets of its own block and has the same bytes; else it keeps them.
+Rule 2: a job's end is a comment of the packet with the last byte that the job took. Where that is written
+already, the next best place has it, and says so.
+Rule 3: files of a run share one: what stands goes on in the next file, with numbers, ports, unread bytes.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator
+from typing import Final
+
+from trcvtui.net.results import Datagram, Fault
+from trcvtui.recording.arrivals import ARRIVED, ENDED, MESSAGE
+from trcvtui.recording.journal import GAP, RECV, SHOWS, STEP, Answered, Entry, InPackets, WireCall
+from trcvtui.recording.wire import NO_FLOWS, RST, Flow, WirePacket, WirePackets
+
+LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
+OF_JOURNAL: Final = -1  # in place of a packet's number: the block's own packet
+
+
+class RunPackets:
+    """The packets of a run's entries, one after the other."""
+
+    def __init__(self) -> None:
+        self.wire = WirePackets()
+        self._now = 0
+        self._layered: set[int] = set()  # handles whose bytes are not those of the wire
+        self._jobs: dict[str, int] = {}
+        self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
+        self._coming: WireCall | None = None  # its bytes stand in the next entry
+        self._at: dict[str, Callable[[Answered], Answered]] = {
+            STEP: self._step,
+            SHOWS: self._shows,
+            "set_options": self._option,
+            **dict.fromkeys((RECV, "recv_from"), self._read),
+            **dict.fromkeys((GAP + ARRIVED, GAP + MESSAGE), self._arrived),
+            **dict.fromkeys(("send", "send_to"), self._sent),
+            "probe": self._probed,
+            "discard": self._discarded,
+            **dict.fromkeys(("close", "abort"), self._freed),
+        }
+        self.begin_block()
+
+    def begin_block(self) -> None:
+        self.packets: list[WirePacket] = []
+        self.comments: dict[int, list[str]] = {}  # by number of the packet
+        self.size = 0  # bytes of payload
+        self._numbers: dict[Flow, tuple[list[int], list[int]]] = {}  # places of packets, their numbers
+        self._scan_from = 0  # number of the first packet of this scan
+
+    def tell(self, call: WireCall) -> None:
+        """Make packets of a call, when its bytes are here."""
+        if call.call == RECV and not call.data and call.answer and isinstance(call.answer, int):
+            self._coming = call
+        else:
+            self._add(self.wire.of(call))
+
+    def _add(self, made: Iterator[WirePacket]) -> None:
+        for packet in made:
+            number = len(self.packets)
+            self.packets.append(packet)
+            self.size += packet.payload
+            if packet.remark:
+                self.comments.setdefault(number, []).append(packet.remark)
+            if packet.flow is not None:
+                places, numbers = self._numbers.setdefault(packet.flow, ([], []))
+                places.append(packet.at)
+                numbers.append(number)
+
+    def take(self, entry: Answered) -> Answered:
+        """Take an entry of the journal; return it with a pointer in place of bytes that packets carry."""
+        made = self._at.get(entry[1])
+        return made(entry) if made else entry
+
+    def _step(self, entry: Answered) -> Answered:
+        if isinstance(entry.answer, int):
+            self._now = entry.answer
+            self.wire.scan += 1
+            self._scan_from = len(self.packets)
+        return entry
+
+    def _option(self, entry: Answered) -> Answered:
+        if entry.args[-1]:
+            self._layered.add(_handle_of(entry))
+        return entry
+
+    def _freed(self, entry: Answered) -> Answered:
+        self._layered.discard(_handle_of(entry))
+        return entry
+
+    def _read(self, entry: Answered) -> Answered:
+        """Note where a job may have ended; point to the bytes."""
+        if not isinstance(entry.answer, tuple):
+            return entry
+        got, data = entry.answer
+        coming, self._coming = self._coming, None
+        if coming is not None and coming.handle == _handle_of(entry):
+            self._add(self.wire.of(coming._replace(data=data)))
+        flows = self.wire.flows.get(_handle_of(entry))
+        if flows is None or not (data or isinstance(got, Datagram)):
+            return entry
+        flow = flows[1]
+        at, end = flow.taken - len(data), flow.taken
+        if flow.unread:
+            flow.read.append(flow.unread.popleft())
+            at = flow.read[-1].at
+            end = at + max(1, flow.read[-1].payload)
+        elif isinstance(got, Datagram):
+            end = flow.tsdu_end()
+        flow.ends.append((self.wire.scan, end))
+        return Answered(entry.owner, entry.call, entry.args, (got, self._place(flow, at, data)))
+
+    def _arrived(self, entry: Answered) -> Answered:
+        flows, data = self.wire.flows.get(_handle_of(entry)), entry.answer
+        if flows is None or not isinstance(data, bytes):
+            return entry
+        at = flows[1].told - len(data) - (entry.call == GAP + MESSAGE)
+        return entry._replace(answer=self._place(flows[1], at, data))
+
+    def _sent(self, entry: Answered) -> Answered:
+        """Note where a job may have ended: DONE shows in the scan after its first call at the earliest."""
+        flows = self.wire.flows.get(_handle_of(entry))
+        if flows is not None and isinstance(entry.answer, int):
+            flow, is_whole = flows[0], entry.answer == entry.args[1]
+            if is_whole:
+                end = flow.whole if flow.is_stream else flow.told - 1
+                flow.ends.append((self.wire.scan + (not flow.is_part), end))
+            flow.is_part = not is_whole
+        return entry
+
+    def _probed(self, entry: Answered) -> Answered:
+        """Take that a probe failed as `shutdown` would: the partner's RST was quicker than ours."""
+        call = WireCall(self._now, entry.owner, "shutdown", _handle_of(entry), (), entry.answer, b"")
+        self._add(self.wire.of(call) if isinstance(entry.answer, Fault) else iter(()))
+        return entry
+
+    def _discarded(self, entry: Answered) -> Answered:
+        flows = self.wire.flows.get(_handle_of(entry))
+        if flows is not None and isinstance(entry.answer, int) and _handle_of(entry) not in self._layered:
+            flows[1].taken += entry.answer
+            flows[1].whole = max(flows[1].whole, flows[1].taken)
+        return entry
+
+    # -- what points to packets -------------------------------------------------------------------------
+
+    def _place(self, flow: Flow, at: int, data: bytes) -> bytes | InPackets:
+        """Return where bytes stand in packets of this block; the bytes, where not all of them do."""
+        places, numbers = self._numbers.get(flow, ([], []))
+        runs: list[tuple[int, int, int]] = []
+        done, before = 0, -2
+        for number in numbers[max(0, bisect_right(places, at) - 1) :]:
+            packet = self.packets[number]
+            skip, head = at + done - packet.at, len(packet.data) - packet.payload
+            size = min(packet.payload - skip, len(data) - done)
+            part = packet.data[head + skip : head + skip + size]
+            if done == len(data) or skip < 0 or size <= 0 or part != data[done : done + size]:
+                break
+            if number == before + 1:
+                runs[-1] = (*runs[-1][:2], runs[-1][2] + size)
+            else:
+                runs.append((number, skip, size))
+            done, before = done + size, number
+        return InPackets(tuple(runs)) if 0 < done == len(data) else data
+
+    # -- comments ---------------------------------------------------------------------------------------
+
+    def _shows(self, shows: Answered) -> Answered:
+        """Write a job's end beside the packet that brought it."""
+        connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
+        ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
+        readers = self._readers.setdefault(str(connect), set())
+        if length is not None:
+            readers.add(shows.owner)
+        if not (done or error) or not isinstance(status, int):
+            if not busy and readers == {shows.owner}:  # its job was given up
+                theirs.give_up(self.wire.scan)
+            return shows
+        job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
+        size = "" if length is None or error else f" {length} B"
+        ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self.wire.scan}"
+        text = f"{shows.owner}: 16#{status:04X} {ends}"
+        flow, scan = ours if length is None else theirs, self.wire.scan
+        if done:
+            expected = flow.job + length if isinstance(length, int) and len(readers) > 1 else 0
+            place = flow.job_end(scan, expected, flow is ours) - 1
+        else:
+            place = flow.give_up(scan) - 1
+            if theirs.ended_in >= scan - LOSS_SCANS:
+                flow, place = theirs, theirs.told
+        if place >= 0:
+            self._comment(text, flow, place, theirs if flow is ours else ours)
+        else:
+            numbers = range(self._scan_from, len(self.packets))
+            of_it = [number for number in numbers if connect in self.packets[number].owners]
+            self.comments.setdefault(max(of_it, default=OF_JOURNAL), []).append(text)
+        return shows
+
+    def _comment(self, text: str, flow: Flow, at: int, back: Flow) -> None:
+        """Write it beside the packet with this place, or the newest of its connection, or the block's."""
+        places, numbers = self._numbers.get(flow, ([], []))
+        found = bisect_right(places, at) - 1
+        number = numbers[found] if found >= 0 else OF_JOURNAL
+        if found < 0 or at >= places[found] + max(1, self.packets[number].payload):
+            byte = f", sequence number {at + 1}" if flow.is_stream else ""
+            text += f", in a packet {'before' if at <= flow.told else 'to come'}{byte}"
+            number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=OF_JOURNAL)
+        self.comments.setdefault(number, []).append(text)
+
+    # -- files that go on -------------------------------------------------------------------------------
+
+    def pass_by(self, entries: Iterable[Entry]) -> None:
+        """Pass entries that stand in no file, so that the next one knows what stands."""
+        for entry in entries:
+            if isinstance(entry, Answered):
+                self.take(entry)
+            elif isinstance(entry, WireCall):
+                self.tell(entry)
+        self.begin_block()
+
+    def begin_file(self) -> list[Answered]:
+        """Begin a file in which goes on what stands; return entries that tell what is unread."""
+        self.begin_block()
+        self._add(self.wire.begin_file(self._now))
+        told: list[Answered] = []
+        for owner, handle, flow, end in self.wire.standing():
+            if handle not in self._layered:
+                unread = bytes(flow.tail[len(flow.tail) - max(0, flow.told - flow.taken) :])
+                place = self._place(flow, flow.told - len(unread), unread)
+                args = handle, flow.whole, flow.whole - flow.taken, 0
+                told.append(Answered(owner, GAP + ARRIVED, args, place))
+                if end:
+                    told.append(Answered(owner, GAP + ENDED, (handle, 0), "rst" if end & RST else "fin"))
+        return told
+
+
+def _handle_of(entry: Answered) -> int:
+    handle = entry.args[0] if entry.args else None
+    return handle if isinstance(handle, int) else -1

@@ -1,0 +1,575 @@
+"""The seam of a bench: what asks there, and who does it and keeps the answers; a replay answers (replay.py).
+
+Rule 1: a bench asks at its seam what is not its own: kernel, serial ports, the bound of work, commands.
+Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
+Rule 3: what crosses the PLC's wire is told beside that, for the packets of a recording (wire.py).
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol, TypeVar, cast
+
+from trcvtui.net.connection.resources import Party, Work
+from trcvtui.net.events import What
+from trcvtui.net.kernel import Accepted, DirectRead, Handle, Kernel, LocalAddress, SocketOptions
+from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.serial_line import LineErrors, Opening, SerialPort
+from trcvtui.recording.arrivals import THROWN, Arrivals
+from trcvtui.recording.journal import GAP, STEP, WITH_BYTES, Answered, Entry, Note, WireCall
+
+T = TypeVar("T")
+
+
+class Seam(Protocol):
+    """Where a bench asks what is not its own: a recorder does it and keeps the answer, a replay answers."""
+
+    @property
+    def answers(self) -> bool:
+        """Return whether the answers come from a record, so that nothing is really asked."""
+        ...
+
+    tell: Callable[[Note], None]  # writes a note into the ledger
+    is_busy: bool  # False in the gaps between what the bench is told to do
+    is_off: bool  # nothing is kept any more
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        """Return the answer."""
+        ...
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
+        ...
+
+    def told(self, note: Note) -> None:
+        """Take what has just been written into the ledger."""
+        ...
+
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Take a call of the PLC's at the wire."""
+        ...
+
+
+_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
+
+
+class SeamRecorder:
+    """Does what is asked and hands each entry to `keep`; a live run has a `clock`, in ns."""
+
+    answers = False
+    is_busy = True
+
+    def __init__(self, keep: Callable[[Entry], None]) -> None:
+        self._keep = keep
+        self.clock: Callable[[], int] = int
+        self._step = self._stepped = 0
+        self.tell: Callable[[Note], None] = lambda note: None
+        self._is_inside = False
+        self.is_off = False
+
+    def end(self) -> None:
+        """Keep nothing any more."""
+        self.is_off = self._is_inside = True
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        """Do it and keep the answer."""
+        if self._is_inside:
+            return do()
+        self._is_inside = True
+        try:
+            answer = do()
+        finally:
+            self._is_inside = False
+        if call == STEP and isinstance(answer, int):
+            self._step, self._stepped = answer, self.clock()
+        self._keep(_NEW(Answered, (owner, call if self.is_busy else GAP + call, args, answer)))
+        return answer
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what does this call and keeps its answer."""
+        assert do is not None
+        keep, in_gap = self._keep, GAP + name
+
+        def recorded(handle: Handle, *args: object) -> T:
+            if self._is_inside:
+                return do(handle, *args)
+            self._is_inside = True
+            try:
+                answer = do(handle, *args)
+            finally:
+                self._is_inside = False
+            asked = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
+            keep(_NEW(Answered, asked))
+            return answer
+
+        return recorded
+
+    def arrived(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
+        """Keep what lies unread: a replay passes over it."""
+        if not self.is_off:
+            self._keep(_NEW(Answered, (owner, GAP + call, args, answer)))
+
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Keep a call of the PLC's at the wire, with the time of now."""
+        if self.is_off:
+            return
+        at = self._step + self.clock() - self._stepped
+        self._keep(WireCall(at, owner, call, handle, args, answer, data))
+
+    def told(self, note: Note) -> None:
+        """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
+        if self._is_inside and not self.is_off:
+            self._keep(note)
+
+    def note(self, note: Note) -> None:
+        """Keep what somebody outside the bench tells, where the next entry stands."""
+        self._keep(note)
+
+
+# -- what asks ---------------------------------------------------------------------------------------------
+
+
+def _of_nobody(make: Callable[[], T], answers: bool) -> T:
+    """Return what is asked by a recorder; a replay asks nothing and has nothing."""
+    return cast(T, None) if answers else make()
+
+
+PLAIN: Final = (  # calls whose arguments and answers are kept as they are
+    *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
+    *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
+    "set_user_timeout",
+)
+
+
+class _SeamKernel:
+    """A kernel that asks its seam: recorded around `inner`, or answered without it."""
+
+    def __init__(self, seam: Seam, label: str, inner: Kernel | None) -> None:
+        self._seam, self._label = seam, label
+        self._inner = cast(Kernel, inner)
+        self._owners: dict[Handle, str] = {}
+        self._begin()
+
+    def _begin(self) -> None:
+        for name in PLAIN:
+            setattr(self, name, self._plain(name))
+        self._buffer = memoryview(b"")  # of the call under way: what is kept has its size alone
+        self._accept = self._plain("accept")
+        self._recv = self._seam.call("recv", self._do_recv, self._owners, self._label)
+        self._send = self._seam.call("send", self._do_send, self._owners, self._label)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a keyframe keeps; the calls are made anew."""
+        return {name: self.__dict__[name] for name in ("_seam", "_label", "_inner", "_owners")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._begin()
+
+    def _plain(self, name: str) -> Callable[..., Any]:
+        return self._seam.call(name, getattr(self._inner, name, None), self._owners, self._label)
+
+    def _owner(self, handle: Handle) -> str:
+        return self._owners.get(handle, self._label)
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        return self._seam.ask(self._label, "local_addresses", (), lambda: self._inner.local_addresses())
+
+    def set_link(self, owner: str, up: bool) -> str:
+        return self._seam.ask(owner, "set_link", (up,), lambda: self._inner.set_link(owner, up))
+
+    def poll(self) -> None:
+        self._seam.ask(self._label, "poll", (), lambda: self._inner.poll())
+
+    def ready_handles(self) -> dict[Handle, str] | None:
+        def do() -> dict[Handle, str] | None:
+            seen = getattr(self._inner, "ready_handles", nothing_known)()
+            return None if seen is None else dict(seen)
+
+        return self._seam.ask(self._label, "ready_handles", (), do)
+
+    def socket(self, owner: str) -> Handle | Fault:
+        return self._mine(owner, self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner)))
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        do = lambda: self._inner.datagram_socket(owner)  # noqa: E731
+        return self._mine(owner, self._seam.ask(owner, "datagram_socket", (), do))
+
+    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        asked = options.nodelay, options.keep_alive_s, options.user_timeout_ms, options.small_buffers
+        args = (handle, *asked, options.session is not None)
+        return self._seam.ask(
+            self._owner(handle), "set_options", args, lambda: self._inner.set_options(handle, options)
+        )
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        got: Accepted | WouldBlock | Fault = self._accept(handle)
+        if isinstance(got, Accepted):
+            self._owners[got.handle] = self._owner(handle)
+        return got
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        self._buffer = into
+        got, data = self._recv(handle, len(into))
+        if data and self._seam.answers:
+            into[: len(data)] = data
+        return got
+
+    def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        got = self._inner.recv(handle, self._buffer)
+        if isinstance(got, int) and not self._seam.is_off:
+            return got, bytes(self._buffer[:got])
+        return got, b""
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
+            got = self._do_recv_from(handle, into)
+            return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
+
+        got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), do)
+        into[: len(data)] = data
+        return got
+
+    def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        return self._inner.recv_from(handle, into)
+
+    def note_arrivals(self) -> None:
+        """Do nothing: a replay has them in its journal, of a peer they are not noted."""
+
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        """Return one that tells what it reads; None in a replay, which reads by `recv`."""
+        direct = None if self._seam.answers else self._inner.direct_read(handle)
+        if direct is None:
+            return None
+        seam, owner = self._seam, self._owner(handle)
+
+        def told(into: bytearray | memoryview, size: int) -> tuple[int, bytes]:
+            seam.wire(owner, "recv", handle, (len(into),), size, b"")
+            return size, bytes(into[:size])
+
+        def read(into: bytearray | memoryview) -> int:
+            size = direct.read(into)
+            if size == len(into) and not seam.is_off:
+                seam.ask(owner, "recv", (handle, size), lambda: told(into, size))
+            return size
+
+        def read_on(into: memoryview, size: int) -> int:
+            whole = direct.read_on(into, size)
+            if not seam.is_off:
+                seam.ask(owner, "recv", (handle, len(into)), lambda: told(into, whole))
+            return whole
+
+        def unasked(size: int) -> None:
+            seam.ask(owner, "recv", (handle, size), lambda: (WOULD_BLOCK, b""))
+
+        return DirectRead(read, read_on, direct.failed, unasked)
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        self._buffer = data
+        return self._send(handle, len(data), zlib.crc32(data))
+
+    def _do_send(self, handle: Handle, size: int, check: int) -> int | WouldBlock | Fault:
+        return self._inner.send(handle, self._buffer)
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        args = handle, len(data), zlib.crc32(data), end
+        return self._seam.ask(
+            self._owner(handle), "send_to", args, lambda: self._inner.send_to(handle, data, end)
+        )
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        return self._seam.ask(
+            self._owner(handle), "shutdown", (handle, both), lambda: self._inner.shutdown(handle, both)
+        )
+
+    def abort(self, handle: Handle) -> Fault | None:
+        owner = self._owners.pop(handle, self._label)
+        return self._seam.ask(owner, "abort", (handle,), lambda: self._inner.abort(handle))
+
+    def close(self, handle: Handle) -> Fault | None:
+        owner = self._owners.pop(handle, self._label)
+        return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
+
+
+_landing: Final = memoryview(bytearray(1 << 16))  # no datagram is larger
+
+
+class _NotedKernel(_SeamKernel):
+    """The kernel of a PLC that is recorded: what has arrived and lies unread is noted, too."""
+
+    def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
+        super().__init__(seam, label, inner)
+        self._arrivals = Arrivals(seam, inner, self._owners, label)
+        calls = ("listen", "connect_result", "readable", "renew", "discard", "poll_del")
+        self._asked = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
+
+    def note_arrivals(self) -> None:
+        if not self._seam.is_off:
+            self._arrivals.note_all()
+
+    def ready_handles(self) -> dict[Handle, str] | None:
+        seen = super().ready_handles()
+        self._arrivals.poll(seen)
+        return seen
+
+    def readable(self, handle: Handle) -> bool:
+        if is_readable := bool(self._asked["readable"](handle)):
+            self._arrivals.look(handle)
+        return is_readable
+
+    def renew(self, handle: Handle) -> bool:
+        self._arrivals.look(handle)
+        return bool(self._asked["renew"](handle))
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        failed: Fault | None = self._asked["listen"](handle, backlog)
+        if failed is None:
+            self._arrivals.listen(handle)
+        return failed
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        self._arrivals.note(handle)  # afterwards the kernel knows no end
+        failed: Fault | None = self._asked["poll_del"](handle)
+        return failed
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        got = super().accept(handle)
+        if isinstance(got, Accepted):
+            self._arrivals.begin(got.handle)
+        elif isinstance(got, WouldBlock):
+            self._arrivals.empty(handle)
+        return got
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        answer: WouldBlock | Fault | None = self._asked["connect_result"](handle)
+        if answer is None:
+            self._arrivals.begin(handle)
+        return answer
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        made = super().datagram_socket(owner)
+        if not isinstance(made, Fault):
+            self._arrivals.begin(made, is_udp=True)
+        return made
+
+    def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        got, data = super()._do_recv(handle, size)
+        if isinstance(got, int) or got is WOULD_BLOCK:
+            self._arrivals.read(handle, got if isinstance(got, int) else 0, size)
+        return got, data
+
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        direct, arrivals = super().direct_read(handle), self._arrivals
+        if direct is None:
+            return None
+
+        def read(into: bytearray | memoryview) -> int:
+            size = direct.read(into)
+            if size == len(into):
+                arrivals.read(handle, size, size)
+            return size
+
+        def read_on(into: memoryview, size: int) -> int:
+            whole = direct.read_on(into, size)
+            arrivals.read(handle, whole, len(into))
+            return whole
+
+        def unasked(size: int) -> None:
+            arrivals.empty(handle)
+            if direct.unasked is not None:
+                direct.unasked(size)
+
+        return DirectRead(read, read_on, direct.failed, unasked)
+
+    def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        got = self._inner.recv_from(handle, _landing)
+        if not isinstance(got, Datagram):
+            if got is WOULD_BLOCK:
+                self._arrivals.empty(handle)
+            return got
+        self._arrivals.read_message(handle, got.source, bytes(_landing[: got.size]), got.whole)
+        size = min(got.size, len(into))
+        into[:size] = _landing[:size]
+        return Datagram(size, got.source, got.whole)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        self._arrivals.note(handle, THROWN)
+        gone: int = self._asked["discard"](handle, most)
+        self._arrivals.read(handle, gone, gone)
+        return gone
+
+    def abort(self, handle: Handle) -> Fault | None:
+        return self._free(handle, super().abort)
+
+    def close(self, handle: Handle) -> Fault | None:
+        return self._free(handle, super().close)
+
+    def _free(self, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
+        self._arrivals.note(handle, THROWN)
+        self._arrivals.forget(handle)
+        return free(handle)
+
+
+class SeamKernel(ReadyKernel, Protocol):
+    """A kernel that asks its seam."""
+
+    def note_arrivals(self) -> None:
+        """Note what lies unread after a scan, where the run is recorded."""
+        ...
+
+
+def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+    """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay.
+
+    `is_noted`: of a PLC, whose arrivals stand in the recording.
+    """
+    if is_noted and isinstance(seam, SeamRecorder):
+        return cast(SeamKernel, _NotedKernel(seam, label, make()))
+    return cast(SeamKernel, _SeamKernel(seam, label, _of_nobody(make, seam.answers)))
+
+
+class SeamPort:
+    """A serial port that asks its seam."""
+
+    def __init__(self, seam: Seam, owner: str, make: Callable[[], SerialPort]) -> None:
+        self._seam, self._owner = seam, owner
+        self._inner = _of_nobody(make, seam.answers)
+
+    def open(self) -> Fault | Opening | None:
+        return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
+
+    def read(self, most: int) -> bytes | Fault:
+        """Return the bytes that have come."""
+        got = self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
+        self._seam.wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
+        return got
+
+    def write(self, payload: bytes) -> int | Fault:
+        """Hand bytes over."""
+        args = len(payload), zlib.crc32(payload)
+        taken = self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
+        data = payload[:taken] if isinstance(taken, int) else b""
+        self._seam.wire(self._owner, "port write", 0, (), None, data)
+        return taken
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._seam.ask(self._owner, "port close", (), lambda: self._inner.close())
+
+    def arrive(self, payload: bytes) -> bool:
+        """Let bytes come over a simulated line."""
+        args = len(payload), zlib.crc32(payload)
+        return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.arrive(payload))
+
+    def line_errors(self) -> LineErrors | None:
+        """Return what the driver has counted."""
+        counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
+        self._seam.wire(self._owner, "port errors", 0, (), counted, b"")
+        return counted
+
+
+class SeamWork(Work):
+    """The bound of a scan's work, of which handshakes and records below the seam take their part, too."""
+
+    def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
+        super().__init__(clock)
+        self._seam = seam
+
+    def grant(self, party: Party) -> int:
+        """Return what a party has in this scan."""
+        return self._seam.ask(party.owner, "grant", (party.what,), lambda: Work.grant(self, party))
+
+    def wait(self, party: Party, partner: str, what: What) -> None:
+        """Keep a share of the next scan for a party."""
+        self._seam.ask(party.owner, "wait", (partner, what), lambda: Work.wait(self, party, partner, what))
+
+
+# -- what is told of the wire ------------------------------------------------------------------------------
+
+
+# Calls that tell of the wire.
+TAPPED: Final = (
+    *("bind", "local_end", "connect", "connect_result", "accept", "recv", "recv_from", "send", "send_to"),
+    *("shutdown", "close", "abort", "loss"),
+)
+
+
+class _WireKernel:
+    """A kernel around another that tells its seam what crosses the wire; all else it hands on.
+
+    `is_next`: no layer is between the two; bytes that are read stand in the seam's next entry alone.
+    """
+
+    def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
+        self._seam, self._inner, self._is_next = seam, inner, is_next
+        self._owners: dict[int, str] = {}
+        for name in TAPPED:
+            setattr(self, name, self._tapped(name))
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._inner, name)
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        found = self._inner.local_addresses()
+        self._seam.wire("", "local_addresses", 0, (), found, b"")
+        return found
+
+    def socket(self, owner: str) -> Handle | Fault:
+        return self._mine(owner, self._inner.socket(owner))
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        return self._mine(owner, self._inner.datagram_socket(owner))
+
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        """Return that of the kernel, if the seam is next: it tells what was read."""
+        return self._inner.direct_read(handle) if self._is_next else None
+
+    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
+    def _tapped(self, name: str) -> Callable[..., object]:
+        call, wire, owners = getattr(self._inner, name), self._seam.wire, self._owners
+        has_bytes, is_last = name in WITH_BYTES, name in ("close", "abort")
+        is_told = self._is_next and name in ("recv", "recv_from")
+
+        def tapped(handle: Handle, *args: object) -> object:
+            unread = (self._inner.unread(handle),) if name == "close" else ()
+            answer = call(handle, *args)
+            if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
+                return answer
+            owner = owners.pop(handle, "") if is_last else owners.get(handle, "")
+            data = b""
+            if has_bytes:
+                size = answer.size if isinstance(answer, Datagram) else answer
+                view, *args_left = args
+                args = (len(view), *args_left)  # type: ignore[arg-type]
+                if isinstance(size, int) and not is_told:
+                    data = bytes(view[:size])  # type: ignore[index]
+            elif isinstance(answer, Accepted):
+                owners[answer.handle] = owner
+            wire(owner, name, handle, args + unread, answer, data)
+            return answer
+
+        return tapped
+
+
+def wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
+    """Return a kernel that tells the wire to its seam; `is_next`: the seam asks it, no layer is between."""
+    return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))

@@ -1,0 +1,534 @@
+"""What crosses the wire at the PLC's kernel, as valid packets: IPv4, serial lines.
+
+The calls of the kernel tell more than a wire does: a packet's other half (who sent ACK, and when) is made up.
+Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
+Rule: the partner's end comes after all that came before it, also where the blocks read that later.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from typing import Final
+
+from trcvtui.capture.packets import TCP, UDP
+from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, octets
+from trcvtui.recording.journal import WireCall
+from trcvtui.records import NamedTuple
+
+MOST_PAYLOAD: Final = 1460
+MOST_DATAGRAM: Final = 65_507
+FIRST_PORT: Final = 49_152  # of a call whose own port nobody asked for
+FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
+WINDOW: Final = 65_535
+SERIAL_SENT, SERIAL_RECEIVED = 1, 2  # events of RTAC serial: DATA_TX_START, DATA_RX_START
+SERIAL_ERRORS: Final = 7, 8, 9, 10  # FRAMING_ERROR, PARITY_ERROR, SERIAL_BREAK, SERIAL_OVERFLOW
+MOST_ERRORS: Final = 16  # events of a kind and a second
+MOST_TAIL: Final = 320 << 10  # bytes of a direction that the next file may need again
+MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of reads, that are remembered
+DATA_TPDU: Final = 0xF0
+GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # a stream without an end at the wire
+RESETS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
+_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
+_TCP: Final = struct.Struct(">HHIIBBHHH").pack
+_UDP: Final = struct.Struct(">HHHH").pack
+_SERIAL: Final = struct.Struct(">IIBBH").pack
+
+
+class WirePacket(NamedTuple):
+    """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
+
+    `owners`: the CONNECT or ComBuffer that it is of; two, where CONNECTs talk with each other: then the PLC
+    has both sent and received it. `sent`: by the PLC, or to it; None: both, or a serial line.
+    """
+
+    owners: tuple[str, ...]
+    line: str
+    ns: int
+    data: bytes
+    payload: int
+    sent: bool | None = None
+    flow: Flow | None = None
+    at: int = 0
+    remark: str = ""
+
+
+class Flow:
+    """One direction of a connection, a UDP socket or a serial line; places are bytes from its beginning.
+
+    A datagram has one byte more, so that an empty one has a place, too.
+    """
+
+    def __init__(self, is_stream: bool = False) -> None:
+        self.is_stream = is_stream
+        self.told = self.whole = self.taken = 0  # what has a packet, what has come, what of it was read
+        self.tail = bytearray()  # of a stream: what was told since `job`, the newest MOST_TAIL bytes
+        self.job = 0  # where the last job has ended
+        self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: since scan, place
+        self.unread: deque[WirePacket] = deque(maxlen=MOST_MESSAGES)  # datagrams
+        self.read: list[WirePacket] = []  # datagrams, since `job`
+        self.is_part = False  # the newest call has sent a part of a job
+        self.ended_in = -9  # the scan of its FIN or RST
+
+    def tell(self, data: bytes) -> None:
+        """Note bytes that have a packet now."""
+        self.told += len(data)
+        self.whole = max(self.whole, self.told)
+        self.tail += data
+        del self.tail[: max(0, len(self.tail) - MOST_TAIL)]
+
+    def job_end(self, scan: int, expected: int, is_sent: bool) -> int:
+        """Return where the job has ended that shows DONE in a scan, 0 where that is not known.
+
+        That is the first end of what was sent, of what was read the last one, or the one that is expected.
+        """
+        places = [place for since, place in self.ends if since <= scan]
+        if not places:
+            return 0
+        self._end_job(expected if expected in places else places[0 if is_sent else -1])
+        return self.job
+
+    def give_up(self, scan: int) -> int:
+        """Return where the bytes end that a job with ERROR took in this scan or the one before, or 0."""
+        since, place = self.ends[-1] if self.ends else (-9, self.job)
+        self._end_job(place)
+        return place if since >= scan - 1 else 0
+
+    def _end_job(self, place: int) -> None:
+        self.job = max(self.job, place)
+        while self.ends and self.ends[0][1] <= self.job:
+            self.ends.popleft()
+        self.read.clear()
+        del self.tail[: max(0, len(self.tail) - (self.told - self.job))]
+
+    def tsdu_end(self) -> int:
+        """Return where the next message of ISO-on-TCP ends, after the last one that was read."""
+        begin = self.ends[-1][1] if self.ends else self.job
+        first = self.told - len(self.tail)
+        at, is_last = begin - first, False
+        while at >= 0 and not is_last and len(self.tail) >= at + 7:
+            is_last = self.tail[at + 5] == DATA_TPDU and self.tail[at + 6] > 127
+            at += max(7, int.from_bytes(self.tail[at + 2 : at + 4], "big"))
+        return min(first + at, self.taken) if is_last else self.taken
+
+
+NO_FLOWS: Final = Flow(), Flow()
+
+
+class _TcpStream:
+    """One TCP connection: its ends and what each has sent."""
+
+    def __init__(self, owner: str, here: Endpoint, there: Endpoint) -> None:
+        self.owners: tuple[str, ...] = (owner,)
+        self.ends = here, there
+        self.flows = Flow(True), Flow(True)  # from the PLC, to it
+        self.controls = [0, 0]  # SYN and FIN take a sequence number each
+        self.has_ended = [False, False]  # FIN or RST
+        self.coming_end = 0  # the partner's FIN or RST, which comes after bytes that are not told yet
+        self.stands = False
+        self.is_own = False  # both ends are the PLC's
+        self.is_tls = False
+        self.begun_before = ""  # what to say with its first packet in this file
+
+
+class WirePackets:
+    """The packets of a run's calls, one call after the other; `wall_ns` is UTC at time 0 of the run."""
+
+    def __init__(self) -> None:
+        self.wall_ns = 0
+        self.scan = 0
+        self.flows: dict[int, tuple[Flow, Flow]] = {}  # of each handle: from the PLC, to it
+        self.newest: dict[str, tuple[Flow, Flow]] = {}  # of each CONNECT or ComBuffer
+        self._bound: dict[int, Endpoint] = {}
+        self._streams: dict[int, _TcpStream] = {}
+        self._address = "127.0.0.1"  # where only 0.0.0.0 was told
+        self._port = FIRST_PORT
+        self._number = 0  # of IP packets
+        self._counted: dict[str, tuple[int, ...]] = {}  # errors of each serial line
+        self._at: dict[str, Callable[[WireCall], Iterator[WirePacket]]] = {
+            "local_addresses": self._addresses,
+            "bind": self._bind,
+            "local_end": self._local_end,
+            "accept": self._accept,
+            "connect": self._connect,
+            "connect_result": self._connected,
+            "recv": self._received,
+            "arrived": self._arrived,
+            "ended": self._ended,
+            "message": self._message,
+            "send": self._sent,
+            "send_to": self._datagram_out,
+            "shutdown": self._shut,
+            "close": self._closed,
+            "abort": self._aborted,
+            "loss": self._lost,
+            "port read": self._serial,
+            "port write": self._serial,
+            "port errors": self._line_errors,
+        }
+
+    def of(self, call: WireCall) -> Iterator[WirePacket]:
+        """Yield the packets of one call, none for most."""
+        made = self._at.get(call.call)
+        return made(call) if made else iter(())
+
+    # -- who is where -----------------------------------------------------------------------------------
+
+    def _addresses(self, call: WireCall) -> Iterator[WirePacket]:
+        found = call.answer if isinstance(call.answer, tuple) else ()
+        own = [each.address for each in found if isinstance(each, LocalAddress) and not each.loopback]
+        self._address = next((address for address in own if octets(address)), self._address)
+        return iter(())
+
+    def _bind(self, call: WireCall) -> Iterator[WirePacket]:
+        end = call.args[0] if call.args else None
+        if isinstance(end, Endpoint) and call.answer is None:
+            self._bound[call.handle] = end
+        return iter(())
+
+    def _local_end(self, call: WireCall) -> Iterator[WirePacket]:
+        if isinstance(call.answer, Endpoint):
+            self._bound[call.handle] = call.answer
+        return iter(())
+
+    def _is_own(self, end: Endpoint) -> bool:
+        addresses = (end.address, ANY_ADDRESS)
+        return any(each.port == end.port and each.address in addresses for each in self._bound.values())
+
+    def _own_end(self, handle: int, other: Endpoint) -> Endpoint:
+        end = self._bound.get(handle, Endpoint(ANY_ADDRESS, 0))
+        port = end.port
+        if not port:
+            port, self._port = self._port, FIRST_PORT + (self._port - FIRST_PORT + 1) % 16_384
+        usual = "127.0.0.1" if is_loopback(other.address) else self._address
+        return Endpoint(usual if end.address == ANY_ADDRESS else end.address, port)
+
+    # -- TCP --------------------------------------------------------------------------------------------
+
+    def _accept(self, call: WireCall) -> Iterator[WirePacket]:
+        if isinstance(call.answer, Accepted):
+            peer = call.answer.peer
+            stream = _TcpStream(call.owner, self._own_end(call.handle, peer), peer)
+            caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
+            if caller is not None:  # a CONNECT of this PLC, whose calls tell the same packets
+                caller.owners += stream.owners
+                self._keep(call.owner, call.answer.handle, caller.flows[::-1])
+                return
+            self._streams[call.answer.handle] = stream
+            self._keep(call.owner, call.answer.handle, stream.flows)
+            yield self._segment(call, stream, 1, SYN)
+            yield from self._answered(call, stream, 0)
+
+    def _connect(self, call: WireCall) -> Iterator[WirePacket]:
+        there = call.args[0] if call.args else None
+        if isinstance(there, Endpoint) and octets(there.address):
+            stream = _TcpStream(call.owner, self._own_end(call.handle, there), there)
+            stream.is_own = self._is_own(there)
+            self._streams[call.handle] = stream
+            self._keep(call.owner, call.handle, stream.flows)
+            if call.answer is None or _is_reset(call.answer):  # else nothing was sent
+                yield self._segment(call, stream, 0, SYN)
+            yield from self._refused(call, stream, call.answer)
+
+    def _keep(self, owner: str, handle: int, flows: tuple[Flow, Flow]) -> tuple[Flow, Flow]:
+        self.newest[owner] = self.flows[handle] = flows
+        return flows
+
+    def _connected(self, call: WireCall) -> Iterator[WirePacket]:
+        stream = self._streams.get(call.handle)
+        if stream is not None and call.answer is None and not stream.stands:
+            yield from self._answered(call, stream, 1)
+        elif stream is not None:
+            yield from self._refused(call, stream, call.answer)
+
+    def _answered(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
+        stream.stands = True
+        yield self._segment(call, stream, who, SYN | ACK)
+        yield self._segment(call, stream, 1 - who, ACK)
+
+    def _refused(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
+        if isinstance(answer, Fault) and not answer.injected:
+            stream.stands &= answer.error not in GONE
+        if _is_reset(answer):
+            yield from self._end_comes(call, stream, RST | ACK)
+
+    def _end_comes(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
+        """Yield the partner's end, or keep it until all that came before it is told."""
+        stream.coming_end = max(stream.coming_end, flags)
+        yield from self._news(call, stream, stream.flows[1].told)
+
+    def _received(self, call: WireCall) -> Iterator[WirePacket]:
+        stream, count = self._streams.get(call.handle), call.answer
+        if isinstance(count, int) and call.handle in self.flows:
+            flow = self.flows[call.handle][1]
+            flow.taken += count
+            flow.whole = max(flow.whole, flow.taken)
+        if stream is None:
+            return
+        if isinstance(count, Fault):
+            yield from self._refused(call, stream, count)
+        elif isinstance(count, int) and count:
+            yield from self._news(call, stream, stream.flows[1].taken - count)
+        elif isinstance(count, int) and call.args != (0,):
+            yield from self._end_comes(call, stream, FIN | ACK)
+
+    def _arrived(self, call: WireCall) -> Iterator[WirePacket]:
+        stream, whole = self._streams.get(call.handle), call.args[0]
+        if stream is not None and isinstance(whole, int):
+            flow = stream.flows[1]
+            flow.whole = max(flow.whole, whole)
+            yield from self._news(call, stream, max(flow.told, flow.taken))
+
+    def _ended(self, call: WireCall) -> Iterator[WirePacket]:
+        stream = self._streams.get(call.handle)
+        if stream is not None:
+            yield from self._end_comes(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
+
+    def _news(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
+        """Yield what is new of the partner's bytes, which begin at a place; and its end, if it is due."""
+        flow = stream.flows[1]
+        new = call.data[max(0, flow.told - at) :] if call.data else b""
+        if new:
+            flow.told = max(flow.told, at)  # what was read away unseen is missing
+            yield from self._data(call, stream, 1, new)
+        if stream.coming_end and flow.told >= flow.whole:
+            yield from self._end(call, stream, 1, stream.coming_end)
+
+    def _sent(self, call: WireCall) -> Iterator[WirePacket]:
+        stream = self._streams.get(call.handle)
+        if stream is None:
+            if call.handle in self.flows:  # a CONNECT of this PLC reads them
+                self.flows[call.handle][0].whole += len(call.data)
+        elif call.data:
+            yield from self._data(call, stream, 0, call.data)
+        elif not stream.has_ended[0]:
+            yield from self._refused(call, stream, call.answer)
+
+    def _data(self, call: WireCall, stream: _TcpStream, who: int, data: bytes) -> Iterator[WirePacket]:
+        flow, at = stream.flows[who], stream.flows[who].told
+        if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello
+            stream.is_tls = True
+        flow.tell(data)
+        return self._pieces(call, stream, who, at, data)
+
+    def _pieces(
+        self, call: WireCall, stream: _TcpStream, who: int, at: int, data: bytes, remark: str = ""
+    ) -> Iterator[WirePacket]:
+        for skip in range(0, len(data), MOST_PAYLOAD):
+            part = data[skip : skip + MOST_PAYLOAD]
+            last = PSH if skip + MOST_PAYLOAD >= len(data) else 0
+            yield self._segment(call, stream, who, ACK | last, part, at + skip, remark)
+            remark = ""
+
+    def _shut(self, call: WireCall) -> Iterator[WirePacket]:
+        stream = self._streams.get(call.handle)
+        if stream is not None and call.answer is None:
+            yield from self._end(call, stream, 0, FIN | ACK)
+        elif stream is not None:
+            yield from self._refused(call, stream, call.answer)
+
+    def _closed(self, call: WireCall) -> Iterator[WirePacket]:
+        """Yield our end: a stack that still has bytes for us, as it says or as is known here, sends RST."""
+        flow = self.flows.get(call.handle, NO_FLOWS)[1]
+        unread = call.args[0] if call.args else flow.whole - flow.taken
+        yield from self._freed(call, (RST if unread else FIN) | ACK)
+
+    def _aborted(self, call: WireCall) -> Iterator[WirePacket]:
+        yield from self._freed(call, RST | ACK)
+
+    def _freed(self, call: WireCall, flags: int) -> Iterator[WirePacket]:
+        self._bound.pop(call.handle, None)
+        self.flows.pop(call.handle, None)
+        stream = self._streams.pop(call.handle, None)
+        if stream is None or not stream.stands:
+            return
+        flow = stream.flows[1]
+        remark = f"{flow.whole - flow.told} bytes to the PLC are not here: no one has read them"
+        if flow.told == flow.whole:
+            remark = ""
+        if stream.coming_end:
+            flow.told = flow.whole
+            yield from self._end(call, stream, 1, stream.coming_end, remark)
+            remark = ""
+        yield from self._end(call, stream, 0, flags, remark)
+
+    def _lost(self, call: WireCall) -> Iterator[WirePacket]:
+        """Yield what a loss tells."""
+        stream = self._streams.get(call.handle)
+        if stream is not None and isinstance(call.answer, KernelLoss):
+            loss, flow = call.answer, stream.flows[1]
+            flow.whole = max(flow.whole, flow.taken + loss.unread)
+            if loss.fault is None:
+                yield from self._end_comes(call, stream, FIN | ACK)
+            yield from self._refused(call, stream, loss.fault)
+
+    def _end(
+        self, call: WireCall, stream: _TcpStream, who: int, flags: int, remark: str = ""
+    ) -> Iterator[WirePacket]:
+        if all(stream.has_ended) or (stream.has_ended[who] and not flags & RST):
+            return
+        yield self._segment(call, stream, who, flags, remark=remark)
+        stream.flows[who].ended_in = self.scan
+        stream.has_ended = (
+            [True, True]
+            if flags & RST
+            else [stream.has_ended[0] or who == 0, stream.has_ended[1] or who == 1]
+        )
+
+    def _segment(
+        self,
+        call: WireCall,
+        stream: _TcpStream,
+        who: int,
+        flags: int,
+        payload: bytes = b"",
+        at: int = -1,
+        remark: str = "",
+    ) -> WirePacket:
+        """Return one segment of the end number `who`, 0 is the PLC's; its payload begins at a place."""
+        source, target = stream.ends[who], stream.ends[1 - who]
+        flow, other = stream.flows[who], stream.flows[1 - who]
+        at = flow.told if at < 0 else at
+        sequence = at + (1 if payload else stream.controls[who]) & 0xFFFFFFFF
+        seen = other.told + stream.controls[1 - who] & 0xFFFFFFFF
+        stream.controls[who] += 1 if flags & (SYN | FIN) else 0
+        window = WINDOW if who else max(0, WINDOW - (other.whole - other.taken))
+        head = _TCP(
+            source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, window, 0, 0
+        )
+        sent = None if stream.is_own else who == 0
+        if stream.begun_before:
+            remark = "; ".join(filter(None, (stream.begun_before, remark)))
+            stream.begun_before = ""
+        data = self._ip(TCP, source, target, head, 16, payload)
+        ns = self.wall_ns + call.at
+        return WirePacket(stream.owners, "", ns, data, len(payload), sent, flow, at, remark)
+
+    # -- files that go on -------------------------------------------------------------------------------
+
+    def standing(self) -> Iterator[tuple[str, int, Flow, int]]:
+        """Yield owner, handle, bytes to the PLC and the partner's end, if any, of each stream that stands."""
+        for handle, stream in self._streams.items():
+            if stream.stands:
+                yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)
+
+    def begin_file(self, now: int) -> Iterator[WirePacket]:
+        """Yield again what a new file needs of streams that go on: the bytes of jobs that are under way."""
+        for stream in self._streams.values():
+            if not stream.stands:
+                continue
+            ours, theirs = stream.flows
+            again = [bytes(ours.tail) if ours.is_part or ours.ends else b"", bytes(theirs.tail)]
+            again = [b"", b""] if stream.is_tls else again
+            out, come = (flow.told - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
+            stream.begun_before = (
+                f"begins in the middle: {come} bytes to the PLC and {out} from it came before"
+            )
+            if stream.is_tls:
+                stream.begun_before += "; TLS, ciphertext that cannot be opened here"
+            call = WireCall(now, stream.owners[0], "", 0, (), None, b"")
+            for who, at in ((1, come), (0, out)):
+                flow = stream.flows[who]
+                missing, unread = at - flow.job, flow.whole - flow.taken if who else 0
+                remark = f"repeated: {len(again[who])} bytes of a job that goes on"
+                remark += f", {unread} of them unread" if unread else ""
+                remark += f", {missing} before them are missing" if missing else ""
+                flow.told = at
+                yield from self._pieces(call, stream, who, at, again[who], remark)
+                flow.told += len(again[who])
+        for _, flow in self.flows.values():
+            for packet in (*flow.read, *flow.unread):
+                yield packet._replace(ns=self.wall_ns + now, remark="repeated: it came before")
+
+    # -- UDP --------------------------------------------------------------------------------------------
+
+    def _message(self, call: WireCall) -> Iterator[WirePacket]:
+        source, flow = call.args[0], self._ends_of(call)[1]
+        if isinstance(source, Endpoint):
+            sent = None if self._is_own(source) else False
+            flow.unread.append(self._datagram(call, source, self._own_end(call.handle, source), sent, flow))
+            yield flow.unread[-1]
+
+    def _datagram_out(self, call: WireCall) -> Iterator[WirePacket]:
+        target = call.args[-1] if call.args else None
+        if isinstance(target, Endpoint) and octets(target.address) and isinstance(call.answer, int):
+            sent, flow = None if self._is_own(target) else True, self._ends_of(call)[0]
+            yield self._datagram(call, self._own_end(call.handle, target), target, sent, flow)
+
+    def _ends_of(self, call: WireCall) -> tuple[Flow, Flow]:
+        return self.flows.get(call.handle) or self._keep(call.owner, call.handle, (Flow(), Flow()))
+
+    def _datagram(
+        self, call: WireCall, source: Endpoint, target: Endpoint, sent: bool | None, flow: Flow
+    ) -> WirePacket:
+        payload = call.data[:MOST_DATAGRAM]
+        head = _UDP(source.port, target.port, 8 + len(payload), 0)
+        data = self._ip(UDP, source, target, head, 6, payload)
+        at, flow.told = flow.told, flow.told + len(payload) + 1
+        return WirePacket((call.owner,), "", self.wall_ns + call.at, data, len(payload), sent, flow, at)
+
+    def _ip(
+        self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
+    ) -> bytes:
+        """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
+        ends = _octets(source.address) + _octets(target.address)
+        size = len(head) + len(payload)
+        inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
+        if protocol == UDP and not inner:
+            inner = 0xFFFF
+        head = head[:sum_at] + inner.to_bytes(2, "big") + head[sum_at + 2 :]
+        self._number = self._number + 1 & 0xFFFF
+        fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
+        outer = checksum(_IP(*fields, 0, ends[:4], ends[4:]))
+        return _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
+
+    # -- serial lines -----------------------------------------------------------------------------------
+
+    def _line_errors(self, call: WireCall) -> Iterator[WirePacket]:
+        """Yield an event for each error since the last look, MOST_ERRORS of a kind at most."""
+        counted = (
+            call.answer if isinstance(call.answer, tuple) and len(call.answer) == len(SERIAL_ERRORS) else None
+        )
+        before, ns = self._counted.get(call.owner, counted), self.wall_ns + call.at
+        if counted is None or before is None:
+            return
+        self._counted[call.owner] = counted
+        for event, had, has in zip(SERIAL_ERRORS, before, counted, strict=True):
+            head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
+            for _ in range(min(has - had, MOST_ERRORS)):
+                yield WirePacket((call.owner,), call.owner, ns, head, 0)
+
+    def _serial(self, call: WireCall) -> Iterator[WirePacket]:
+        if call.data:
+            ns, comes = self.wall_ns + call.at, call.call == "port read"
+            flow, at = self.newest.setdefault(call.owner, (Flow(), Flow()))[comes], 0
+            at, flow.told = flow.told, flow.told + len(call.data)
+            flow.ends.append((self.scan, flow.told))
+            head = _SERIAL(
+                ns // 10**9 & 0xFFFFFFFF,
+                ns % 10**9 // 1000,
+                SERIAL_RECEIVED if comes else SERIAL_SENT,
+                0,
+                0,
+            )
+            size = len(call.data)
+            yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)
+
+
+@lru_cache(1024)
+def _octets(address: str) -> bytes:
+    return bytes(octets(address) or (0, 0, 0, 0))
+
+
+def _is_reset(answer: object) -> bool:
+    return isinstance(answer, Fault) and not answer.injected and answer.error in RESETS
+
+
+def checksum(data: bytes) -> int:
+    """Return the Internet checksum: the sum of 16-bit words modulo 65535 is that of one large number."""
+    number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
+    rest = number % 0xFFFF
+    return 0xFFFF - (rest or (0xFFFF if number else 0))

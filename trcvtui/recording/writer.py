@@ -1,0 +1,297 @@
+"""Who writes a recording in a process of his own: fed by a pipe in the gaps, he never makes a scan wait.
+
+Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it, of whole blocks twice as
+many; what comes then is left out, and the journal says how much (`EntriesLost`).
+Rule 2: without the writer the bench goes on; `trouble` says in one line why nothing is recorded any more.
+Rule 3: the end of the pipe ends the writer, whoever was killed: what he has is written, the file is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from trcvtui import clock
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.recording.files import FileLimits, RecordTo
+from trcvtui.recording.journal import BlockWriter, EntriesLost, Entry
+from trcvtui.signals import OF_A_GROUP, leave
+
+if TYPE_CHECKING:
+    from subprocess import Popen
+
+LENGTH: Final = struct.Struct("<I")  # before each message; its bytes
+MOST_WAITING: Final = 64 << 20  # bytes
+PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
+READ_BYTES: Final = 1 << 20
+NICE: Final = 5  # the scans come first; 10 would starve it beside other programs
+SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
+POST_NS: Final = 200_000_000  # between two blocks that cross
+START: Final = "import sys; from trcvtui.replay.{} import {} as main; main(*sys.argv[1:])"
+# What such a process does.
+WRITER, STATE = ("follower", "writer_main"), ("follower", "state_main")
+JUDGE_RUN, JUDGE_FILES = ("doctor_process", "run_main"), ("doctor_process", "files_main")
+
+
+class WriterProcess:
+    """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
+
+    def __init__(
+        self, path: Path, record: RecordTo, waits: bool = True, main: tuple[str, str] = WRITER
+    ) -> None:
+        self.trouble = ""
+        self.path = path
+        self.is_over = False  # after `finish`: the file is whole, or `trouble` says why not
+        self._is_finishing = False
+        self._block = BlockWriter(0)
+        self._waiting: deque[memoryview] = deque()
+        self._waiting_bytes = self._lost = 0
+        self._posted_at = clock.now_ns()
+        self._process = _started(path, record, main)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._stdin, self._answers = self._process.stdin, self._process.stdout
+        self._is_told = True  # has he said whether he can write
+        refused = self._answers.readline() if waits else b"\n"
+        if refused != b"\n":
+            self._end()
+            raise _refusal(refused, path)
+        self._is_told = waits
+        self._pipe = self._stdin.fileno()
+        _enlarge(self._pipe)
+        if sys.platform != "win32":
+            os.set_blocking(self._pipe, False)
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid
+
+    @property
+    def is_behind(self) -> bool:
+        """Return whether something waits for the pipe."""
+        return bool(self._waiting)
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order; write as much as the pipe takes at once."""
+        if self.trouble:
+            return
+        if self._waiting_bytes > MOST_WAITING:
+            self._lost += len(list(entries))
+        else:
+            if self._lost:
+                self._block.take(EntriesLost(self._lost, "the writer could not follow"))
+                self._lost = 0
+            for entry in entries:
+                self._block.take(entry)
+        self.go_on()
+
+    def put(self, block: bytes, entries: int = 0) -> None:
+        """Take a block that somebody else has made, of so many entries; leave it out where too much waits."""
+        if self.trouble:
+            return
+        if self._waiting_bytes > 2 * MOST_WAITING:
+            self._lost += entries
+            return
+        if self._lost:
+            self._block.take(EntriesLost(self._lost, "the writer could not follow"))
+            self._lost = 0
+            self.post()
+        self._append(block)
+
+    def _append(self, block: bytes) -> None:
+        self._waiting += memoryview(LENGTH.pack(len(block))), memoryview(block)
+        self._waiting_bytes += LENGTH.size + len(block)
+
+    def finish(self) -> None:
+        """Let the file end as soon as all has crossed; `go_on` finds out when it has."""
+        self._is_finishing = True
+
+    def go_on(self) -> None:
+        """Write what waits, as much as the pipe takes."""
+        now = clock.now_ns()
+        if not self._is_finishing and (now > self._posted_at + POST_NS or self._block.is_full):
+            self._posted_at = now
+            self.post()
+        self._cross()
+        if self._is_finishing and not self._waiting and not self.is_over:
+            with suppress(OSError):
+                self._stdin.close()
+            if self._process.poll() is not None:
+                self.is_over = True
+                said = self._end()
+                self.trouble = self.trouble or ("" if said == b"\n" else str(_refusal(said, self.path)))
+
+    def _cross(self) -> None:
+        try:
+            while self._waiting:
+                first = self._waiting[0]
+                written = os.write(self._pipe, first)
+                self._waiting_bytes -= written
+                if written < len(first):
+                    self._waiting[0] = first[written:]
+                else:
+                    self._waiting.popleft()
+        except BlockingIOError:
+            return
+        except OSError:
+            self._lose_writer()
+
+    def post(self) -> None:
+        """Let the entries up to here cross as one block."""
+        block, self._block = self._block.block(), BlockWriter(0)
+        self._append(block)
+
+    def _lose_writer(self) -> None:
+        """Find out why the writer is gone."""
+        self._waiting.clear()
+        self._waiting_bytes = 0
+        said = self._said()  # he has closed both pipes
+        why = str(_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
+        self.trouble = f"{why}; nothing more is recorded"
+
+    def close(self) -> None:
+        """Write what is left, and end the file."""
+        if self.is_over:
+            return
+        if not self.trouble and not self._stdin.closed:
+            os.set_blocking(self._pipe, True)
+            self._posted_at = 0
+            self.go_on()
+        said = self._end()
+        if not self.trouble and said != b"\n":
+            self.trouble = str(_refusal(said, self.path))
+
+    def kill(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        if not self._answers.closed:
+            self._end()
+
+    def _end(self) -> bytes:
+        """Let the process end; return his last line."""
+        with suppress(OSError):
+            self._stdin.close()
+        with self._answers:
+            said = self._said()
+        self._process.wait()
+        return said
+
+    def _said(self) -> bytes:
+        """Return what he says last; where nobody has asked before, he says first that he can write."""
+        said = self._answers.readline()
+        if not self._is_told and said == b"\n":
+            said = self._answers.readline()
+        return said
+
+
+def _started(path: Path, record: RecordTo, main: tuple[str, str]) -> Popen[bytes]:
+    import subprocess  # a run that nobody records waits for none of it
+
+    asked = str(record.target), record.overwrite, record.has_secrets, record.limits
+    words = [sys.executable, "-P", "-c", START.format(*main), str(path), json.dumps(asked)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    pipe, null = subprocess.PIPE, subprocess.DEVNULL
+    return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
+
+
+def _enlarge(pipe: int) -> None:
+    try:
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    except (ImportError, AttributeError, OSError):
+        return  # not every system has it; a user may have only so much
+
+
+def _refusal(line: bytes, path: Path) -> UserError:
+    where, found, expected = (*line.decode(errors="replace").rstrip("\n").split("\t"), "", "")[:3]
+    if not found:
+        return mistake(str(path), "no writer", "a process that writes the recording")
+    return mistake(where, found, expected)
+
+
+# -- the other process -------------------------------------------------------------------------------------
+
+
+class BlockSink(Protocol):
+    """A sink of whole blocks, with work of its own while nothing comes."""
+
+    def take_block(self, block: bytes) -> None:
+        """Write the entries of a block."""
+        ...
+
+    def go_on(self, until: int) -> bool:
+        """Work until this moment of the clock; return whether there is more to do."""
+        ...
+
+    def close(self) -> None:
+        """End the file."""
+        ...
+
+
+def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> None:
+    """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
+    leave(OF_A_GROUP)  # they end the run, and its pipe ends us
+    target, overwrite, has_secrets, limits = json.loads(asked)
+    with suppress(AttributeError, OSError):
+        os.nice(NICE)
+    try:
+        record = RecordTo(Path(target), overwrite, has_secrets, FileLimits(*limits) if limits else None)
+        writer = sink(record)
+        _say("")
+        try:
+            for message in _messages(writer.go_on):
+                writer.take_block(message)
+        finally:
+            writer.close()
+        _say("")
+    except UserError as wrong:
+        problem = wrong.problems[0]
+        _say("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
+    except OSError as failed:
+        _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
+
+
+def _read(idle: Callable[[int], bool]) -> bytes:
+    if sys.platform == "win32":  # a pipe of it always makes us wait
+        idle(clock.now_ns() + SLICE_NS)
+        return os.read(0, READ_BYTES)
+    os.set_blocking(0, False)
+    try:
+        while True:
+            with suppress(BlockingIOError):
+                return os.read(0, READ_BYTES)
+            if not idle(clock.now_ns() + SLICE_NS):
+                break
+    finally:
+        os.set_blocking(0, True)
+    return os.read(0, READ_BYTES)
+
+
+def _say(line: str) -> None:
+    try:
+        os.write(1, f"{line}\n".encode())
+    except OSError:
+        return  # nobody is left to hear it
+
+
+def _messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
+    """Yield what comes; while nothing does, `idle` works until a moment of the clock, if it has work."""
+    waiting = bytearray()
+    while read := _read(idle):
+        waiting += read
+        at = 0
+        while len(waiting) >= at + LENGTH.size:
+            end = at + LENGTH.size + LENGTH.unpack_from(waiting, at)[0]
+            if len(waiting) < end:
+                break
+            yield bytes(waiting[at + LENGTH.size : end])
+            at = end
+        del waiting[:at]

@@ -1,0 +1,116 @@
+"""The replay of a recording in a process of its own, and its end at the screen's side."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from contextlib import closing, suppress
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui import clock
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.update_pipe import UpdatePipe
+from trcvtui.errors import UserError, mistake
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.project.tables import shown
+from trcvtui.replay.survey import END, FIRST, read_at
+from trcvtui.signals import OF_A_TERMINAL, leave
+from trcvtui.udt.literals import format_time
+
+if TYPE_CHECKING:
+    from trcvtui.replay.time_line import TimeLine
+
+SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
+PLAY_S: Final = 0.02  # between two looks at the clock while it plays
+
+
+class ReplayDriver(EngineDriver):
+    """The replay of a recording in a process of its own; `at` says where it opens, None: the first to see."""
+
+    def __init__(self, path: Path, at: str | None) -> None:
+        if at is not None:
+            read_at(at, "--at")  # found out here, where there is no screen yet
+        self._recording = path, at
+        super().__init__(path, "replay")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return replay_main, self._recording
+
+
+def replay_main(channel: Channel, path: Path, at: str | None) -> None:
+    serve_screen(channel, lambda: opened(path, at))
+
+
+def opened(path: Path, at: str | None) -> TimeLine:
+    """Return the replay at `at`; raise UserError where the recording has no such scan."""
+    from trcvtui.recording.journal import STEP, Answered
+    from trcvtui.recording.recording import Recording
+    from trcvtui.replay.time_line import TimeLine  # the screen's side needs none of it
+
+    recording, to = Recording(path), FIRST if at is None else read_at(at, "--at")
+    line = TimeLine(recording, str(path), to)
+    if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.index():
+        return line
+    last, ns = line.survey.passed + recording.index()[-1].scans, recording.index()[-1].ns
+    for entry in recording.entries(len(recording.index()) - 1):
+        if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
+            last, ns = last + 1, entry.answer
+    first = line.survey.first + 1
+    if first <= to <= last if isinstance(to, int) else to[1] <= ns:
+        return line
+    expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}: {path} has no more"
+    raise mistake("--at", shown(at), expected)
+
+
+def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
+    """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
+
+    def run() -> None:
+        with closing(begin()) as time_line:
+            channel.send(time_line.controller.bench.project)
+            _serve(channel, time_line)
+
+    serve_until_gone(channel, run)
+
+
+def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
+    """Run until the screen is gone; tell it what is wrong."""
+    gc.freeze()
+    leave(OF_A_TERMINAL)  # they belong to the screen
+    try:
+        try:
+            run()
+        except UserError as wrong:
+            channel.send(wrong)
+        except (EOFError, OSError):
+            raise
+        except Exception as error:
+            from trcvtui.bench.error_report import trace_of
+
+            channel.send(trace_of(error))
+    except (EOFError, OSError):
+        return  # the screen is gone
+
+
+def _serve(channel: Channel, time_line: TimeLine) -> None:
+    from trcvtui.replay.run_again import restored_state
+
+    pipe, request, is_busy = UpdatePipe(channel), None, True
+    while True:
+        waits = 0.0 if is_busy else PLAY_S if time_line.plays or pipe.is_busy() else None
+        while channel.poll(waits):
+            message, waits = channel.recv(), 0.0
+            if isinstance(message, UpdateRequest):
+                request = message
+            else:
+                time_line.take(*message)
+        with restored_state(time_line.controller.run.is_restored, time_line.where):
+            is_busy = time_line.work(clock.now_ns() + SLICE_NS)
+            if request is not None and not pipe.is_busy():
+                pipe.begin(time_line.collect(request))
+                request = None
+        if pipe.is_busy():
+            with suppress(BlockingIOError):
+                pipe.go_on(clock.now_ns() + SLICE_NS)

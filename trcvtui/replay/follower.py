@@ -1,0 +1,237 @@
+"""A run beside its writer: it runs again on the entries as they come, and its state becomes keyframes.
+
+Rule 1: the entries are written first; a run that cannot follow is given up, and only keyframes are missing.
+Rule 2: a keyframe is due each SPACING_NS of the run, and at the beginning of a file that begins in
+the middle.
+Bound: MOST_WAITING bytes of blocks wait for it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from trcvtui import clock
+from trcvtui.recording.files import FileSink
+from trcvtui.recording.journal import (
+    STEP,
+    Answered,
+    BesideJournal,
+    Entry,
+    Keyframe,
+    RunBegins,
+    entries_of,
+    value_bytes,
+)
+from trcvtui.recording.state import Shared, state_of
+from trcvtui.recording.writer import write_all
+from trcvtui.replay.keyframes import PlaceInJournal, restored
+from trcvtui.replay.run_again import RunAgain
+
+SPACING_NS: Final = 30_000_000_000
+MOST_WAITING: Final = 64 << 20  # bytes
+MOST_LAZY: Final = 100_000  # entries
+NEVER: Final = 1 << 62
+PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is to be closed
+
+
+class _Coming(PlaceInJournal):
+    """The entries of a journal as they come; it knows where it is."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._waiting: deque[Entry] = deque()
+        self.steps_ahead = self.now = 0
+        self.begins: RunBegins | None = None
+        self._has_begun = False
+        self.frame: Keyframe | None = None  # where the run begins, of a journal that begins in the middle
+
+    def put(self, entries: Iterable[Entry]) -> None:
+        """Append entries."""
+        for entry in entries:
+            if isinstance(entry, Keyframe) and self.begins is not None and not self.steps_ahead:
+                self.frame = entry
+                self._waiting.clear()
+                self.beyond = 0
+            elif isinstance(entry, BesideJournal) or self._is_before_frame(entry):
+                continue
+            else:
+                if isinstance(entry, RunBegins):
+                    self.begins = entry
+                self._waiting.append(entry)
+                if type(entry) is Answered and entry.call == STEP and isinstance(entry.answer, int):
+                    self.steps_ahead += 1
+                    self.now = entry.answer
+
+    def _is_before_frame(self, entry: Entry) -> bool:
+        """Return whether an entry stands before the keyframe where the run begins, and count it."""
+        if self.frame is None or self._has_begun:
+            return False
+        if (self.steps, self.beyond) == (self.frame.steps, self.frame.beyond):
+            self._has_begun = True
+            return False
+        self.pass_entry(entry)
+        return True
+
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._waiting)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return self
+
+    def __next__(self) -> Entry:
+        if not self._waiting:
+            raise StopIteration
+        entry = self._waiting.popleft()
+        self.steps_ahead -= self.pass_entry(entry)
+        return entry
+
+
+class Followed:
+    """A sink and the run beside it; `go_on` lets that run as far as it may."""
+
+    def __init__(self, sink: FileSink, where: str) -> None:
+        self._sink, self._where = sink, where
+        self._coming = _Coming()
+        self._blocks: deque[bytes] = deque()  # that are not taken apart yet
+        self._waiting = 0
+        self._run: RunAgain | None = None
+        self._shared: Shared | None = None
+        self._is_off = False
+        self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
+
+    @property
+    def trouble(self) -> str:
+        """Return why nothing more is written, or ""."""
+        return self._sink.trouble
+
+    def take_block(self, block: bytes) -> None:
+        """Write the entries of a block; the run takes them when it comes to them."""
+        self._sink.take(entries_of([block], self._where))
+        if not self._is_off:
+            self._blocks.append(block)
+            self._waiting += len(block)
+            if self._waiting > MOST_WAITING:
+                self._give_up()
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
+        some = [*entries]
+        self._sink.take(some)
+        if not self._is_off:
+            self._coming.put(some)
+            if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
+                self.go_on(NEVER)
+
+    def close(self) -> None:
+        """End the file; one that begins in the middle waits a while for its first keyframe."""
+        if self._sink.first_scan != self._file:
+            self.go_on(clock.now_ns() + PATIENCE_NS)
+        self._give_up()
+        self._sink.close()
+
+    def _give_up(self) -> None:
+        self._is_off = True
+        self._blocks.clear()
+        self._run, self._coming = None, _Coming()
+
+    def go_on(self, until: int) -> bool:
+        """Let the run follow until this moment of the clock; return whether there is more to do."""
+        while not self._is_off:
+            if self._coming.steps_ahead < 2:  # a scan may ask for all up to the next one
+                if not self._blocks:
+                    return False
+                block = self._blocks.popleft()
+                self._waiting -= len(block)
+                self._coming.put(entries_of([block], self._where))
+                continue
+            self._follow()
+            if until < NEVER and clock.now_ns() >= until:
+                return True
+        return False
+
+    def _follow(self) -> None:
+        """Let one scan run again; whatever is wrong with that is no matter of the writer's."""
+        try:
+            run = self._run or self._begun()
+            if not run.scan():
+                self._give_up()
+                return
+            self._keep(run)
+        except Exception:  # a replay of the file says what it is
+            self._give_up()
+
+    def _begun(self) -> RunAgain:
+        frame, begins = self._coming.frame, self._coming.begins
+        if frame is None or begins is None:
+            self._run = RunAgain(self._coming, self._where)
+            self._shared = Shared(self._run.roots)
+        else:
+            self._run, self._shared = restored(frame, begins, self._where)
+            self._run.replay.entries = self._coming
+        return self._run
+
+    def _keep(self, run: RunAgain) -> None:
+        scan, ns, first = run.bench.runtime.scans, run.bench.now, self._sink.first_scan
+        is_new = first != self._file
+        if scan < first or not (is_new or ns >= self._kept_at + SPACING_NS):
+            return
+        run.replay.coming()
+        if scan == first and self._coming.beyond:  # what comes next stands in the file before
+            return
+        self._kept_at, self._file = ns, first
+        self._write_state(run)
+
+    def _write_state(self, run: RunAgain) -> None:
+        assert self._shared is not None
+        place = self._coming.steps, self._coming.beyond
+        state = state_of(run, self._shared)
+        self._sink.keyframe(Keyframe.of(run.bench.runtime.scans, run.bench.now, *place, state))
+
+
+class LastKeyframe:
+    """A file with the last state of what it is given, and nothing else."""
+
+    trouble = ""
+    first_scan = 0
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._frame: Keyframe | None = None
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Do nothing: the run beside it takes them."""
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Keep it in place of the one before."""
+        self._frame = frame
+
+    def close(self) -> None:
+        """Write it."""
+        if self._frame is not None:
+            with open(self._path, "wb") as file:
+                file.write(value_bytes(self._frame))
+
+
+class _ToTheEnd(Followed):
+    """A run that has the time to come to the end of its entries."""
+
+    def close(self) -> None:
+        """Let it run, and end the file with its last state."""
+        self.go_on(NEVER)
+        if self._run is not None:
+            self._write_state(self._run)
+        super().close()
+
+
+def writer_main(path: str, asked: str) -> None:
+    """Be the process that writes a recording (recording/writer.py)."""
+    write_all(asked, lambda record: Followed(record.file_sink(Path(path)), path), path)
+
+
+def state_main(path: str, asked: str) -> None:
+    """Be a process that writes the last state of a run."""
+    write_all(asked, lambda _: _ToTheEnd(LastKeyframe(path), path), path)

@@ -1,0 +1,327 @@
+"""What a recording knows beside its packets: what the instances expect, and what its program did wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.table import block_row
+from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
+from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
+from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
+from trcvtui.errors import UserError
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
+from trcvtui.net.kernel import PathInfo
+from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.project.project import Project
+from trcvtui.recording.arrivals import ARRIVED
+from trcvtui.recording.journal import GAP, STEP, Answered, Entry
+from trcvtui.recording.recording import Recording
+from trcvtui.replay.keyframes import Keyframes
+from trcvtui.replay.run_again import RunAgain, restored_state
+from trcvtui.replay.what_if import WhatIf
+
+LARGER: Final = "larger than LEN or DATA"
+HAS_ARRIVED, PATH = GAP + ARRIVED, GAP + "path"
+SECOND: Final = 1_000_000_000
+GROWING: Final = 4  # seconds, one after the other
+RECENT_S: Final = 10
+GOOD_JOBS: Final = 2
+SILENT_MS: Final = 2000  # without an ACK
+MOST_SCANS: Final = 1_000_000
+PassScan = Callable[[RunAgain, int], bool]
+
+
+class _Stack:
+    """What waits in the stack of each CONNECT, as the gaps of a run ask: the least of each second."""
+
+    def __init__(self, run: RunAgain) -> None:
+        self._run = run
+        self._least: dict[str, dict[int, int]] = {}
+        self._read: dict[str, set[int]] = {}
+        self._unread: dict[int, tuple[str, int]] = {}  # of each handle: owner, bytes
+        self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # of each second
+        run.replay.entries = self._noted(run.replay.entries)
+
+    def _noted(self, entries: Iterator[Entry]) -> Iterator[Entry]:
+        for entry in entries:
+            if isinstance(entry, Answered):
+                self._count(entry)
+            if isinstance(entry, Answered) and entry.call == PATH and isinstance(entry.answer, PathInfo):
+                second = self._run.bench.now // SECOND
+                self._paths.setdefault(entry.owner, []).append((second, entry.answer))
+            yield entry
+
+    def _count(self, entry: Answered) -> None:
+        """Take what came to a handle and what was read of it; each scan, what is left."""
+        match entry:
+            case Answered(_, call, _, int(now)) if call == STEP:
+                for owner, unread in self._unread.values():
+                    known = self._least.setdefault(owner, {})
+                    known[now // SECOND] = min(known.get(now // SECOND, unread), unread)
+            case Answered(owner, call, (int(handle), _, int(unread), _)) if call == HAS_ARRIVED:
+                self._unread[handle] = owner, unread
+            case Answered(owner, "recv", (int(handle), *_), (_, bytes(data))):
+                self._unread[handle] = owner, max(0, self._unread.get(handle, (owner, 0))[1] - len(data))
+            case Answered(_, "close" | "abort", (int(handle),)):
+                self._unread.pop(handle, None)
+
+    def read(self, connect: str, t_ns: int) -> None:
+        self._read.setdefault(connect, set()).add(t_ns // SECOND)
+
+    def forget_before(self, second: int) -> None:
+        """Forget what was long ago."""
+        for least in self._least.values():
+            for old in [each for each in least if each < second]:
+                del least[old]
+        for connect, paths in self._paths.items():
+            self._paths[connect] = [each for each in paths if each[0] >= second]
+
+    def floods(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT for which more waits each second although jobs run: since when, for how long."""
+        for connect, least in self._least.items():
+            read = self._read.get(connect, set())
+            since, run = 0, 0
+            for before, second in pairwise(sorted(least)):
+                grows = least[second] > least[before] and second in read and second == before + 1
+                since, run = (since or second, run + 1) if grows else (0, 0)
+                if run == GROWING:
+                    yield connect, since, sum(least[s] > least[s - 1] for s in least if s - 1 in least)
+                    break
+
+    def not_reading(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes wait and no job reads: since when, for how long."""
+        for connect, least in self._least.items():
+            read = self._read.get(connect, set())
+            waiting = [second for second in sorted(least) if least[second] and second not in read]
+            yield from ((connect, *run) for run in _long_runs(waiting))
+
+    def partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes wait to leave, and what has left is acknowledged."""
+        for connect, paths in self._paths.items():
+            waiting = [second for second, path in paths if path.unsent and not path.unacked]
+            yield from ((connect, *run) for run in _long_runs(waiting))
+
+    def dead_links(self) -> Iterator[tuple[str, int, int]]:
+        """Yield each CONNECT on which bytes have left, and nothing comes back."""
+        for connect, paths in self._paths.items():
+            silent = [second for second, path in paths if path.unacked and path.last_ack_ms >= SILENT_MS]
+            yield from ((connect, *run) for run in _long_runs(silent))
+
+
+def _long_runs(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
+    best, since, length = (0, 0), 0, 0
+    for second in seconds:
+        since, length = (since, length + 1) if second == since + length and length else (second, 1)
+        best = max(best, (length, since))
+    if best[0] >= GROWING:
+        yield best[1], best[0]
+
+
+def recorded_facts(
+    path: str, sets: Sequence[str] = (), is_running: bool = False, pass_scan: PassScan | None = None
+) -> RecordedFacts | None:
+    """Return what a recording of ours knows; None: it is none, or it cannot run.
+
+    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
+    that goes on the pins of now count: a remedy that was applied is no fault any more. `pass_scan`
+    lets a scan pass, and is told the last one.
+    """
+    try:
+        recording = Recording(Path(path))
+        keyframes = Keyframes(recording, path)
+    except UserError:
+        return None
+    if sets:
+        what_if = WhatIf(keyframes, sets, None)
+        return _facts_of(what_if.recorded_run, what_if.what_if, what_if.scan, what_if.project, what_if.pins)
+    try:
+        run = keyframes.begin()
+        last = keyframes.offset + max([place.scans for place in recording.index()], default=0)
+        scan = run.scan if pass_scan is None else partial(pass_scan, run, last)
+        with restored_state(run.is_restored, path):
+            return _facts_of(run, run.bench, scan, run.bench.project, is_running=is_running)
+    except UserError:
+        return None
+
+
+def _facts_of(
+    run: RunAgain,
+    bench: Bench,
+    scan: Callable[[], bool],
+    project: Project,
+    held: HeldPins = NO_PINS,
+    is_running: bool = False,
+) -> RecordedFacts:
+    facts = _RunFacts(run, bench, project)
+    facts.take_all(scan)
+    now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
+    pins = now if is_running else None
+    receivers = receivers_of(project, held, pins)
+    receivers = tuple([facts.as_called(one, is_running) for one in receivers])
+    until_ns = facts.wall_ns + bench.now
+    return RecordedFacts(
+        receivers,
+        facts.by_ends,
+        facts.harms,
+        facts.troubles(is_running),
+        until_ns,
+        lint(project, pins),
+        is_running,
+    )
+
+
+class _RunFacts:
+    """What a run tells beside its packets, while it runs again.
+
+    `by_ends`: its CONNECTs by the ends that their sockets had, as KnownEnds has them. `harms`: when (UTC) a
+    block of each CONNECT showed an ERROR, or lost a job.
+    """
+
+    def __init__(self, run: RunAgain, bench: Bench, project: Project) -> None:
+        self.wall_ns = run.begins.wall_ns
+        self.by_ends: dict[tuple[int, str], str] = {}
+        self.harms: dict[str, list[int]] = {}
+        self._bench, self._stack = bench, _Stack(run)
+        self._found: dict[tuple[str, str], JobTrouble] = {}
+        self._jobs: dict[str, JobStarted] = {}  # the first of each instance
+        self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
+        self._changed: dict[str, int] = {}  # and last
+        self._done = Counter[str]()  # jobs of each CONNECT
+        self._done_then: dict[tuple[str, str], int] = {}  # when a trouble was told last
+        self._rose: dict[str, int] = {}  # in which scan REQ or EN_R of an instance rose last
+        self._sends, self._stopped = set[str](), set[str]()
+        self._dropped: dict[tuple[str, int], tuple[int, int]] = {}
+        self._streams = {each.name for each in project.connects if not each.is_message_oriented}
+        self._datagrams = {each.name for each in project.connects if each.is_datagram}
+        self._connects = {each.name: each.connect for each in project.instances}
+        rows = [(each, block_row(each.block)) for each in project.instances]
+        self._takers = {each.connect: each.name for each, row in rows if row.receives}
+        self._senders = {each.connect: each.name for each, row in rows if row.sends}
+        for link in bench.runtime.snapshot().connections:  # of a run that was on its way already
+            self._take_ends(link.name, link.local, link.remote)
+
+    def take_all(self, pass_scan: Callable[[], bool]) -> None:
+        """Let the run pass to its end."""
+        ledger, seq = self._bench.runtime.ledger, 0
+        try:
+            while pass_scan() and self._bench.runtime.scans < MOST_SCANS:
+                if ledger.last_seq != seq:
+                    news, seq = ledger.stamped_since(seq), ledger.last_seq
+                    for scan, t_ns, event in news:
+                        self._take(scan, t_ns, event)
+        except UserError:
+            pass  # the recording ends here
+
+    def _take(self, scan: int, t_ns: int, event: object) -> None:
+        match event:
+            case InputEdge(instance, "REQ" | "EN_R" as pin, value) if value:
+                if pin == "REQ" and instance in self._sends:
+                    self._tell("request-too-fast", instance, scan, t_ns)
+                self._rose[instance] = scan
+            case InputEdge(instance, "LEN" | "ADHOC") if instance in self._jobs:
+                self._changed[instance] = self.wall_ns + t_ns
+                self._until.setdefault(instance, self.wall_ns + t_ns)
+            case ConnectionChanged():
+                self._take_ends(event.connection, event.local, event.peer)
+                if event.what is What.CONNECTED:
+                    self._done_then["shifted", event.connection] = -GOOD_JOBS
+            case BytesReceived():
+                self._stack.read(event.connection, t_ns)
+            case SendStarted():
+                self._sends.add(event.instance)
+            case SendEnded():
+                self._sends.discard(event.instance)
+            case StatusEdge() if event.outputs.error:
+                self._take_error(event.instance, Condition(event.condition), scan, t_ns)
+            case BytesDropped(connection, _, _, _, reason) if reason == LARGER:
+                self._tell("datagram-size", self._takers.get(connection, connection), scan, t_ns)
+            case BytesDropped() if event.offset >= 0:
+                self._dropped[event.connection, event.incarnation] = scan, t_ns
+            case JobStarted():
+                self._take_job(event)
+        if isinstance(event, SendEnded | JobEnded) and event.done:
+            self._done[event.connection] += 1
+        elif isinstance(event, SendEnded | JobEnded) and event.size:
+            self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
+
+    def _take_ends(self, connect: str, local: str, peer: str) -> None:
+        """Take the ends of a socket, "" where one is not known."""
+        port = int(local.rpartition(":")[2] or 0)
+        for pair in ((port, peer), (port, ""), (0, peer)):
+            if pair != (0, ""):
+                self.by_ends.setdefault(pair, connect)
+
+    def _take_error(self, instance: str, condition: Condition, scan: int, t_ns: int) -> None:
+        self.harms.setdefault(self._connects.get(instance, ""), []).append(self.wall_ns + t_ns)
+        if condition is Condition.INTERNAL_FAULT:
+            self._stopped.add(instance)  # what it leaves undone is no fault of the line
+        elif condition is Condition.LINK_DEAD:
+            self._tell("dead-link", instance, scan, t_ns)
+        elif condition is Condition.MESSAGE_TOO_LONG and self._connects.get(instance) in self._datagrams:
+            self._tell("datagram-size", instance, scan, t_ns)
+        elif condition is Condition.NOT_CONNECTED:
+            # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
+            is_asked = (
+                instance not in self._takers.values() or scan - self._rose.get(instance, -2) <= 1 < scan
+            )
+            if is_asked:
+                self._tell("not-connected-request", instance, scan, t_ns)
+
+    def _take_job(self, started: JobStarted) -> None:
+        self._jobs.setdefault(started.instance, started)
+        lost = self._dropped.pop((started.connection, started.incarnation), None)
+        if lost is not None and started.connection in self._streams and not started.adhoc:
+            self._tell("shifted", started.instance, *lost)
+
+    def _tell(self, cause: str, instance: str, scan: int, t_ns: int) -> None:
+        connect = self._connects.get(instance, instance)
+        known = self._found.get((cause, connect))
+        first = known or JobTrouble(cause, instance, connect, scan, self.wall_ns + t_ns, 0)
+        self._found[cause, connect] = first._replace(times=first.times + 1)
+        # Jobs that begin inside messages end well, too: a new connection alone lets them begin anew.
+        self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
+
+    def as_called(self, receiver: Receiver, is_running: bool) -> Receiver:
+        """Return a receiver with the length and kind of its first job, and until when these stayed."""
+        job = self._jobs.get(receiver.instance)
+        if is_running:  # the pieces that static jobs took are none of an ad-hoc one
+            return receiver._replace(
+                since_ns=self._changed.get(receiver.instance, 0) if receiver.adhoc else 0
+            )
+        if job is None or not receiver.need:
+            return receiver
+        until_ns = self._until.get(receiver.instance, NEVER_NS)
+        return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
+
+    def troubles(self, is_running: bool) -> tuple[JobTrouble, ...]:
+        """Return what the program did wrong, and what the stack of a CONNECT shows for long.
+
+        In a run that goes on, a trouble is over after two good jobs, and the stack counts of late alone.
+        """
+        if is_running:
+            then = self._done_then
+            over = [key for key in self._found if self._done[key[1]] - then[key] >= GOOD_JOBS]
+            for key in over:
+                del self._found[key]
+            self._stack.forget_before(self._bench.now // SECOND - RECENT_S)
+        for cause, blocks, some in (
+            ("flood", self._takers, self._stack.floods()),
+            ("plc-not-reading", self._takers, self._stack.not_reading()),
+            ("partner-not-reading", self._senders, self._stack.partner_not_reading()),
+            ("dead-link", self._senders, self._stack.dead_links()),
+        ):
+            for connect, since, seconds in some:
+                if connect in blocks:
+                    scan = since * SECOND // self._bench.runtime.interval_ns + 1
+                    at = self.wall_ns + since * SECOND
+                    trouble = JobTrouble(cause, blocks[connect], connect, scan, at, seconds)
+                    self._found[cause, connect] = trouble
+        return tuple([one for one in self._found.values() if one.instance not in self._stopped])

@@ -1,0 +1,201 @@
+"""Keyframes of a run: its whole state at some scans, and the run from there.
+
+Rule: what belongs to the program or to the project stays one object, before and after.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from typing import Final, Protocol, TypeVar, cast
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead
+from trcvtui.project.project import Project
+from trcvtui.recording.journal import STEP, Answered, Entry, Keyframe, RunBegins
+from trcvtui.recording.recording import BlockPlace
+from trcvtui.recording.replay import Replay
+from trcvtui.recording.state import NOTHING_ELSE, Instead, Shared, from_state, state_of
+from trcvtui.replay.run_again import Roots, RunAgain, declared
+
+OtherRun = TypeVar("OtherRun", bound=RunAgain)
+SPACING: Final = 2_000  # scans from one to the next, at first
+MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
+
+
+class Journal(Protocol):
+    """What a run is made of: its entries from a block on, and where its blocks stand."""
+
+    def entries(self, first: int = 0) -> Iterator[Entry]:
+        """Yield the entries from this block on."""
+        ...
+
+    def index(self) -> Sequence[BlockPlace]:
+        """Return where the blocks stand."""
+        ...
+
+    def keyframes(self) -> Sequence[BlockPlace]:
+        """Return where the keyframes stand, in the order of their scans."""
+        ...
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        """Return a keyframe; raise UserError."""
+        ...
+
+
+class PlaceInJournal:
+    """How many scans have begun, and how many entries came since: a keyframe says where the run goes on."""
+
+    def __init__(self) -> None:
+        self.steps = self.beyond = 0
+
+    def pass_entry(self, entry: Entry) -> bool:
+        """Go past an entry; return whether it begins a scan."""
+        if type(entry) is Answered and entry.call == STEP:
+            self.steps, self.beyond = self.steps + 1, 0
+            return True
+        self.beyond += 1
+        return False
+
+
+class EntriesFrom(PlaceInJournal):
+    """The entries of a journal from a place on; it knows where it is. No such place: raise StopIteration."""
+
+    def __init__(self, journal: Journal, steps: int = 0, beyond: int = 0) -> None:
+        super().__init__()
+        first = 0
+        if steps:  # the last block before that scan begins
+            before = bisect_right(journal.index(), steps - 1, key=lambda row: row.scans)
+            first = max(0, before - 1)
+            self.steps = journal.index()[first].scans if first else 0
+        self._entries = journal.entries(first)
+        while self.steps < steps or self.beyond < beyond:
+            next(self)
+
+    def __iter__(self) -> EntriesFrom:
+        return self
+
+    def __next__(self) -> Entry:
+        entry = next(self._entries)
+        self.pass_entry(entry)
+        return entry
+
+
+class Keyframes:
+    """Where a run can go on: the keyframes of its journal, and those that were kept here."""
+
+    def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
+        self._journal, self._where = journal, where
+        first = Replay(journal.entries(), where)
+        if first.begins is None:
+            raise mistake(where, "a journal without its beginning", "one that begins with a run")
+        self._roots = (
+            declared(first.begins, first.files) if project is None else (first.begins, None, project)
+        )
+        self._shared = Shared(self._roots)
+        self._scans: list[int] = []
+        self._kept: list[Keyframe] = []
+        self._size = 0
+        self._spacing = SPACING
+        self._places = [*journal.keyframes()]
+        self.first = 0  # the last scan that cannot run: no keyframe is before it
+        self.offset = 0  # the last scan of the run before the journal begins
+        if first.is_in_the_middle and self._places:
+            frame = journal.keyframe(self._places[0])
+            self.first = frame.scan
+            self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
+
+    @property
+    def roots(self) -> Roots:
+        """Return what the run is made of."""
+        return self._roots
+
+    def begin(self) -> RunAgain:
+        """Return the run before its first scan, or at the first keyframe of a file without that."""
+        return self.run_at(self.first)
+
+    def beside(self, kind: type[OtherRun], seam: Replay) -> OtherRun:
+        """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
+        frame = self._journal.keyframe(self._places[0])
+        instead: Instead = {RunAgain: lambda: kind.__new__(kind), Replay: lambda: seam}
+        return cast(OtherRun, _run_of(frame, self._shared, self._where, instead))
+
+    def entries(self) -> Iterator[Entry]:
+        """Yield what there is from where the run begins on."""
+        if not self.first:
+            return self._journal.entries()
+        replay = self.begin().replay
+        return chain(() if replay.front is None else (replay.front,), replay.entries)
+
+    def seen(self, run: RunAgain) -> None:
+        """Keep the state of a run after a scan, where one is due."""
+        scan = run.bench.runtime.scans
+        if scan % self._spacing == 0 and self.before(scan) + self._spacing <= scan:
+            self._keep(scan, run)
+
+    def _keep(self, scan: int, run: RunAgain) -> None:
+        entries = run.replay.entries
+        assert isinstance(entries, EntriesFrom)
+        try:
+            state = state_of(run, self._shared)
+        except TypeError:  # a state that cannot be kept: the scans before it can
+            return
+        frame = Keyframe.of(scan, run.bench.now, entries.steps, entries.beyond, state)
+        at = bisect_right(self._scans, scan)
+        self._scans.insert(at, scan)
+        self._kept.insert(at, frame)
+        self._size += len(frame.content)
+        while self._size > MOST_BYTES and len(self._kept) > 1:
+            self._spacing *= 2
+            del self._scans[::2], self._kept[::2]
+            self._size = sum([len(frame.content) for frame in self._kept])
+
+    def before(self, scan: int) -> int:
+        """Return the last scan up to this one that has a keyframe, `first` where there is none."""
+        kept = bisect_right(self._scans, scan)
+        told = bisect_right(self._places, scan, key=lambda place: place.scans)
+        near = self._scans[kept - 1] if kept else 0, self._places[told - 1].scans if told else 0
+        return max(self.first, *near)
+
+    def run_at(self, scan: int) -> RunAgain:
+        """Return the run as it stood at a scan that has a keyframe; where that does not fit, at one before.
+
+        Raise UserError where none fits.
+        """
+        if not scan:
+            return RunAgain(EntriesFrom(self._journal), self._where, roots=self._roots)
+        if scan in self._scans:
+            return self._run_from(self._kept[self._scans.index(scan)])
+        at = [place.scans for place in self._places].index(scan)
+        try:
+            return self._run_from(self._journal.keyframe(self._places[at]))
+        except UserError:
+            if scan <= self.first:
+                raise
+        del self._places[at]
+        return self.run_at(self.before(scan))
+
+    def _run_from(self, frame: Keyframe) -> RunAgain:
+        run = _run_of(frame, self._shared, self._where)
+        try:
+            run.replay.entries = EntriesFrom(self._journal, frame.steps, frame.beyond)
+        except StopIteration:
+            where, found = f"{self._where}: keyframe of scan {frame.scan}", f"{frame.steps} scans before it"
+            raise mistake(where, found, "no more than the journal has") from None
+        return run
+
+
+def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> RunAgain:
+    run = from_state(frame.state(where), shared, where, instead)
+    if not isinstance(run, RunAgain) or run.bench.runtime.scans != frame.scan:
+        raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
+    run.is_restored, run.where, run.replay.where = True, where, where
+    return run
+
+
+def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[RunAgain, Shared]:
+    """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
+    files = FilesRead(begins.folder, begins.files, begins.digests)
+    shared = Shared(declared(begins, files))
+    return _run_of(frame, shared, where), shared

@@ -1,0 +1,562 @@
+"""Partners of a recorded run that do again what they did then, for a bench that asks other questions.
+
+Rule 1: a partner does not react. Where it would see something else of us, or see it at another time,
+`guess_from` says so; what follows is a guess (docs/recording.md, "What if").
+Rule 2: a scan meets what the recorded run met in that scan: bytes that had come, an end, a client, a refusal.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from enum import StrEnum
+from typing import Final, TypeVar, cast
+
+from trcvtui.net.connection.connection import SocketUse
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.recording.journal import STEP, Answered
+from trcvtui.recording.replay import Replay
+from trcvtui.replay.recorded_run import (
+    CLOSED,
+    MOST_UNREAD,
+    NEVER,
+    RESET,
+    SHUT,
+    STAYS,
+    TRANSPARENT,
+    UNKNOWN_END,
+    CallPlace,
+    DatedMessage,
+    DialledAttempt,
+    OwnAct,
+    Partner,
+    RecordedRun,
+    Standing,
+)
+
+T = TypeVar("T")
+FIRST_MADE: Final = 1 << 32  # the number of the first socket; smaller ones were there before the file begins
+LAST: Final = 1 << 30  # a call after all others of a scan
+
+
+class WhyGuess(StrEnum):
+    """Why an answer is a guess from a scan on."""
+
+    PARTNER = "partner"  # it would have seen something else of us, or at another time
+    BYTES = "bytes"  # that stand in no entry
+    TIME = "time"  # something came between two scans of the run that asks
+
+
+class _Socket:
+    """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` who is there."""
+
+    def __init__(self, owner: str) -> None:
+        self.owner = owner
+        self.port = UNKNOWN_END
+        self.listens = self.is_polled = False
+        self.is_udp = False
+        self.attempt: DialledAttempt | None = None
+        self.partner: Partner | None = None
+        self.read = self.sent = 0
+
+
+class _Sockets(dict[int, _Socket]):
+    """Sockets by handle; of one that was there before the file begins nobody may know whose it is."""
+
+    def __missing__(self, handle: int) -> _Socket:
+        made = self[handle] = _Socket("")
+        return made
+
+
+class PartnersAgain(Replay):
+    """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
+
+    `told` goes on with the recorded run, which passes first. `intervals_ns`: of the bench that asks and of
+    the recorded one, where these are two; scans pass at multiples of it, and those of the recorded run before
+    them, and one beyond.
+    `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
+    """
+
+    def __init__(self, told: RecordedRun, peers: Collection[str]) -> None:
+        super().__init__(iter(() if told.begins is None else (told.begins,)), "what-if")
+        self.guess_from: int | None = None
+        self.guess_why: WhyGuess | None = None
+        self.bytes_read = 0
+        self.peers = peers
+        self.intervals_ns: tuple[int, int] | None = None
+        self._is_on_time = True  # a scan of the recorded run began when this one does
+        self._told = told
+        self.scan = told.first
+        self._steps = 0
+        self._calls = 0
+        self._is_between = False
+        self._sockets = _Sockets()
+        self._made = FIRST_MADE
+        self._seen: dict[Handle, str] = {}
+        self._sessions: set[str] = set()  # owners of connections with a session
+        self._datagrams_read: Counter[str] = Counter()
+        self._newest: dict[tuple[str, str], tuple[CallPlace, object]] = {}
+        self._nth = Counter[tuple[str, str]]()
+        self._calls_at = {
+            name.removeprefix("_at_").replace("port_", "port "): getattr(self, name)
+            for name in dir(self)
+            if name.startswith("_at_")
+        }
+        for one in told.standing:
+            self._sockets[one.handle] = self._standing(one)
+
+    def _standing(self, one: Standing) -> _Socket:
+        socket = _Socket(one.owner)
+        socket.listens = one.use is SocketUse.LISTENS
+        socket.is_udp = one.use is SocketUse.DATAGRAMS
+        socket.is_polled = True
+        socket.partner = self._told.stands.get(one.handle)
+        socket.attempt = self._told.tried.get(one.handle)
+        return socket
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        if call in TRANSPARENT:
+            return do()
+        if call == STEP:
+            return cast(T, do() if self._is_between else self._step())
+        if self.is_busy and owner not in self.peers:
+            self._calls += 1
+        found = self._calls_at.get(call)
+        if owner in self.peers and args and type(args[0]) is int and args[0] < FIRST_MADE:
+            args = (~args[0], *args[1:])  # it was there before the file begins; no CONNECT has this number
+        if found is None:
+            return cast(T, self._as_told(owner, call))
+        return cast(T, found(owner, *args))
+
+    @contextmanager
+    def nothing_coming(self) -> Iterator[None]:
+        """Let scans pass that the recorded run has counted and not run: partners do nothing in these."""
+        self._is_between, self._calls = True, LAST
+        try:
+            yield
+        finally:
+            self._is_between = False
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        nothing = cast(Callable[[], T], None)
+        return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
+
+    @property
+    def due(self) -> int:
+        """Return when the next scan of a bench with another interval begins."""
+        return self._steps * self.intervals_ns[0] if self.intervals_ns is not None else 0
+
+    @property
+    def slack(self) -> int:
+        """Return by how much two scans may differ and begin at one time."""
+        return (min(self.intervals_ns) - 1) // 2 if self.intervals_ns is not None else 0
+
+    def _step(self) -> int:
+        told = self._told
+        self._calls = 0
+        self._nth.clear()
+        if self.intervals_ns is None:
+            self.scan += 1
+            if self.scan <= told.scan:
+                self._now = told.time_of(self.scan)
+        else:
+            self._go_on_to(self.due)
+            self._steps += 1
+        if self.scan in told.failures:
+            self.note_guess(WhyGuess.PARTNER)
+        if told.is_broken:
+            self.note_guess(WhyGuess.BYTES)
+        return self._now
+
+    def _go_on_to(self, due: int) -> None:
+        """Take all that the recorded run was told up to a time; what comes next is told there, too."""
+        told, latest = self._told, due + self.slack
+        while self.scan < told.scan and told.time_of(self.scan + 1) <= latest:
+            self.scan += 1
+            if told.injected == self.scan:
+                self.note_guess(WhyGuess.TIME)  # a planned fault counts calls
+        self._now = due
+        self._is_on_time = self.scan > told.first and told.time_of(self.scan) >= due - self.slack
+        if not self._is_on_time and told.came > self.scan:
+            self.note_guess(WhyGuess.TIME)
+
+    def look_back(self) -> None:
+        """Find out, after a scan, whether partners saw something then that they do not see now."""
+        told, before = self._told, self.scan
+        for socket in self._sockets.values():
+            partner = socket.partner
+            if partner is not None:
+                self._compare_acts(partner.acts, before, partner.was_reset)
+                unread = self._arrived(socket) - socket.read
+                if unread > max(partner.most_unread, MOST_UNREAD):
+                    self.note_guess(WhyGuess.PARTNER)  # the window closes
+                if partner.is_full and socket.read >= partner.whole:
+                    self.note_guess(WhyGuess.PARTNER)  # it was held back then, and would say more from now on
+        for written in told.written.values():
+            self._compare_acts(written, before)
+        for attempts in told.attempts.values():
+            if attempts and attempts[0].began <= before:
+                self.note_guess(WhyGuess.PARTNER)
+        for owner in {*told.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
+            if owner and owner not in self.peers:
+                self._compare_listening(owner, before)
+        while told.dropped and told.dropped[0][0] <= before:
+            _, owner, read = told.dropped.pop(0)
+            if self._datagrams_read[owner] > read:
+                self.note_guess(WhyGuess.PARTNER)  # here was room
+
+    def _compare_acts(self, acts: deque[OwnAct], before: int, is_deaf: bool = False) -> None:
+        while acts and acts[0].scan <= before:
+            acts.popleft()
+            if not is_deaf:
+                self.note_guess(WhyGuess.PARTNER)
+
+    def _compare_listening(self, owner: str, before: int) -> None:
+        """A partner that calls meets a listener only where one is."""
+        listens = any(one.owner == owner and one.listens for one in self._sockets.values())
+        if listens and not self._told.listens(owner, before):
+            self.note_guess(WhyGuess.PARTNER)
+        clients = self._told.clients.get(owner)
+        if not listens and clients and clients[0].since.scan <= before:
+            self.note_guess(WhyGuess.PARTNER)
+
+    def _act(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
+        """Do what a partner sees; return the same of the recorded run, None where that did another thing."""
+        if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
+            return acts.popleft()
+        if not is_deaf:
+            self.note_guess(WhyGuess.PARTNER)
+        return None
+
+    def note_guess(self, why: WhyGuess) -> None:
+        """Note that the answer is a guess from this scan on."""
+        if self.guess_from is None:
+            self.guess_from, self.guess_why = max(self.scan, 1), why
+
+    def _has_come(self, at: CallPlace) -> bool:
+        return at <= (self.scan, self._calls)
+
+    def _as_told(self, owner: str, call: str) -> object:
+        """Return the Fault of the same call in the recorded scan; of a call in STAYS, the newest answer."""
+        key = owner, call
+        self._nth[key] += LAST if self._is_between else 1
+        now, answers = CallPlace(self.scan, self._nth[key]), self._told.answers.get(key)
+        while answers and answers[0][0] <= now:
+            at, answer = answers.popleft()
+            self._newest[key] = at, answer
+        at, newest = self._newest.get(key, (NEVER, None))
+        is_of_once = call not in STAYS or (isinstance(newest, Fault) and newest.injected)
+        return newest if at == now or not is_of_once else None
+
+    def coming(self) -> Answered | None:
+        """Return nothing: what tells this bench what to do has read the journal itself."""
+        return None
+
+    def end(self) -> None:
+        """Do nothing: no journal has to come to its end."""
+
+    # -- calls of a kernel -----------------------------------------------------------------------------
+
+    def _open(self, owner: str, is_udp: bool = False) -> int | Fault:
+        if owner not in self.peers:
+            failed = self._as_told(owner, "datagram_socket" if is_udp else "socket")
+            if isinstance(failed, Fault):
+                return failed
+        self._made += 1
+        socket = self._sockets[self._made] = _Socket(owner)
+        socket.is_udp = is_udp
+        return self._made
+
+    def _at_socket(self, owner: str) -> int | Fault:
+        return self._open(owner)
+
+    def _at_datagram_socket(self, owner: str) -> int | Fault:
+        return self._open(owner, is_udp=True)
+
+    def _at_local_addresses(self, owner: str) -> object:
+        known = self._as_told(owner, "local_addresses")
+        found = known if isinstance(known, tuple) else ()
+        return tuple([each for each in found if isinstance(each, LocalAddress)])
+
+    def _at_is_free(self, owner: str, end: Endpoint) -> bool:
+        return self._as_told(owner, "is_free") is not False
+
+    def _at_link(self, owner: str, up: bool) -> tuple[str, str]:
+        return "", "as it was recorded"
+
+    def _at_set_link(self, owner: str, up: bool) -> str:
+        return ""
+
+    def _at_set_options(self, owner: str, *args: object) -> object:
+        if args[-1]:
+            self._sessions.add(owner)
+        refused = self._as_told(owner, "set_options")
+        return refused if isinstance(refused, tuple) else ()
+
+    def _at_bind(self, owner: str, handle: int, end: Endpoint) -> object:
+        self._sockets[handle].port = end
+        return None if owner in self.peers else self._as_told(owner, "bind")
+
+    def _at_local_end(self, owner: str, handle: int) -> object:
+        found = self._as_told(owner, "local_end")
+        return found if isinstance(found, Endpoint) else self._sockets[handle].port
+
+    def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
+        failed = None if owner in self.peers else self._as_told(owner, "listen")
+        self._sockets[handle].listens = failed is None
+        clients = self._told.clients.get(owner)
+        if clients and clients[0].since.scan <= self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # it came when there was no listener yet
+        return failed
+
+    def _at_poll_add(self, owner: str, handle: int) -> object:
+        self._sockets[handle].is_polled = True
+        return self._as_told(owner, "poll_add")
+
+    def _at_poll_del(self, owner: str, handle: int) -> object:
+        self._sockets[handle].is_polled = False
+        self._seen.pop(Handle(handle), None)
+        return self._as_told(owner, "poll_del")
+
+    def _at_poll(self, owner: str) -> None:
+        if owner not in self.peers:
+            self._seen = {
+                Handle(h): s.owner for h, s in self._sockets.items() if s.is_polled and self._has_news(s)
+            }
+
+    def _at_ready_handles(self, owner: str) -> dict[Handle, str] | None:
+        return None if self.scan in self._told.looks_at_all else dict(self._seen)
+
+    def _at_readable(self, owner: str, handle: int) -> bool:
+        return handle in self._seen
+
+    def _at_renew(self, owner: str, handle: int) -> bool:
+        socket = self._sockets[handle]
+        if self._has_news(socket):
+            self._seen[Handle(handle)] = socket.owner
+        return self._is_over(socket)
+
+    def _has_news(self, socket: _Socket) -> bool:
+        if socket.owner in self.peers:
+            return False
+        if socket.listens:
+            clients = self._told.clients.get(socket.owner)
+            return bool(clients and self._has_come(clients[0].since))
+        if socket.is_udp:
+            return self._message(socket) is not None
+        if socket.attempt is not None:
+            return self._has_come(socket.attempt.answered)
+        return (
+            self._arrived(socket) > socket.read or self._message(socket) is not None or self._is_over(socket)
+        )
+
+    def _arrived(self, socket: _Socket) -> int:
+        """Return how many bytes have come in all, known ones or not."""
+        return socket.partner.come_by(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
+
+    def _message(self, socket: _Socket) -> DatedMessage | None:
+        if socket.is_udp:
+            messages = self._told.datagrams.get(socket.owner)
+        else:
+            messages = socket.partner.messages if socket.partner is not None else None
+        return messages[0] if messages and self._has_come(messages[0][0]) else None
+
+    def _is_over(self, socket: _Socket) -> bool:
+        return socket.partner is not None and self._has_come(socket.partner.ended)
+
+    def _at_accept(self, owner: str, handle: int) -> object:
+        clients = self._told.clients.get(owner)
+        if owner in self.peers or not clients or not self._has_come(clients[0].since):
+            return WOULD_BLOCK
+        partner = clients.popleft()
+        if partner.accepted > (self.scan, LAST):
+            self.note_guess(
+                WhyGuess.BYTES
+            )  # who it is, and what it says before the recorded run listens to it
+        if partner.refused is not None:
+            return partner.refused
+        if owner in self._sessions and partner.accepted.scan != self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # the handshake is answered at another time
+        for socket in self._sockets.values():
+            if socket.owner == owner and socket.partner is not None:
+                self._give_up(socket.partner)
+        made = self._open(owner)
+        if isinstance(made, Fault):
+            return made
+        self._sockets[made].partner = partner
+        self._sockets[made].port = self._sockets[handle].port
+        return Accepted(Handle(made), partner.end)
+
+    def _give_up(self, partner: Partner) -> None:
+        """Let a partner end whom the recorded run had let go before this moment: he has come again since."""
+        if partner.ended is NEVER and partner.let_go <= (self.scan, self._calls):
+            partner.ended = CallPlace(self.scan)
+
+    def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
+        if owner in self.peers:
+            return None
+        attempts = self._told.attempts.get(owner)
+        if not attempts or attempts[0].began != self.scan:
+            self.note_guess(WhyGuess.PARTNER)  # it is called at another time
+        while attempts and attempts[0].is_before(self.scan):
+            attempts.popleft()
+        if not attempts:
+            return None
+        attempt = self._sockets[handle].attempt = attempts.popleft()
+        return attempt.answer if attempt.is_at_once else None
+
+    def _at_connect_result(self, owner: str, handle: int) -> object:
+        socket = self._sockets[handle]
+        attempt = socket.attempt
+        if attempt is None or not self._has_come(attempt.answered):
+            return WOULD_BLOCK
+        socket.attempt = None
+        socket.partner = attempt.partner
+        return attempt.answer
+
+    def _at_recv(self, owner: str, handle: int, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        socket = self._sockets[handle]
+        partner = socket.partner
+        if owner in self.peers or partner is None:
+            return WOULD_BLOCK, b""
+        failed = self._as_told(owner, "recv")
+        fault = failed[0] if isinstance(failed, tuple) else None
+        if isinstance(fault, Fault) and fault.error == "EAGAIN":
+            return fault, b""
+        if not partner.is_known and partner.read < socket.read + size:
+            self.note_guess(WhyGuess.BYTES)
+        there = self._arrived(socket)
+        size = min(size, there - socket.read)
+        if size > 0:
+            data = partner.bytes_at(socket.read, socket.read + size)
+            if data is None:
+                self.note_guess(WhyGuess.BYTES)
+            socket.read += size
+            self.bytes_read += size
+            self._told.forget(partner, socket.read)
+            return size, bytes(size) if data is None else data
+        if self._is_over(socket):
+            return partner.fault or 0, b""
+        return WOULD_BLOCK, b""
+
+    def _at_recv_from(
+        self, owner: str, handle: int, size: int
+    ) -> tuple[Datagram | WouldBlock | Fault, bytes]:
+        socket = self._sockets[handle]
+        found = self._message(socket)
+        if owner in self.peers or found is None:
+            if not self._told.knows(owner, socket.partner):
+                self.note_guess(WhyGuess.BYTES)
+            return self._no_message(socket)
+        messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[owner]
+        _, was, data = messages.popleft()
+        if isinstance(was, Fault):
+            return was, b""
+        self._told.kept -= len(data)
+        self._datagrams_read[owner] += 1
+        socket.read += 1
+        if len(data) < was.size:
+            self.note_guess(WhyGuess.BYTES)
+        size = min(size, was.size)
+        self.bytes_read += size
+        return Datagram(size, was.source, was.whole), data[:size].ljust(size, b"\0")
+
+    def _no_message(self, socket: _Socket) -> tuple[WouldBlock | Fault, bytes]:
+        fault = socket.partner.fault if socket.partner is not None else None
+        return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
+
+    def _at_loss(self, owner: str, handle: int) -> KernelLoss | None:
+        socket = self._sockets[handle]
+        if socket.partner is None or not self._is_over(socket):
+            return None
+        return KernelLoss(socket.partner.fault, self._arrived(socket) - socket.read)
+
+    def _at_discard(self, owner: str, handle: int, most: int) -> int:
+        socket = self._sockets[handle]
+        size = min(most, self._arrived(socket) - socket.read)
+        socket.read += size
+        return size
+
+    def _at_unread(self, owner: str, handle: int) -> int:
+        socket = self._sockets.get(handle)
+        return 0 if socket is None else self._arrived(socket) - socket.read
+
+    def _at_path(self, owner: str, handle: int) -> object:
+        known = self._as_told(owner, "path")
+        return known if isinstance(known, PathInfo) else None
+
+    def _at_send(self, owner: str, handle: int, size: int, check: int) -> object:
+        socket = self._sockets[handle]
+        partner = socket.partner
+        if partner is None:
+            return WOULD_BLOCK
+        is_deaf = partner.was_reset and self._is_over(socket)
+        same = self._act(partner.acts, (size, check), is_deaf)
+        told = self._as_told(owner, "send")
+        if isinstance(told, Fault):
+            return told
+        if is_deaf:
+            return partner.fault
+        taken = size
+        if same is not None:
+            taken = same.answer if isinstance(same.answer, int) else 0
+        elif not partner.took_all:
+            taken = max(0, min(size, partner.taken - socket.sent))
+        socket.sent += taken
+        return taken or WOULD_BLOCK
+
+    def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
+        if owner in self.peers:
+            return WOULD_BLOCK
+        self._act(self._told.written.get(owner, deque()), (size, check, end))
+        told = self._as_told(owner, "send_to")
+        return told if isinstance(told, Fault) else size
+
+    def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
+        partner = self._sockets[handle].partner
+        if partner is not None:
+            self._act(partner.acts, (SHUT,), partner.was_reset)
+        return self._as_told(owner, "shutdown")
+
+    def _gone(self, owner: str, call: str, handle: int) -> object:
+        socket = self._sockets.pop(handle, None)
+        self._seen.pop(Handle(handle), None)
+        partner = socket.partner if socket is not None else None
+        if socket is not None and partner is not None:
+            how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
+            self._act(partner.acts, (how,), partner.was_reset and self._is_over(socket))
+        told = self._as_told(owner, call)
+        return told if isinstance(told, Fault) else None
+
+    def _at_close(self, owner: str, handle: int) -> object:
+        return self._gone(owner, CLOSED, handle)
+
+    def _at_abort(self, owner: str, handle: int) -> object:
+        return self._gone(owner, RESET, handle)
+
+    # -- a serial line ---------------------------------------------------------------------------------
+
+    def _at_port_read(self, owner: str, most: int) -> object:
+        parts = self._told.serial.get(owner)
+        told = self._as_told(owner, "port read")
+        if isinstance(told, Fault):
+            return told
+        if not parts or not self._has_come(parts[0][0]):
+            return b""
+        at, data = parts.popleft()
+        if len(data) > most:
+            parts.appendleft((at, data[most:]))
+        self.bytes_read += len(data[:most])
+        return data[:most]
+
+    def _at_port_write(self, owner: str, size: int, check: int) -> object:
+        self._act(self._told.written.get(owner, deque()), (size, check))
+        told = self._as_told(owner, "port write")
+        return told if isinstance(told, Fault) else size
+
+    def _at_port_arrive(self, owner: str, size: int, check: int) -> bool:
+        return True

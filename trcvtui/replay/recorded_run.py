@@ -1,0 +1,545 @@
+"""What a recorded run was told, out of its journal, scan by scan: what each partner did, and other answers.
+
+Rule 1: a place is a scan and a call in it, so that a run that asks the same is told the same.
+Rule 2: what came is known from its arrival on, whoever reads it (arrivals.py).
+Bound: MOST_BYTES of all partners wait for the run that asks; what comes beyond is a number.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from typing import Any, Final, cast
+
+from trcvtui.net.connection.connection import SocketUse
+from trcvtui.net.kernel import Accepted, KernelLoss
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
+from trcvtui.plc.containment import EXCEPTION
+from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
+from trcvtui.recording.journal import CLOSE, DO, GAP, REST, SKIP, STEP, Answered, Entry, RunBegins
+from trcvtui.records import NamedTuple
+
+MOST_BYTES: Final = 128 << 20  # of all partners together
+MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
+UNKNOWN_END: Final = Endpoint("127.0.0.1", 0)
+TRANSPARENT: Final = ("grant", "wait", EXCEPTION)  # each bench has its own bound of work, and errors
+STAYS: Final = (  # calls whose newest answer holds until another one comes
+    "bind", "listen", "path", "resolve", "local_end", "local_addresses", "set_options", "port open",
+    "is_free",
+)  # fmt: skip
+BENCH: Final = "bench"
+BETWEEN: Final = (DO, REST, SKIP, CLOSE, STEP)  # what is told to a bench
+CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connection went
+
+
+class CallPlace(NamedTuple):
+    """In which scan, and at which call of the PLC in it; 0: from its beginning on."""
+
+    scan: int
+    call: int = 0
+
+
+NEVER: Final = CallPlace(1 << 62)
+DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
+
+
+class OwnAct(NamedTuple):
+    """One thing of this end that a partner sees: bytes sent, or how the end went; `what` is compared."""
+
+    scan: int
+    what: tuple[object, ...]
+    answer: object = None
+
+
+class Partner:
+    """One connection of a recorded run, as the PLC met it; positions count from its begin or the file's."""
+
+    def __init__(self, end: Endpoint, since: CallPlace, is_known: bool = True) -> None:
+        self.end, self.since, self.accepted = end, since, since
+        self.is_known = is_known  # what lay unread at the beginning of the file
+        self.chunks: deque[tuple[int, bytes]] = deque()  # that the run that asks has not read, by position
+        # Up to where bytes are told, are read, have come; of messages: how many.
+        self.known = self.read = self.whole = 0
+        self.hole = 0  # up to where a read alone tells them
+        self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
+        self._come = 0
+        self.messages: deque[DatedMessage] = deque()
+        self.ended, self.fault = NEVER, cast(Fault | None, None)
+        self.let_go = NEVER  # by the PLC
+        self.most_unread = MOST_UNREAD
+        self.full_from = 1 << 62  # unread bytes from which on the window may be small
+        self.refused: Fault | None = None  # what accept answered in its place
+        self.acts: deque[OwnAct] = deque()  # in order, those that the run that asks has not done, too
+        self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether the recorded run leaves so much unread that the partner may be held back."""
+        return self.whole - self.read >= self.full_from
+
+    @property
+    def was_reset(self) -> bool:
+        """Return whether it has ended by an error: it sees nothing of this end any more."""
+        return self.fault is not None
+
+    def note_bytes(self, at: CallPlace, whole: int) -> None:
+        if whole > self.whole:
+            self.whole = whole
+            self._arrived.append((at, whole))
+
+    def note_end(self, at: CallPlace, fault: Fault | None, is_told: bool = True) -> None:
+        """Take the end; the Fault that a call told says more than the state of the socket."""
+        self.fault = fault if is_told and fault is not None else self.fault or fault
+        self.ended = min(self.ended, at)
+
+    def come_by(self, place: CallPlace) -> int:
+        """Return how many bytes have come in all up to a place, known ones or not; places go on."""
+        while self._arrived and self._arrived[0][0] <= place:
+            self._come = self._arrived.popleft()[1]
+        return self._come
+
+    def bytes_at(self, start: int, stop: int) -> bytes | None:
+        """Return the bytes between two positions, None where some of them are not known."""
+        found = bytearray()
+        for at, chunk in self.chunks:
+            if at > start + len(found) or start + len(found) >= stop:
+                break
+            found += chunk[start + len(found) - at : stop - at]
+        return bytes(found) if len(found) == stop - start else None
+
+
+class DialledAttempt:
+    """One call of an active CONNECT. `answer`: None is a connection; `gone`: when it was given up."""
+
+    def __init__(self, began: int) -> None:
+        self.began = began  # in which scan
+        self.answered, self.answer = NEVER, cast(Fault | None, None)
+        self.gone = NEVER
+        self.is_at_once = False  # answered by the call itself
+        self.partner: Partner | None = None
+
+    def is_before(self, scan: int) -> bool:
+        """Return whether nothing of it is left in this scan."""
+        over = self.gone if self.partner is None else self.partner.let_go
+        is_refused = self.answer is not None and self.answered.scan < scan
+        return is_refused or over.scan < scan
+
+
+class Standing(NamedTuple):
+    """What a CONNECT holds where a file begins in the middle: a socket, and what that is for."""
+
+    owner: str
+    handle: int
+    use: SocketUse
+
+
+class RecordedRun:
+    """All that a recorded run was told up to now: partners, attempts, answers by owner and call.
+
+    `first`: the last scan before these entries; `standing`: the sockets that there were then.
+    """
+
+    def __init__(self, peers: Collection[str], standing: Iterable[Standing] = (), first: int = 0) -> None:
+        self.first, self.standing = first, tuple(standing)
+        self.scan = first
+        self._times: deque[int] = deque()  # of the newest scans
+        self.came = 0  # the newest scan in which something came
+        self.clients: dict[str, deque[Partner]] = {}
+        self.attempts: dict[str, deque[DialledAttempt]] = {}
+        self.answers: dict[tuple[str, str], deque[tuple[CallPlace, object]]] = {}
+        self.datagrams: dict[str, deque[DatedMessage]] = {}
+        self.datagrams_read: Counter[str] = Counter()
+        self._unread: Counter[int] = Counter()  # messages, of each handle
+        self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
+        self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
+        self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
+        self.written: dict[str, deque[OwnAct]] = {}  # datagrams and serial bytes
+        self.listening: dict[str, list[tuple[int, frozenset[int]]]] = {}  # from a scan on, on which handles
+        self.begins: RunBegins | None = None
+        self.is_broken = False  # what comes is not known
+        self.failures: dict[int, str] = {}  # scan -> what an internal error has stopped in it
+        self.injected = 0  # the newest scan in which a planned fault answered
+        self.bytes_read = 0
+        self.kept = 0  # bytes of all partners that wait
+        self._calls = 0
+        self._peers = peers
+        self._partners: dict[int, Partner] = {}
+        self._dialled: dict[int, tuple[Endpoint, DialledAttempt]] = {}
+        self._waiting: dict[str, deque[Partner]] = {}  # clients that are not accepted yet
+        self._polled: set[int] = set()
+        self.looks_at_all: set[int] = set()  # scans in which every handle is looked at
+        self._short: set[int] = set()
+        self._nth = Counter[tuple[str, str]]()
+        self._entries, self._next = cast(Iterator[Entry], iter(())), cast(Entry | None, None)
+        self.stands: dict[int, Partner] = {}  # who was there at the beginning, by the handle
+        self.tried: dict[int, DialledAttempt] = {}
+        for one in self.standing:
+            self._stand(one)
+
+    def time_of(self, scan: int) -> int:
+        """Return when a scan began, and forget those before the one before it."""
+        while len(self._times) > self.scan - scan + 2:
+            self._times.popleft()
+        return self._times[scan - self.scan - 1]
+
+    def _stand(self, one: Standing) -> None:
+        if one.use is SocketUse.STANDS:
+            partner = Partner(UNKNOWN_END, CallPlace(self.first), is_known=False)
+            self.stands[one.handle] = self._partners[one.handle] = partner
+        elif one.use is SocketUse.CALLS:
+            attempt = self.tried[one.handle] = DialledAttempt(self.first)
+            self._dialled[one.handle] = UNKNOWN_END, attempt
+        elif one.use is SocketUse.DATAGRAMS:
+            self._unknown.add(one.owner)
+        elif one.use is SocketUse.LISTENS:
+            self._listen(one.owner, frozenset((one.handle,)))
+
+    def _listen(self, owner: str, more: frozenset[int], less: frozenset[int] = frozenset()) -> None:
+        known = self.listening.setdefault(owner, [(0, frozenset())])
+        now = (known[-1][1] | more) - less
+        if now != known[-1][1]:
+            known.append((self.scan, now))
+
+    def listens(self, owner: str, scan: int) -> bool:
+        """Return whether a CONNECT listens at the end of a scan, the newest or the one before."""
+        known = self.listening.get(owner, ())
+        return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
+
+    def follow(self, entries: Iterator[Entry]) -> None:
+        """Take what stands before the first scan; `go_on` takes what a bench is told then, and the scan."""
+        self._entries, self._next = entries, next(entries, None)
+        self._take_to(BETWEEN)
+
+    def go_on(self) -> None:
+        self._take_to((STEP,))
+        if self._next is not None:
+            self._take_one(self._next)
+        self._take_to(BETWEEN)
+
+    def _take_to(self, calls: tuple[str, ...]) -> None:
+        while (entry := self._next) is not None:
+            if isinstance(entry, Answered) and entry.owner == BENCH and entry.call in calls:
+                return
+            self._take_one(entry)
+
+    def _take_one(self, entry: Entry) -> None:
+        self.take(entry)
+        self._next = next(self._entries, None)
+
+    def take(self, entry: Entry) -> None:
+        if isinstance(entry, RunBegins):
+            self.begins = entry
+        elif isinstance(entry, Answered) and not self.is_broken:
+            try:
+                self._take_call(entry)
+            except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
+                self.is_broken = True
+
+    def _take_call(self, entry: Answered) -> None:
+        owner, call, args, answer = entry
+        if call == STEP:
+            self.scan += 1
+            self._times.append(cast(int, answer))
+            self._calls = 0
+            self._short.clear()
+            self._nth.clear()
+            return
+        if owner in self._peers and call != "local_end":
+            return
+        handle = cast(int, args[0]) if args else 0
+        if call.startswith(GAP):
+            note = _ARRIVALS.get(call)
+            if note is not None:
+                note(self, owner, handle, args, answer)
+            return
+        self._calls += call not in TRANSPARENT
+        if call == EXCEPTION:
+            self.failures.setdefault(self.scan, owner)
+        note = _NOTES.get(call)
+        if note is not None:
+            note(self, owner, handle, args, answer)
+        self._keep((owner, call), answer)
+
+    def _keep(self, key: tuple[str, str], answer: object) -> None:
+        """Keep what stays so, and each Fault, with its place among the calls of its kind in the scan."""
+        self._nth[key] += 1
+        fault = answer[0] if isinstance(answer, tuple) and answer else answer
+        if isinstance(fault, Fault) and fault.injected:
+            self.injected = self.scan
+        known = self.answers.get(key, ())
+        if isinstance(fault, Fault) or (key[1] in STAYS and not (known and known[-1][1] == answer)):
+            place = CallPlace(self.scan, self._nth[key])
+            self.answers.setdefault(key, deque()).append((place, answer))
+
+    def _now(self, handle: int) -> CallPlace:
+        """Return since when one can see what is told now: what the poll saw, from the scan's beginning on."""
+        was_seen = handle in self._polled and handle not in self._short
+        return CallPlace(self.scan, 0 if was_seen else self._calls)
+
+    def _seen(self, handle: int) -> CallPlace:
+        """Return since when one can see an end that is told now: the poll tells it, whatever was read."""
+        return CallPlace(self.scan, 0 if handle in self._polled else self._calls)
+
+    # -- what lies unread ----------------------------------------------------------------------------------
+
+    def _there(self, flags: int, handle: int) -> CallPlace:
+        """Return since when one can see what lay there after the blocks have read."""
+        there = CallPlace(self.scan + 1) if flags & LATE else self._now(handle)
+        self.came = max(self.came, there.scan)
+        return there
+
+    def _arrived(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        _, unread, flags = cast(tuple[int, int, int], args[1:])
+        partner = self._partners.get(handle)
+        if partner is None:
+            return
+        data, there, whole = cast(bytes, answer), self._there(flags, handle), partner.read + unread
+        start = max(partner.known, partner.read)
+        if not partner.is_known and partner.known == partner.read:
+            start = partner.hole = whole - len(data)  # what is before it lay there when the file begins
+        self._more(partner, start, data)
+        partner.note_bytes(there, whole)
+        partner.most_unread = max(partner.most_unread, unread)
+        if flags & FULL:
+            partner.full_from = min(partner.full_from, unread)
+        if self.scan == self.first:
+            partner.is_known = len(data) == unread  # the file begins with what lies there
+
+    def _more(self, partner: Partner, start: int, data: bytes) -> None:
+        """Take bytes of a stream from a position on; what lies between it and what is known is lost."""
+        if start < partner.hole:
+            self._put(partner, start, data[: partner.hole - start])
+        new = data[max(0, partner.known - start) :]
+        partner.known = max(partner.known, start + len(data))
+        self._put(partner, partner.known - len(new), new)
+
+    def _put(self, partner: Partner, start: int, data: bytes) -> None:
+        if data and self.kept + len(data) <= MOST_BYTES:
+            is_next = start == partner.known - len(data)
+            at = len(partner.chunks) if is_next else sum(at < start for at, _ in partner.chunks)
+            partner.chunks.insert(at, (start, data))
+            self.kept += len(data)
+
+    def forget(self, partner: Partner, position: int) -> None:
+        """Forget the bytes of a partner before a position: the run that asks has read them."""
+        chunks = partner.chunks
+        while chunks and chunks[0][0] + len(chunks[0][1]) <= position:
+            self.kept -= len(chunks.popleft()[1])
+
+    def _message_came(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        source, whole, flags = cast(tuple[Endpoint, int, int], args[1:])
+        data, partner = cast(bytes, answer), self._partners.get(handle)
+        self._unread[handle] += 1
+        if partner is not None:
+            partner.whole += 1
+            partner.full_from = (
+                min(partner.full_from, self._unread[handle]) if flags & FULL else partner.full_from
+            )
+        queue = self._messages_of(owner, partner)
+        got = Datagram(len(data), source, whole)
+        is_kept = self.kept + len(data) <= MOST_BYTES
+        self.kept += len(data) * is_kept
+        queue.append((self._there(flags, handle), got, data if is_kept else b""))
+
+    def _has_ended(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if (partner := self._partners.get(handle)) is not None:
+            fault = Fault("recv", "ECONNRESET") if answer == "rst" else None
+            partner.note_end(self._seen(handle), fault, is_told=False)
+
+    def _client_waits(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        waiting = self._waiting.setdefault(owner, deque())
+        while len(waiting) < cast(int, answer):
+            waiting.append(Partner(UNKNOWN_END, self._there(cast(int, args[1]), handle)))
+            waiting[-1].accepted = NEVER
+            self.clients.setdefault(owner, deque()).append(waiting[-1])
+
+    def _datagrams_gone(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        self.dropped.append((self.scan, owner, self.datagrams_read[owner]))
+
+    # -- calls ---------------------------------------------------------------------------------------------
+
+    def _ready(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        self._polled = set(answer or ())
+        if answer is None:
+            self.looks_at_all.add(self.scan)
+
+    def _readable(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is True:
+            self._polled.add(handle)
+
+    def _listens(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is None:
+            self._listen(owner, frozenset((handle,)))
+
+    def _accepted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if not isinstance(answer, Accepted | Fault):
+            self._short.add(handle)  # a client that comes now was not there before
+            return
+        waiting = self._waiting.get(owner)
+        if waiting:
+            partner = waiting.popleft()
+        else:
+            partner = Partner(UNKNOWN_END, self._now(handle))
+            self.clients.setdefault(owner, deque()).append(partner)
+        partner.accepted = self._now(handle)
+        self.came = max(self.came, self.scan)
+        if isinstance(answer, Fault):
+            partner.refused = answer
+        else:
+            partner.end = answer.peer
+            self._partners[answer.handle] = partner
+
+    def _dial(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        attempt = DialledAttempt(self.scan)
+        self._dialled[handle] = cast(Endpoint, args[1]), attempt
+        self.attempts.setdefault(owner, deque()).append(attempt)
+        if answer is not None:
+            attempt.is_at_once = True
+            self._answered(owner, handle, args, answer)
+
+    def _answered(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is WOULD_BLOCK or handle not in self._dialled:
+            return
+        end, attempt = self._dialled.pop(handle)
+        attempt.answered, attempt.answer = CallPlace(self.scan), cast(Fault | None, answer)
+        self.came = max(self.came, self.scan)
+        if answer is None:
+            attempt.partner = self._partners[handle] = Partner(end, attempt.answered)
+
+    def _received(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        got, data = answer
+        partner, at = self._partners.get(handle), self._now(handle)
+        if len(data) < cast(int, args[1]):
+            self._short.add(handle)  # what comes now was not there before
+        if partner is None:
+            return
+        if isinstance(got, int) or got is WOULD_BLOCK:
+            partner.is_known = partner.is_known or len(data) < cast(int, args[1])
+        elif isinstance(got, Fault) and not got.injected:
+            partner.is_known = True
+        if data:
+            self._more(partner, partner.read, data)
+            partner.read += len(data)
+            partner.note_bytes(at, partner.read)
+            self.bytes_read += len(data)
+            self.came = max(self.came, self.scan)
+        elif got == 0 or isinstance(got, Fault):
+            partner.note_end(self._seen(handle), got or None)
+
+    def _threw_away(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if (partner := self._partners.get(handle)) is not None:
+            partner.read += cast(int, answer)
+
+    def _received_whole(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+        got, data = answer
+        partner, at = self._partners.get(handle), self._now(handle)
+        if isinstance(got, Datagram):
+            if not self._unread[handle]:  # noted before the file begins
+                self._unread[handle] = 1
+                if partner is not None:
+                    partner.whole += 1
+                self._messages_of(owner, partner).append((at, got, data))
+            self._unread[handle] -= 1
+            if partner is not None:
+                partner.read += 1
+            self.datagrams_read[owner] += 1
+            self.bytes_read += len(data)
+            return
+        self._short.add(handle)
+        if got is WOULD_BLOCK and partner is not None:
+            partner.is_known = True
+        elif got is WOULD_BLOCK:
+            self._unknown.discard(owner)
+        if isinstance(got, Fault) and partner is not None:
+            partner.note_end(self._seen(handle), got)
+        elif isinstance(got, Fault):
+            self._messages_of(owner, None).append((at, got, data))
+
+    def _messages_of(self, owner: str, partner: Partner | None) -> deque[DatedMessage]:
+        return self.datagrams.setdefault(owner, deque()) if partner is None else partner.messages
+
+    def knows(self, owner: str, partner: Partner | None) -> bool:
+        """Return whether it is known which messages lie there: not where the file begins with some."""
+        return owner not in self._unknown if partner is None else partner.is_known
+
+    def _sent(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        partner = self._partners.get(handle)
+        if partner is None:
+            return
+        if isinstance(answer, Fault) and answer.error != "EAGAIN":
+            partner.note_end(self._seen(handle), answer)
+        partner.acts.append(OwnAct(self.scan, args[1:], answer))
+        size = answer if isinstance(answer, int) else 0
+        partner.taken, partner.took_all = partner.taken + size, size == args[1]
+
+    def _wrote(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        self.written.setdefault(owner, deque()).append(OwnAct(self.scan, args[-3:], answer))
+
+    def _lost(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
+            partner.note_end(self._seen(handle), answer.fault)
+
+    def _looked(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if answer is True and (partner := self._partners.get(handle)):
+            partner.note_end(self._seen(handle), None)
+
+    def _shut(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if (partner := self._partners.get(handle)) is not None:
+            partner.acts.append(OwnAct(self.scan, (SHUT,)))
+
+    def _closed(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        partner = self._partners.get(handle)
+        self._left(owner, handle, RESET if partner is not None and partner.whole > partner.read else CLOSED)
+
+    def _aborted(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        self._left(owner, handle, RESET)
+
+    def _left(self, owner: str, handle: int, how: str) -> None:
+        now = CallPlace(self.scan, self._calls)
+        if handle in self._dialled:
+            self._dialled.pop(handle)[1].gone = now
+        if owner in self.listening and handle in self.listening[owner][-1][1]:
+            for client in self._waiting.pop(owner, ()):  # reset with the listener
+                if client in self.clients[owner]:
+                    self.clients[owner].remove(client)
+            self._listen(owner, frozenset(), frozenset((handle,)))
+        partner = self._partners.pop(handle, None)
+        if partner is not None:
+            partner.let_go = now
+            partner.acts.append(OwnAct(self.scan, (how,)))
+
+    def _line(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+        if isinstance(answer, bytes) and answer:
+            self.serial.setdefault(owner, deque()).append((CallPlace(self.scan), answer))
+            self.bytes_read += len(answer)
+            self.came = max(self.came, self.scan)
+
+
+Note = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
+_ARRIVALS: Final[dict[str, Note]] = {
+    GAP + ARRIVED: RecordedRun._arrived,
+    GAP + MESSAGE: RecordedRun._message_came,
+    GAP + ENDED: RecordedRun._has_ended,
+    GAP + WAITING: RecordedRun._client_waits,
+    GAP + DROPPED: RecordedRun._datagrams_gone,
+}
+_NOTES: Final[dict[str, Note]] = {
+    "ready_handles": RecordedRun._ready,
+    "readable": RecordedRun._readable,
+    "listen": RecordedRun._listens,
+    "accept": RecordedRun._accepted,
+    "connect": RecordedRun._dial,
+    "connect_result": RecordedRun._answered,
+    "recv": RecordedRun._received,
+    "discard": RecordedRun._threw_away,
+    "recv_from": RecordedRun._received_whole,
+    "send": RecordedRun._sent,
+    "send_to": RecordedRun._wrote,
+    "port write": RecordedRun._wrote,
+    "loss": RecordedRun._lost,
+    "renew": RecordedRun._looked,
+    "shutdown": RecordedRun._shut,
+    "close": RecordedRun._closed,
+    "abort": RecordedRun._aborted,
+    "port read": RecordedRun._line,
+}

@@ -1,0 +1,173 @@
+"""A recorded run once more: project and bench out of its journal, command by command, scan by scan.
+
+Rule: nothing is read from the disk here; a name in a journal is looked up in the journal.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, cast
+
+from trcvtui.bench.bench import KERNELS, Bench
+from trcvtui.commands.table import read_line
+from trcvtui.commands.words import BenchCommand
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead, reading_only
+from trcvtui.project.project import Project
+from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
+from trcvtui.recording.replay import Replay, ends_early
+from trcvtui.records import replace
+from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
+
+Roots = tuple[RunBegins, Scenario | None, Project]
+NO_LIMIT: Final = 1 << 62
+MOST_LINES: Final = 10_000  # that wait for who asks for them
+REST_LINE: Final = ""  # how REST stands among lines
+UNTOLD: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
+
+
+def _look_at_nothing() -> None:
+    """Do nothing."""
+
+
+def declared(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
+    """Return what a run is made of; raise UserError."""
+    path, options = Path(begins.path), (*begins.options, *sets)
+    with reading_only(files):
+        if not begins.is_scenario:
+            return begins, None, load_bench(path, options)
+        scenario = load_scenario(path, options)
+        return begins, scenario, scenario.project
+
+
+@contextmanager
+def restored_state(is_restored: bool, where: str) -> Iterator[None]:
+    """Let whatever goes wrong with a run of a keyframe be one line: bytes of a file have made it."""
+    try:
+        yield
+    except (UserError, OSError):
+        raise
+    except Exception as wrong:
+        if not is_restored:
+            raise
+        raise mistake(where, f"{type(wrong).__name__} {wrong}"[:120], "a keyframe of this run") from None
+
+
+class RunAgain:
+    """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
+
+    def __init__(
+        self,
+        entries: Iterator[Entry],
+        where: str,
+        replay: Replay | None = None,
+        sets: Sequence[str] = (),
+        roots: Roots | None = None,
+    ) -> None:
+        self.replay = replay or Replay(entries, where)
+        self._lines: deque[str] = deque(maxlen=MOST_LINES)
+        self.is_whole = self.is_restored = False
+        self.limit = NO_LIMIT  # the scan after which no scan is counted that was not run
+        self._skipped = 0  # of the scans that come next and were not run
+        self.before_close: Callable[[], None] = _look_at_nothing  # the last look at the bench
+        self.where = where
+        begins = self.replay.begins
+        if begins is None or begins.kernel not in KERNELS:
+            raise mistake(where, "a journal without its beginning", "one that begins with a run")
+        self.begins = begins
+        self.roots = roots or declared(begins, self.replay.files, sets)
+        _, self.scenario, project = self.roots
+        self.bench = Bench(self.project_to_run(project), begins.kernel, self.replay)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a keyframe keeps: the file that has it may get another name."""
+        return self.__dict__ | {"where": ""}
+
+    def project_to_run(self, project: Project) -> Project:
+        """Return the project that runs: the recorded one."""
+        return project
+
+    def take_lines(self) -> list[str]:
+        """Return what the bench was told since this was asked."""
+        lines = [*self._lines]
+        self._lines.clear()
+        return lines
+
+    def scan(self) -> bool:
+        """Do what came before the next scan, and let that pass; return False where none followed.
+
+        Raise UserError at the first difference.
+        """
+        with restored_state(self.is_restored, self.where):
+            return self._scan()
+
+    def _scan(self) -> bool:
+        while (entry := self.replay.coming()) is not None:
+            if entry.call == DO and len(entry.args) == 1:
+                self._lines.append(str(entry.args[0]))
+                self._do(self._lines[-1])
+            elif entry.call == REST and not entry.args:  # with a time: a part of the next step
+                self._lines.append(REST_LINE)
+                self.bench.rest()
+            elif entry.call == SKIP:
+                if not self._skip(cast(int, entry.args[0])):
+                    return True
+            elif entry.call == CLOSE:
+                self.before_close()
+                self.bench.close()
+                self.replay.end()
+                self.is_whole = True
+                return False
+            else:
+                self.bench.step()
+                return True
+        if self.replay.is_ended:
+            self.before_close()
+            self.is_whole = True
+        return False
+
+    def _skip(self, scans: int) -> bool:
+        """Count scans that were not run, up to `limit`; return whether all of them have passed."""
+        runtime = self.bench.runtime
+        room = self.limit - runtime.scans
+        if room < scans - self._skipped:
+            runtime.skip(room)
+            self._skipped += room
+            return False
+        runtime.skip(-self._skipped)
+        self._skipped = 0
+        self.bench.skip(scans)
+        return runtime.scans < self.limit
+
+    def _do(self, line: str) -> None:
+        if line.partition(" ")[0] in UNTOLD:
+            self.bench.told(line)
+            return
+        project, where = self.bench.project, f"{self.where}: scan {self.replay.scan}"
+        if self.scenario is not None:  # a file named in a step stands beside the scenario
+            project = replace(project, base=Path(self.begins.path).parent)
+        verb, _, rest = line.partition(" ")
+        with reading_only(self.replay.files):
+            if verb == "udt":
+                from trcvtui.engine.controller import (
+                    read_again,  # the only line of a screen that does this
+                )
+
+                self.bench.project = read_again(rest, project, where)[0]
+                self.bench.told(line)
+                return
+            command = read_line(line, project, where)
+        if command is not None:
+            self.act(command)
+
+    def act(self, command: BenchCommand) -> None:
+        """Carry out a command."""
+        self.bench.do(command)
+
+    def differs(self) -> UserError:
+        """Return what is said of a journal that ends before its run."""
+        left = self.replay.scans_left() if self.replay.lost else 0
+        return ends_early(self.where, self.replay.lost, self.bench.runtime.scans, left)

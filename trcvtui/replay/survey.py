@@ -1,0 +1,193 @@
+"""What stands where in a recording: its journal read once, for the time of each scan, edges and ERRORs."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Final, cast
+
+from trcvtui import clock
+from trcvtui.errors import mistake
+from trcvtui.project.tables import shown
+from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, Answered, EntriesLost, Entry
+from trcvtui.recording.replay import ends_early
+from trcvtui.udt.literals import parse_time
+
+END: Final = 1 << 62  # a scan that no recording has
+PIECES: Final = 1000  # of the run: in which of them an ERROR comes
+READ_AT_ONCE: Final = 256  # entries
+NOTE: Final = "note "  # how a line begins that tells of a capture
+NOTES_SHOWN: Final = 2
+DONE_AT, ERROR_AT = 3, 4  # in what SHOWS tells
+AT_LINES: Final = "a scan, T#.., end, edge +1 INSTANCE or error +1"
+
+Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose; FIRST
+FIRST: Final = "first", 1, ""  # the first ERROR; where there is none, finding; else DONE
+
+
+def read_at(text: str, where: str) -> int | Search:
+    """Return the scan that a text names, or what is looked for; raise UserError."""
+    words = text.split()
+    words = words[1:] if words[:1] == ["scan"] else words
+    match words:
+        case ["end"]:
+            return END
+        case [number] if number.isascii() and number.isdigit() and len(number) < len(str(END)):
+            return int(number)
+        case [time] if "#" in time:
+            return "time", parse_time(time, where), ""
+        case ["error", "+1" | "-1" as step]:
+            return "error", int(step), ""
+        case ["edge", "+1" | "-1" as step, name]:
+            return "edge", int(step), name
+    expected = f"+1, -1, {AT_LINES}" if where == "prompt" else AT_LINES
+    raise mistake(where, shown(text) if text else "nothing more", expected)
+
+
+class Survey:
+    """The journal read once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
+
+    `first`: the last scan that cannot run again; `offset`: the last scan before the journal begins. 0: none.
+    """
+
+    def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
+        self.first, self.passed = first, offset  # the last scan that was passed
+        self.times = array("q")  # ns, of each scan that was run
+        self._scans = array("q")  # its number
+        self.errors = array("q")  # scans in which an ERROR comes
+        self.findings: dict[int, str] = {}  # what the doctor has found, by its scan
+        self.is_judged = False  # they are known
+        self.first_done = 0  # the scan of it
+        self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
+        self.trouble = ""  # why the recording ends before the run
+        self.is_over = False
+        self._entries, self._where = entries, where
+        self._is_whole = False  # the run was ended here
+        self._lost, self._left = "", 0  # what a gap has lost, and how many scans come after it
+        self._skipped = 0
+        self._notes: list[tuple[int, str]] = []  # after which scan, and what was told
+        self._marks = (0, 0), b""
+
+    @property
+    def last(self) -> int:
+        """Return the last scan that was seen."""
+        return self._scans[-1] if self._scans else self.first
+
+    def time_of(self, scan: int) -> int:
+        """Return the time of a scan, ns; that of the nearest one that was seen."""
+        if not self.times or scan <= 0:
+            return 0
+        scan = max(self.first + 1, min(scan, self.last))
+        before, ns, scans, took = self._stretch(bisect_left(self._scans, scan))
+        return ns + (scan - before) * took // scans
+
+    def scan_at(self, ns: int) -> int:
+        """Return the first scan at this time or after it; after all that were seen, the next one."""
+        at = bisect_left(self.times, ns)
+        if at == len(self.times):
+            return self.last + 1
+        before, began, scans, took = self._stretch(at)
+        return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
+
+    def _stretch(self, at: int) -> tuple[int, int, int, int]:
+        """Return the scan that was run before another one, its time, and how many scans and ns it took."""
+        scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
+        return scan, ns, self._scans[at] - scan, self.times[at] - ns
+
+    def notes_before(self, scan: int) -> list[str]:
+        """Return the last notes up to a scan."""
+        before = bisect_right(self._notes, scan, key=lambda note: note[0])
+        return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
+
+    def go_on(self, until: int) -> None:
+        """Read until this moment."""
+        while not self.is_over and clock.now_ns() < until:
+            some = [*islice(self._entries, READ_AT_ONCE)]
+            for entry in some:
+                if self._take(entry):
+                    return
+            if len(some) < READ_AT_ONCE:
+                self._end()
+
+    def _take(self, entry: Entry) -> bool:
+        """Note what an entry tells; return whether nothing more is to be known."""
+        if self._lost:
+            self._left += isinstance(entry, Answered) and entry.call == STEP
+            return False
+        if isinstance(entry, EntriesLost) and (self.times or not self.first):
+            self._is_whole = entry.why == ENDED_HERE
+            if not self._is_whole:
+                self._lost = str(entry)
+                return False
+            self._end()
+            return True
+        if not isinstance(entry, Answered):
+            return False
+        if entry.call == STEP and isinstance(entry.answer, int):
+            self._step(entry.answer)
+        elif entry.call == SKIP:
+            self._skipped += cast(int, entry.args[0])
+        elif entry.call == SHOWS and self.times:
+            self.edges.setdefault(entry.owner, array("q")).append(self.last)
+            if entry.args[DONE_AT : DONE_AT + 1] == (True,):
+                self.first_done = self.first_done or self.last
+            if entry.args[ERROR_AT : ERROR_AT + 1] == (True,) and self.last not in self.errors[-1:]:
+                self.errors.append(self.last)
+        elif entry.call == DO and str(entry.args[0]).startswith(NOTE):
+            self._notes.append((self.last + self._skipped, str(entry.args[0]).removeprefix(NOTE)))
+        elif entry.call == CLOSE:
+            self._is_whole = True
+        return False
+
+    def _step(self, ns: int) -> None:
+        self.passed += self._skipped + 1  # those that were counted and not run have no time of their own
+        self._skipped = 0
+        if self.passed > self.first:
+            self.times.append(ns)
+            self._scans.append(self.passed)
+
+    def _end(self) -> None:
+        self.is_over = True
+        if not self._is_whole:
+            self.trouble = str(ends_early(self._where, self._lost, self.last, self._left))
+
+    def cut(self, scan: int, why: str) -> None:
+        """Let the run end after a scan: it cannot go on."""
+        known = bisect_right(self._scans, scan)
+        del self.times[known:], self._scans[known:]
+        for scans in (self.errors, *self.edges.values()):
+            del scans[bisect_right(scans, scan) :]
+        self.trouble, self.is_over = why, True
+
+    def found(self, search: Search, start: int) -> int | None:
+        """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
+        kind, step, name = search
+        if kind == "time":
+            scan = self.scan_at(step)
+            return scan if scan <= self.last else self.last if self.is_over else None
+        is_read = self.is_over and (self.is_judged or kind == "edge")
+        if search == FIRST:
+            seen = self.errors or self.findings or (self.first_done or self.first + 1,)
+            return min(seen) if self.errors or is_read else None
+        scans: Sequence[int] = (
+            self.edges.get(name, ()) if kind == "edge" else sorted({*self.errors, *self.findings})
+        )
+        if step < 0 and (start <= self.last or self.is_over):
+            before = bisect_left(scans, start)
+            return scans[before - 1] if before else END if is_read else None
+        after = bisect_right(scans, start)
+        if step > 0 and after < len(scans):
+            return scans[after]
+        return END if is_read else None
+
+    def marks(self) -> bytes:
+        """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
+        known = self.last, len(self.errors)
+        if known != self._marks[0]:
+            marks = bytearray(PIECES)
+            for scan in self.errors:
+                marks[(scan - self.first - 1) * PIECES // (self.last - self.first)] = 1
+            self._marks = known, bytes(marks)
+        return self._marks[1]

@@ -1,0 +1,438 @@
+"""What-if: a recorded run beside itself with other parameters; where they part, and what comes of it.
+
+Rule 1: partners do what they did, when they did it (replay/partners.py).
+Rule 2: a key is played where its declaration says so; a recording cannot answer what another would do.
+Rule 3: commands act in their recorded scans; what writes a pin that is held is left out and counted.
+Rule 4: with another interval both runs pass by time, and the recorded one is a scan ahead.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import sub
+from typing import Final, cast
+
+from trcvtui.bench.bench import Bench
+from trcvtui.commands import words
+from trcvtui.errors import UserError, mistake
+from trcvtui.plc.ledger import Outputs, StatusEdge
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.keys import is_played
+from trcvtui.project.project import Project
+from trcvtui.records import NamedTuple, replace
+from trcvtui.replay.keyframes import Keyframes
+from trcvtui.replay.partners import PartnersAgain, WhyGuess
+from trcvtui.replay.recorded_run import RecordedRun, Standing
+from trcvtui.replay.run_again import REST_LINE, Roots, RunAgain, declared
+from trcvtui.scenario.report import JsonLines, outputs_record
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.values import decode_leaves
+from trcvtui.wording import count
+
+RECORDED, WHAT_IF = "recorded", "what-if"
+GUESS: Final = {
+    WhyGuess.PARTNER: "the partner would perhaps do something else",
+    WhyGuess.BYTES: "it needs bytes that the recording does not have",
+    WhyGuess.TIME: "something came between two scans, and the recording does not say when",
+}
+LEAVES_AT_ONCE: Final = 1024
+QUIET: Final = 3  # scans without a change, after which time alone changes something
+Change = Callable[[Sequence[str], str | None], tuple[Project, Sequence[str]]]
+
+
+class Sum(NamedTuple):
+    """What has come of a run: jobs with DONE, ERRORs, bytes that blocks have read."""
+
+    jobs: int
+    errors: int
+    bytes: int
+
+
+class ValueDiffers(NamedTuple):
+    """The first DONE of both runs with another value: its scan, the member, both values."""
+
+    scan: int
+    member: str
+    recorded: Value | None
+    what_if: Value | None
+
+
+class _Held:
+    """Pins that keep their values; `skipped` counts commands that would have written them."""
+
+    def __init__(self, pins: frozenset[tuple[str, str]]) -> None:
+        self._pins = pins
+        self.skipped = 0
+
+    def left_of(self, command: words.BenchCommand) -> words.BenchCommand | None:
+        """Return what is left of a command, None where nothing is."""
+        match command:
+            case words.Set(name, pins):
+                left = tuple([each for each in pins if (name, each[0]) not in self._pins])
+                self.skipped += len(left) < len(pins)
+                return replace(command, pins=left) if left else None
+            case words.Pulse(name, pin) if (name, pin) in self._pins:
+                self.skipped += 1
+                return None
+        return command
+
+
+def _paths(sets: Sequence[str]) -> list[list[str]]:
+    """Return what is to be changed, as its three words; what has not three needs the beginning."""
+    paths = [text.partition("=")[0].strip().split(".") for text in sets]
+    return [path for path in paths if len(path) == 3]
+
+
+def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
+    """Return the inputs that are held: instance and pin."""
+    return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
+
+
+class _RunChanged(RunAgain):
+    """The run with other parameters: it is told what the recorded run was told."""
+
+    def begin(self, partners: PartnersAgain, held: _Held) -> None:
+        """Begin: what writes a pin that is held is left out from now on."""
+        self._partners, self._held, self._quiet = partners, held, 0
+        self.notes: list[str] = []
+        self.bench.leave_out(held.left_of)
+
+    def follow(self, lines: Sequence[str]) -> None:
+        """Do what the recorded run was told before this scan, and let the scan pass."""
+        self._quiet = 0
+        for line in lines:
+            if line == REST_LINE:
+                self.bench.rest()
+                continue
+            try:
+                self._do(line)
+            except UserError as wrong:
+                self.notes.append(f"scan {self.bench.runtime.scans + 1}: left out: {wrong.problems[0]}")
+        self.bench.step()
+        self._partners.look_back()
+
+    def pass_between(self, most: int) -> None:
+        """Let one scan pass that the recorded run has counted and not run, or all that change nothing."""
+        runtime, interval = self.bench.runtime, self.bench.runtime.interval_ns
+        if self._quiet >= QUIET:
+            until = self.bench.quiet_until()
+            scans = most if until is None else min(most, -(-until // interval) - runtime.scans)
+            if scans > 0:
+                self.bench.skip(scans)
+                return
+        seq = runtime.ledger.last_seq
+        with self._partners.nothing_coming():
+            self.bench.step()
+        is_quiet = not runtime.changed and runtime.ledger.last_seq == seq
+        self._quiet = self._quiet + 1 if is_quiet else 0
+
+    def act(self, command: words.BenchCommand) -> None:
+        left = self._held.left_of(command)
+        if left is not None:
+            super().act(left)
+
+
+class WhatIf:
+    """Both runs, scan by scan; `recorded` and `what_if` are their benches. First the journal is read.
+
+    `change` gives the project with other parameters, where it is not one of a file.
+    """
+
+    def __init__(
+        self, keyframes: Keyframes, sets: Sequence[str], dialect: str | None, change: Change | None = None
+    ) -> None:
+        self._keyframes, self._sets = keyframes, tuple(sets)
+        self._recorded = recorded = keyframes.begin()
+        recorded.take_lines()  # a keyframe may have some that were told long before
+        self._where = recorded.where
+        if recorded.replay.is_in_the_middle:
+            found = "a file that begins in the middle, without a keyframe"
+            raise mistake(self._where, found, "the run's beginning, or a keyframe, for a what-if")
+        self._is_late = keyframes.first > 0
+        self._refuse_not_played()
+        self._changed, self._notes = self._with_sets(dialect, change)
+        self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
+        standing = [Standing(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
+        self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
+        self._told.follow(keyframes.entries())
+        self._held = _Held(self.pins)
+        self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
+        self._is_over = False
+        self._before = self._counted(self.recorded)
+        self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
+        self._later: list[
+            tuple[int, Sequence[str], Sequence[StatusEdge]]
+        ] = []  # of recorded scans, with times
+        self._edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
+        self.parts_at: int | None = None
+        self.guess_from: int | None = None
+        self.guess_why: WhyGuess | None = None
+        self.value: ValueDiffers | None = None
+        self.trouble = ""  # why the recorded run ends early
+        self._what_if = self._begin()
+
+    def _refuse_not_played(self) -> None:
+        """Raise UserError for what decides what a partner meets, or does."""
+        for text in self._sets:
+            path = text.partition("=")[0].strip()
+            if is_played(path.split(".")):
+                continue
+            begins = self._recorded.begins
+            expected = "inputs of instances, data, a task's interval and priority, options, --dialect"
+            if begins.is_scenario and begins.kernel == "sim":
+                expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
+            raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
+
+    def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
+        """Return what the run with other parameters is made of, and what another dialect does not have."""
+        begins, scenario, project = self._keyframes.roots
+        if change is not None:
+            made, told = change(self._sets, dialect)
+            return (begins, None, made), [*told]
+        notes: list[str] = []
+        if self._sets:
+            begins, scenario, project = declared(begins, self._recorded.replay.files, self._sets)
+        if dialect is not None:
+            project, told = in_dialect(project, dialect_named(dialect))
+            notes += told
+        if self._is_late:
+            self._refuse_late(project, dialect)
+            notes.append(f"changed from scan {self._keyframes.first + 1} on: the file begins there")
+        return (begins, scenario, project), notes
+
+    def _refuse_late(self, project: Project, dialect: str | None) -> None:
+        """Raise UserError for what cannot be changed in the midst of a run."""
+        wrong = "" if dialect is None else "--dialect"
+        for text in self._sets:
+            match text.partition("=")[0].strip().split("."):
+                case ["instance", name, pin] if pin in dict(self.recorded.runtime.inputs(name)):
+                    continue
+                case ["data", name, "layout" | "byte_order"]:
+                    had, has = self.recorded.project.data_decl(name), project.data_decl(name)
+                    if had is not None and has is not None and had.size == has.size:
+                        continue
+                    wrong = f"--set {text}, which changes the size"
+                case _:
+                    wrong = f"--set {text}"
+        if wrong:
+            expected = (
+                "an input of an instance, layout or byte_order of data: all else needs the run's beginning"
+            )
+            raise mistake(self._where, f"{wrong} on a file that begins in the middle", expected)
+
+    @property
+    def pins(self) -> frozenset[tuple[str, str]]:
+        """Return the inputs that are held: instance and pin."""
+        return pins_of(self._sets)
+
+    @property
+    def project(self) -> Project:
+        return self._changed[2]
+
+    @property
+    def recorded_run(self) -> RunAgain:
+        return self._recorded
+
+    @property
+    def recorded(self) -> Bench:
+        return self._recorded.bench
+
+    @property
+    def what_if(self) -> Bench:
+        return self._what_if.bench
+
+    def scan(self) -> bool:
+        """Let a scan of both pass, or one of one of them; return False where both have ended."""
+        if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
+            return False
+        if self.parts_at is not None and self.what_if.plan.active:
+            self._partners.note_guess(WhyGuess.TIME)  # a planned fault counts calls
+        if self.guess_from is None and self._partners.guess_from is not None:
+            self.guess_from, self.guess_why = self.at, self._partners.guess_why
+        return True
+
+    def _scan_in_step(self) -> bool:
+        if self._lines is None and not self._is_over:
+            self._is_over = not self._go_first()
+        between = self.recorded.runtime.scans - self.what_if.runtime.scans - (not self._is_over)
+        if between > 0:
+            self._what_if.pass_between(between)
+        elif self._lines is None:
+            return False
+        else:
+            self._what_if.follow(self._lines)
+            self._lines = None
+        was = () if self._lines is not None else self.recorded.runtime.changed
+        self._edges = was, now = was, self.what_if.runtime.changed
+        if self.parts_at is None and _shown(was) != _shown(now):
+            self.parts_at = self.at
+        if self.value is None:
+            self._compare_values(was, now)
+        return True
+
+    def _scan_in_time(self) -> bool:
+        """Let a scan of the recorded run pass, or one of the other: after those before it, and one more."""
+        partners, recorded = self._partners, self.recorded
+        until = partners.due + partners.slack
+        if not self._is_over and (not self._later or self._later[-1][0] <= until):
+            self._is_over = not self._go_first()
+            if not self._is_over:
+                self._later.append((recorded.now, self._lines or (), recorded.runtime.changed))
+                self._edges, self._lines = (recorded.runtime.changed, ()), None
+                return True
+        if self._is_over and recorded.now < partners.due:
+            return False
+        passed = [each for each in self._later if each[0] <= until]
+        self._later = self._later[len(passed) :]
+        self._what_if.follow([line for _, lines, _ in passed for line in lines])
+        self._edges = (), self.what_if.runtime.changed
+        was = [edge for *_, edges in passed for edge in edges]
+        for shown, edges in zip(self._shown, (was, self._edges[1]), strict=True):
+            shown.update(_shown(edges))
+        if self.parts_at is None and self._shown[0] != self._shown[1]:
+            self.parts_at = self.at
+        return True
+
+    def _begin(self) -> _RunChanged:
+        """Return the run with other parameters: with its project, or from the state of a keyframe."""
+        partners = self._partners = PartnersAgain(self._told, self._peers)
+        if not self._is_late:
+            run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
+        else:
+            run = self._keyframes.beside(_RunChanged, partners)
+        run.begin(partners, self._held)
+        intervals = run.bench.runtime.interval_ns, self.recorded.runtime.interval_ns
+        if intervals[0] != intervals[1]:
+            partners.intervals_ns = intervals
+        if not self._is_late:
+            return run
+        project = self._changed[2]
+        for kind, name, key in _paths(self._sets):
+            decl = project.instance(name) if kind == "instance" else None
+            if decl is not None:
+                run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))
+        run.bench.project = replace(run.bench.project, data=project.data)
+        return run
+
+    def _go_first(self) -> bool:
+        """Let the recorded run do its next scan; return False where it has ended."""
+        try:
+            if self._recorded.scan():
+                self._told.go_on()
+                self._lines = self._recorded.take_lines()
+                return True
+            self.trouble = "" if self._recorded.is_whole else str(self._recorded.differs())
+        except UserError as wrong:
+            self.trouble = str(wrong)
+        return False
+
+    @property
+    def at(self) -> int:
+        """Return the scan in which the run with other parameters stands."""
+        return self.what_if.runtime.scans
+
+    def play(self) -> None:
+        while self.scan():
+            pass
+
+    def edges(self) -> tuple[Sequence[StatusEdge], Sequence[StatusEdge]]:
+        """Return what the last scan has changed in the recorded run and in the other one."""
+        return self._edges
+
+    def _compare_values(self, was: Sequence[StatusEdge], now: Sequence[StatusEdge]) -> None:
+        also = {edge.instance for edge in now if edge.outputs.done}
+        for edge in was:
+            if edge.outputs.done and edge.instance in also and self.value is None:
+                self.value = self._value_of(edge.instance)
+
+    def _value_of(self, instance: str) -> ValueDiffers | None:
+        both = [(bench, bench.project.instance(instance)) for bench in (self.recorded, self.what_if)]
+        found = [(b, b.project.data_decl(d.data)) for b, d in both if d is not None and d.data is not None]
+        if len(found) < 2 or found[0][1] is None or found[1][1] is None:
+            return None
+        (was, decl), (now, other) = found
+        assert decl is not None and other is not None
+        before, after = was.runtime.data(decl.name), now.runtime.data(other.name)
+        if decl.layout is other.layout and before == after:
+            return None
+        count = min(decl.layout.leaf_count, other.layout.leaf_count)
+        for start in range(0, count, LEAVES_AT_ONCE):
+            stop = min(start + LEAVES_AT_ONCE, count)
+            pairs = zip(
+                decode_leaves(decl.layout, before, start, stop),
+                decode_leaves(other.layout, after, start, stop),
+                strict=True,
+            )
+            for number, (one, two) in enumerate(pairs, start):
+                if one != two and not (one != one and two != two):
+                    path = decl.layout.leaf(number).path
+                    member = f"{decl.name}.{path}" if path else decl.name
+                    return ValueDiffers(was.runtime.scans, member, one, two)
+        return None
+
+    def sums(self) -> tuple[Sum, Sum]:
+        return (
+            Sum(*self._since(self.recorded), self._told.bytes_read),
+            Sum(*self._since(self.what_if), self._partners.bytes_read),
+        )
+
+    @staticmethod
+    def _counted(bench: Bench) -> tuple[int, int]:
+        instances = bench.runtime.snapshot().instances
+        return sum(i.jobs_done for i in instances), sum(i.errors for i in instances)
+
+    def _since(self, bench: Bench) -> tuple[int, int]:
+        """Return jobs and ERRORs of a run from the beginning of the file on."""
+        return cast(tuple[int, int], tuple(map(sub, self._counted(bench), self._before)))
+
+    def record(self) -> dict[str, object]:
+        was, now = self.sums()
+        return {
+            "parts_at_scan": self.parts_at,
+            "guess_from_scan": self.guess_from,
+            "guess_why": self.guess_why,
+            "recorded": was._asdict(),
+            "what_if": now._asdict(),
+        }
+
+    def summary(self) -> Iterator[str]:
+        was, now = self.sums()
+        same = "in each scan" if self._partners.intervals_ns is None else "at each time"
+        yield f"they part at scan {self.parts_at}" if self.parts_at else f"STATUS is the same {same}"
+        if self.value is not None:
+            value = self.value
+            yield (
+                f"scan {value.scan}: {value.member} is {_text(value.recorded)} recorded, "
+                f"{_text(value.what_if)} what-if"
+            )
+        yield f"recorded: {was.jobs} DONE, {was.errors} ERROR, {was.bytes} bytes read"
+        yield f"what-if:  {now.jobs} DONE, {now.errors} ERROR, {now.bytes} bytes read"
+        if self.guess_why is not None:
+            yield f"from scan {self.guess_from} on it is a guess: {GUESS[self.guess_why]}"
+        if self._held.skipped:
+            yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
+        for scan, part in self._told.failures.items():
+            yield f"scan {scan}: {part} had an internal error in the recorded run alone"
+        yield from (*self._notes, *self._what_if.notes)
+
+
+def _shown(edges: Sequence[StatusEdge]) -> Mapping[str, Outputs]:
+    return {edge.instance: edge.outputs for edge in edges}
+
+
+def _text(value: Value | None) -> str:
+    return json.dumps(value) if isinstance(value, str) else str(value)
+
+
+def print_both(run: WhatIf, write: Callable[[str], object]) -> None:
+    """Write the records of both runs in scan order, then what has come of them."""
+    benches, names = (run.recorded, run.what_if), (RECORDED, WHAT_IF)
+    reports = [JsonLines(write, bench.runtime.interval_ns, bench) for bench in benches]
+    while run.scan():
+        guess = {"guess": True} if run.guess_from is not None else {}
+        for report, bench, name, edges in zip(reports, benches, names, run.edges(), strict=True):
+            more = guess if name == WHAT_IF else {}
+            for edge in edges:
+                report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
+    reports[0].write(run.record())

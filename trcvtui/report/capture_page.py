@@ -1,0 +1,92 @@
+"""A capture on a page: what its shadow instances show, and the conversations in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui.capture.command import capture_notes, conversation_row
+from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
+from trcvtui.capture.reassembly import Conversation, Conversations
+from trcvtui.history.records import Moment
+from trcvtui.line.capture_player import CapturePlayer, plan_capture
+from trcvtui.line.shadows import ShadowPlan, known_ends
+from trcvtui.line.watch_command import MISSING
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.report.page import ReportSource
+from trcvtui.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
+from trcvtui.wording import count
+
+MOST_CONVERSATIONS: Final = 500
+
+
+class _CaptureNotes:
+    """Takes what the shadows of a capture show, and what is said of its conversations."""
+
+    def __init__(self, interval_ns: int) -> None:
+        self.notes: RunNotes | None = None  # from the first scan on
+        self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
+        self._interval_ns = interval_ns
+
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+        """Take what a scan has told."""
+        assert self.notes is not None
+        self.notes.scanned()
+        at = Moment(scan, (scan - 1) * self._interval_ns)
+        for edge in changed:
+            if edge.instance in lacking and edge.outputs.lit in ("done", "error"):
+                self.events.add(EventTold(at, edge.instance, MISSING))
+
+    def note(self, ns: int, number: int, text: str) -> None:
+        """Take what is said of a conversation."""
+        self.events.add(EventTold(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
+
+
+def capture_page(
+    path: Path,
+    shadows: tuple[Path | None, str | None, str | None],
+    has_payload: bool,
+    file: str,
+    digest: str,
+) -> tuple[ReportSource, RunNotes, list[str]]:
+    """Put a capture through shadow instances; return what the page says of it, and what to tell beside.
+
+    `shadows`: project, PLC end and dialect, None where they are not chosen.
+    """
+    plan, found, troubles = plan_capture([str(path)], *shadows)
+    lines = _CaptureNotes(min(task.interval_ns for task in plan.project.tasks))
+    player = CapturePlayer(plan, found.all, found.first_ns or 0, lines)
+    notes = lines.notes = RunNotes(player.shadows.bench, lines.events, has_payload)
+    player.play([str(path)])
+    notes.end()
+    player.close()
+    project, plc, _ = shadows
+    known = NOTHING_KNOWN if project is None else known_ends(plan.project)
+    given = None if plc is None else parse_plc(plc)
+    source = ReportSource(
+        path.name,
+        "a capture, put through shadow instances: what blocks with these parameters would show",
+        "",
+        found.first_ns or 0,
+        "the conversations of the capture",
+        f"{file}, {count(found.packets, 'packet')}",
+        digest,
+        conversations=tuple(
+            _conversation(one, found, plan, given, known) for one in found.all[:MOST_CONVERSATIONS]
+        ),
+    )
+    return source, notes, [*plan.notes, *capture_notes(found, troubles)]
+
+
+def _conversation(
+    one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, known: KnownEnds
+) -> tuple[str, ...]:
+    told: dict[str, Any] = conversation_row(found, one, given, known)
+    ends = [told[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
+    to, back = told["to_plc"], told["from_plc"]
+    sizes = [
+        str(size) for size in (to["bytes"], back["bytes"], (to["missing"] or 0) + (back["missing"] or 0))
+    ]
+    shadows = ", ".join(part.connect for part in plan.parts.get(one.number, ()))
+    return (*ends, *sizes, plan.unassigned.get(one.number) or shadows)

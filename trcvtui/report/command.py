@@ -1,0 +1,225 @@
+"""`trcvtui report`: a recording run again, or a capture put through shadows, told on one page."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Iterator
+from hashlib import sha256
+from html import escape
+from itertools import chain
+from pathlib import Path
+
+from trcvtui.bench.bench import Bench
+from trcvtui.diagnosis.doctor import DoctorQuestion, try_to_judge
+from trcvtui.diagnosis.lint import receivers_of
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
+from trcvtui.history.records import Moment
+from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, Answered, Entry
+from trcvtui.recording.recording import Recording
+from trcvtui.replay.job_facts import recorded_facts
+from trcvtui.replay.keyframes import Journal, Keyframes
+from trcvtui.replay.run_again import RunAgain, restored_state
+from trcvtui.report.page import MARK, FoundCause, ReportSource, last_part, page
+from trcvtui.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
+from trcvtui.scenario.runner import Runner, Verdict
+from trcvtui.scenario.scenario import load_bench
+from trcvtui.wording import count
+
+WHOLE, ENDS_EARLY = 0, 1
+
+
+class _NotedScans:
+    """The scans that a scenario asks for; raise UserError where the journal has no more of them."""
+
+    def __init__(self, run: RunAgain, notes: RunNotes) -> None:
+        self._run, self._notes = run, notes
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass."""
+        if self._run.replay.coming() is None:
+            raise self._run.differs()
+        bench.step()
+        self._notes.scanned()
+
+
+class _Heard:
+    """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
+
+    def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
+        self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
+        self._entries = entries
+        self._at = Moment(scan)
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Yield them all."""
+        for entry in self._entries:
+            if isinstance(entry, Answered):
+                if entry.call == STEP and isinstance(entry.answer, int):
+                    self._at = Moment(self._at.scan + 1, entry.answer)
+                elif entry.call == DO and len(entry.args) == 1:
+                    self.events.add(EventTold(self._at, "", str(entry.args[0])))
+            yield entry
+
+    def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
+        """Tell what the journal says of outputs from this entry on: no replay has come so far."""
+        for entry in chain((front,), self):
+            if isinstance(entry, Answered) and entry.call == SHOWS:
+                notes.shown(self._at, entry.owner, entry.args)
+        notes.end_of_rest(self._at)
+
+
+def look_at(
+    journal: Journal, where: str, has_payload: bool
+) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
+    """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
+    keyframes = Keyframes(journal, where)
+    with restored_state(keyframes.first > 0, where):
+        return _look_at(keyframes, journal, where, has_payload)
+
+
+def _look_at(
+    keyframes: Keyframes, journal: Journal, where: str, has_payload: bool
+) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
+    if keyframes.first:
+        run = keyframes.begin()
+        heard = _Heard(run.replay.entries, keyframes.first + 1)
+        run.replay.entries = iter(heard)
+    else:
+        heard = _Heard(journal.entries())
+        run = RunAgain(iter(heard), where)
+    notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
+    run.before_close = notes.end
+    try:
+        if run.scenario is not None and not keyframes.first:
+            steps = (*run.scenario.start, *run.scenario.steps)
+            scans = _NotedScans(run, notes)
+            verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
+            notes.end()
+            run.bench.close()
+            run.replay.end()
+        else:
+            while run.scan():
+                notes.scanned()
+            if not run.is_whole:
+                raise run.differs()
+    except UserError as told:
+        stopped = str(told)
+        run.replay.is_busy = False  # the last look is one in a gap
+        notes.end()
+        heard.tell_rest(notes, run.replay.coming())
+    return run, notes, verdict, stopped
+
+
+def recording_source(
+    run: RunAgain, notes: RunNotes, verdict: Verdict | None, stopped: str, file: str, digest: str
+) -> ReportSource:
+    """Return what the page says of a recording."""
+    begins = run.begins
+    files = [(last_part(name), str(len(data)), sha256(data).hexdigest()) for name, data in begins.files]
+    return ReportSource(
+        verdict.scenario if verdict is not None else last_part(begins.path),
+        f"run again from the recording, {count(notes.seen.scan, 'scan')}: the same",
+        stopped,
+        begins.wall_ns,
+        f"simulated network, seed {begins.seed}" if begins.kernel == "sim" else "real network",
+        f"{file}, a recording of trcvtui {begins.program}",
+        digest,
+        (*files, *((last_part(name), "", known) for name, known in begins.digests)),
+    )
+
+
+def _folders(files: FilesRead, path: str) -> list[str]:
+    """Return what a run's files have before their names, as a page would have it, the longest first."""
+    names = [os.path.join(files.folder, name) for name in ("", path, *files.contents, *files.digests)]
+    before = {name.removesuffix(last_part(name)) for name in names}
+    return sorted([escape(one_line(each)) for each in before if len(each) > 1], key=len, reverse=True)
+
+
+def report_file(
+    path: Path, out: Path, has_payload: bool, shadows: tuple[Path | None, str | None, str | None]
+) -> int:
+    """Write the page of a file; return 0, or 1 where a recording ends before its run does.
+
+    What is no recording of ours is a capture; so is a recording where `shadows` (project, PLC end, dialect)
+    are chosen.
+    """
+    where = f"--out {out}"
+    _refuse_other(out, where)
+    digest, size = sha256(), 0
+    try:
+        with open_to_read(path) as file:
+            while piece := file.read(1 << 20):
+                digest.update(piece)
+                size += len(piece)
+    except (OSError, ValueError) as failed:
+        raise mistake(str(path), reason_of(failed), "a recording or a capture that can be read") from None
+    named = f"{path.name}, {size} bytes"
+    recording, folders = None if any(shadows) else _recording(path), list[str]()
+    findings, verdict = _findings(path, shadows[0], shadows[1]), None
+    gc.collect()  # the conversations of a large capture stand once in the memory, not twice
+    if recording is None:
+        from trcvtui.report.capture_page import capture_page  # a recording needs none of it
+
+        source, notes, lines = capture_page(path, shadows, has_payload, named, digest.hexdigest())
+    else:
+        run, notes, verdict, stopped = look_at(recording, path.name, has_payload)
+        lines, folders = [recording.damage() or stopped], _folders(run.replay.files, run.begins.path)
+        seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
+        source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
+        lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
+    source = source._replace(findings=findings)
+    is_restored = recording is not None and run.is_restored
+    with restored_state(is_restored, str(path)), replacing(out, where, is_own=True, mode=0o600) as file:
+        for part in page(source, notes, verdict):
+            for folder in folders:
+                part = part.replace(folder, "")
+            file.write(part.encode())
+    sys.stderr.write("".join(f"{line}\n" for line in lines if line))
+    return ENDS_EARLY if source.stopped else WHOLE
+
+
+def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[FoundCause, ...]:
+    """Return what the doctor says of the file, the surest first."""
+    receivers = () if project is None else receivers_of(load_bench(project))
+    answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, recorded_facts))
+    if isinstance(answer, UserError):
+        return ()
+    found = [
+        (finding["confidence"], verdict["conversation"], finding)
+        for verdict in answer[0]
+        for finding in verdict["findings"]
+    ]
+    found.sort(key=lambda one: -one[0])
+    return tuple(
+        [
+            FoundCause(
+                f"{finding['cause']}, {sure:.0%} sure"
+                + (f": {ends['plc']} with {ends['partner']}" if ends is not None else ""),
+                tuple(finding["evidence"]),
+                tuple([mend["text"] for mend in finding["mend"]]),
+            )
+            for sure, ends, finding in found
+        ]
+    )
+
+
+def _recording(path: Path) -> Recording | None:
+    try:
+        return Recording(path)
+    except UserError:
+        return None
+
+
+def _refuse_other(out: Path, where: str) -> None:
+    """Raise UserError for a file that is there already and is no report of ours."""
+    try:
+        with open_to_read(out) as file:
+            if file.read(len(MARK)) != MARK:
+                raise mistake(where, f"{out}, which is no report", "a new name, or that of a report")
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as failed:
+        raise mistake(where, f"{out}: {reason_of(failed)}", "a new name, or that of a report") from None

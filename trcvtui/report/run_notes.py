@@ -1,0 +1,354 @@
+"""What a report tells of a run, taken scan by scan from a bench; each list is bounded.
+
+Rule: a run may be of any length. Of many things the first and the last are kept, of ERRORs more; the time
+line gets columns of twice the width whenever it is full.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final, Generic, TypeVar, cast
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import FrameEnded, JobEnded, PartDropped, SendEnded, SendStarted
+from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.diagnosis.advice import Advice, because
+from trcvtui.diagnosis.card import Card, DataBytes
+from trcvtui.diagnosis.evidence import evidence_now
+from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.history.link_statistics import ENDINGS, LinkStatistics
+from trcvtui.history.records import Moment
+from trcvtui.history.stream_index import StreamIndex
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
+from trcvtui.records import NamedTuple
+
+T = TypeVar("T")
+K = TypeVar("K")
+MOST_EVENTS: Final = 150  # at each end of the list
+EDGES, FRAMES = 1600, 400  # in a report, of all instances together
+MOST_OF_ONE: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
+MOST_LATE: Final = 5  # scans at each end
+MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance
+EACH: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
+MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
+_NUMBERS: Final = re.compile(r"[\d.]+")
+COLUMNS: Final = 1000  # of the time line, at most
+UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
+NOT_SEEN: Final = Cause(Why.SEQUENCE, "")
+LIT: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
+
+
+class FirstAndLast(Generic[T]):
+    """The first and the last of many, `most` of each; `count` counts all."""
+
+    def __init__(self, most: int) -> None:
+        self.count = 0
+        self._most = most
+        self._first: list[tuple[int, T]] = []
+        self._last: deque[tuple[int, T]] = deque(maxlen=most)
+
+    def add(self, one: T) -> None:
+        """Append one."""
+        self.count += 1
+        (self._first if len(self._first) < self._most else self._last).append((self.count, one))
+
+    def __iter__(self) -> Iterator[tuple[int, T]]:
+        """Yield those that are kept with their numbers, from 1."""
+        yield from self._first
+        yield from self._last
+
+
+class TimeLane:
+    """What was seen of one thing over the time of a run, in columns of equal width."""
+
+    def __init__(self, width_ns: int) -> None:
+        self.columns: list[int] = []
+        self.width_ns = width_ns
+        self._now = 0
+
+    def mark(self, t_ns: int, now: int) -> None:
+        """Take what it is from this time on."""
+        self.go_on(max(0, t_ns - 1))
+        self._now = now
+        self.go_on(t_ns)
+        self.columns[-1] |= now
+
+    def go_on(self, t_ns: int) -> None:
+        """Let it be what it is up to this time."""
+        while t_ns // self.width_ns >= COLUMNS:
+            ends = self.columns[1::2] + [0] * (len(self.columns) % 2)
+            self.columns = [one | other for one, other in zip(self.columns[::2], ends, strict=True)]
+            self.width_ns *= 2
+        self.columns += [self._now] * (t_ns // self.width_ns + 1 - len(self.columns))
+
+
+class EdgeTold(NamedTuple):
+    """An edge and when it came."""
+
+    at: Moment
+    edge: StatusEdge
+
+
+class FrameTold(NamedTuple):
+    """Bytes of a job or a frame, the first of them; `reason`: why they never got to where they belong."""
+
+    at: Moment
+    is_sent: bool
+    job: int
+    size: int
+    content: bytes
+    reason: str
+
+
+class EventTold(NamedTuple):
+    """What happened beside the blocks; without a subject: a command that was given after this scan."""
+
+    at: Moment
+    subject: str
+    what: str
+    detail: str = ""
+
+
+class CardTold(NamedTuple):
+    """A cause of ERROR at an instance, or a remark on a frame: what was known, how often, until when."""
+
+    first: EdgeTold
+    advice: Advice
+    times: int
+    last: Moment
+
+
+class InstanceNotes:
+    """What is told of one instance."""
+
+    def __init__(self, width_ns: int, edges: int, frames: int) -> None:
+        self.edges: FirstAndLast[EdgeTold] = FirstAndLast(edges)
+        self.error_edges: FirstAndLast[tuple[int, EdgeTold]] = FirstAndLast(edges)
+        self.frames: FirstAndLast[FrameTold] = FirstAndLast(frames)
+        self.errors: dict[tuple[int, str], CardTold] = {}
+        self.remarks: dict[str, CardTold] = {}  # by its words without their numbers
+        self.delivered = self.looked_until = 0  # frames; up to which one each is looked at
+        self.dropped = 0  # frames that were begun and never whole
+        self.lane = TimeLane(width_ns)
+        self.part = b""  # of the job that runs
+        self.sends: tuple[int, bytes] = 0, b""  # the job that sends, and what
+
+
+class RunNotes:
+    """Reads the ledger after each scan; `end` looks at the bench a last time."""
+
+    def __init__(self, bench: Bench, events: FirstAndLast[EventTold], has_payload: bool) -> None:
+        self.bench = bench
+        self.has_payload = has_payload
+        self.events = events
+        self.instances: dict[str, InstanceNotes] = {}
+        self.links: dict[str, TimeLane] = {}
+        self.snapshot: Snapshot | None = None  # after the last scan that could be seen
+        self.advice: dict[str, Advice] = {}  # then
+        self.seen = self.until = Moment()  # that scan; the last one that the journal tells of
+        self.late: FirstAndLast[str] = FirstAndLast(MOST_LATE)  # scans that began late
+        self.lost = 0  # lines of the ledger that came too fast
+        self._seq, self._late_scans = 0, bench.late_scans
+        self._card = Card()
+        self._index = StreamIndex()
+        self._statistics = LinkStatistics(self._index)
+        self._fresh: list[EdgeTold] = []  # ERRORs of this scan
+        self._receiving: set[str] = set()  # who has got a part in this scan
+        share = max(1, len(bench.project.instances))
+        self._edges = max(2, min(MOST_OF_ONE, EDGES // 4 // share))
+        self._frames = max(1, min(MOST_OF_ONE // 4, FRAMES // 2 // share))
+
+    def scanned(self) -> None:
+        """Take what the last scan has told."""
+        ledger = self.bench.runtime.ledger
+        if self.bench.late_scans > self._late_scans:
+            self._late_scans += 1
+            self.late.add(f"{ledger.scan} ({self.bench.late_ns / 1e6:.1f} ms)")
+        if ledger.last_seq == self._seq:
+            return
+        news = ledger.stamped_since(self._seq)
+        missed, self._seq = ledger.last_seq - self._seq - len(news), ledger.last_seq
+        if missed:
+            self.lost += missed
+            self._index.lose()
+            self._statistics.lose(self._seq, ledger.scan, ledger.t_ns)
+        self._index.take(news)
+        for scan, t_ns, event in news:
+            self._take(Moment(scan, t_ns), event)
+        for name in self._receiving:
+            self._of(name).part = self.bench.runtime.partial(name)[:MOST_BYTES]
+        self._receiving.clear()
+        for told in self._fresh:
+            self._explain(told)
+        self._fresh.clear()
+
+    def end(self) -> None:
+        """Take the bench as it is now: the run is over, or can be seen no further."""
+        self.scanned()
+        if self.snapshot is not None:
+            return
+        picture = self._picture(*(each.name for each in self.bench.project.instances))
+        self.snapshot = picture.snapshot
+        for instance in self.snapshot.instances:
+            self.advice[instance.name] = self._card_of(instance.name, picture)
+        self.seen = self.until = Moment(self.snapshot.scan, self.snapshot.t_ns)
+        for lane in (*self.links.values(), *(each.lane for each in self.instances.values())):
+            lane.go_on(self.seen.t_ns)
+
+    def shown(self, at: Moment, instance: str, args: tuple[object, ...]) -> None:
+        """Take outputs that a journal tells after the last scan that could be seen; nobody knows why."""
+        decl = self.bench.project.instance(instance)
+        if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
+            return
+        if all(isinstance(each, int | None) for each in args[2:]):
+            outputs = Outputs._make(cast(tuple[int, ...], args[1:]))
+            self._edge(EdgeTold(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
+            self._fresh.clear()
+
+    def end_of_rest(self, at: Moment) -> None:
+        """Let instances show what they show up to here, the end of the journal."""
+        self.until = max(self.until, at, key=lambda moment: moment.scan)
+        for each in self.instances.values():
+            each.lane.go_on(self.until.t_ns)
+
+    def last(self, name: str) -> InstanceSnapshot | None:
+        """Return an instance after the last scan."""
+        return self.snapshot.instance(name) if self.snapshot is not None else None
+
+    def _of(self, name: str) -> InstanceNotes:
+        notes = self.instances.get(name)
+        if notes is None:
+            notes = InstanceNotes(self.bench.runtime.interval_ns, self._edges, self._frames)
+            self.instances[name] = notes
+        return notes
+
+    # -- what a line tells ------------------------------------------------------------------------------
+
+    def _take(self, at: Moment, event: Event) -> None:
+        match event:
+            case StatusEdge():
+                self._edge(EdgeTold(at, event))
+            case BytesReceived():
+                self._receiving.add(event.instance)
+            case JobEnded() | PartDropped() | FrameEnded():
+                self._received(at, event)
+            case SendStarted():
+                self._of(event.instance).sends = event.job, self._data(event.instance, event.length)
+            case SendEnded():
+                job, content = self._of(event.instance).sends
+                reason = "" if event.done else event.reason
+                told = FrameTold(at, True, event.job, event.size, content * (job == event.job), reason)
+                self._of(event.instance).frames.add(told)
+            case ConnectionChanged():
+                self._connection(at, event)
+            case BenchNote():
+                self.events.add(EventTold(at, event.subject, event.what, event.detail or event.end))
+
+    def _edge(self, told: EdgeTold) -> None:
+        notes = self._of(told.edge.instance)
+        notes.edges.add(told)
+        notes.lane.mark(told.at.t_ns, LIT[told.edge.outputs.lit])
+        if told.edge.outputs.error:
+            notes.error_edges.add((notes.edges.count, told))
+            self._fresh.append(told)
+        elif told.edge.condition == Condition.RECEIVED:
+            notes.delivered += 1
+            if notes.delivered <= notes.looked_until or notes.delivered % EACH == 1:
+                self._fresh.append(told)
+
+    def _received(self, at: Moment, event: JobEnded | FrameEnded | PartDropped) -> None:
+        """Take what a job or a framer has delivered, or had to drop."""
+        notes = self._of(event.instance)
+        self._receiving.discard(event.instance)
+        job, done, reason = 0, isinstance(event, FrameEnded), ""
+        if isinstance(event, JobEnded):
+            job, done, reason = event.job, event.done, event.reason
+        elif isinstance(event, PartDropped):
+            reason = event.reason
+        content, notes.part = self._data(event.instance, event.size) if done else notes.part, b""
+        if not done and event.size:
+            notes.dropped += 1
+            notes.looked_until = notes.delivered + 2
+        if done or event.size:
+            told = FrameTold(at, False, job, event.size, content[: event.size], "" if done else reason)
+            notes.frames.add(told)
+
+    def _data(self, instance: str, size: int) -> bytes:
+        """Return the first bytes of an instance's DATA."""
+        decl = self.bench.project.instance(instance)
+        name = decl.data if decl is not None else None
+        return b"" if name is None else self.bench.runtime.data(name, min(size, MOST_BYTES))
+
+    def _connection(self, at: Moment, event: ConnectionChanged) -> None:
+        if event.detail != "UDP":
+            lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
+            if event.what is What.CONNECTED or event.what in ENDINGS:
+                lane.mark(at.t_ns, UP if event.what is What.CONNECTED else 0)
+        fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""
+        detail = ", ".join(filter(None, (event.peer, fault, event.detail)))
+        self.events.add(EventTold(at, event.connection, str(event.what), detail))
+
+    # -- why --------------------------------------------------------------------------------------------
+
+    def _explain(self, told: EdgeTold) -> None:
+        """Keep what is known in the scan of an ERROR, or of a frame that was looked at."""
+        notes, edge = self._of(told.edge.instance), told.edge
+        if not edge.outputs.error:
+            advice = self._card_of(edge.instance, self._picture(edge.instance))
+            if advice.checks:
+                words = _NUMBERS.sub("", advice.checks[0])
+                _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
+            return
+        key = edge.outputs.status, because(edge.cause, edge.block)
+        _keep(
+            notes.errors,
+            key,
+            told,
+            lambda: self._card_of(edge.instance, self._picture(edge.instance)),
+            MOST_ERRORS,
+        )
+
+    def _card_of(self, name: str, picture: BenchUpdate) -> Advice:
+        """Return what the card of an instance says after the last scan; without payload no values."""
+        project, runtime = self.bench.project, self.bench.runtime
+        instance, evidence = picture.snapshot.instance(name), evidence_now(picture, project, name)
+        if instance is None or evidence is None:
+            return Advice("", ())
+        decl = project.data_decl(instance.data) if instance.data is not None else None
+        content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
+        data = DataBytes(decl, content, runtime.partial(name))
+        reads = "read DATA with"
+        return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
+
+    def _picture(self, *names: str) -> BenchUpdate:
+        """Return the bench after the last scan with the facts of these instances."""
+        bench = self.bench
+        declared = filter(None, map(bench.project.instance, names))
+        return BenchUpdate(
+            snapshot=bench.runtime.snapshot(bench.faults()),
+            lines=(),
+            lines_skipped=0,
+            data=(),
+            partial=(),
+            peers=bench.peer_snapshots(),
+            answers=(),
+            timing=EngineTiming(),
+            holding=False,
+            kernel=bench.kernel_name,
+            facts=tuple((each.name, self._statistics.facts(each.name, each.connect)) for each in declared),
+        )
+
+
+def _keep(cards: dict[K, CardTold], key: K, told: EdgeTold, advise: Callable[[], Advice], most: int) -> None:
+    """Keep a card; of one that is there, that it came again."""
+    known = cards.get(key)
+    if known is not None:
+        cards[key] = known._replace(times=known.times + 1, last=told.at)
+    elif len(cards) < most:
+        cards[key] = CardTold(told, advise(), 1, told.at)

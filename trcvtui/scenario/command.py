@@ -1,0 +1,160 @@
+"""`trcvtui scenario`: run files one after the other and say how they ended."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trcvtui import clock
+from trcvtui.bench.bench import Bench, enter_own_network
+from trcvtui.commands.words import Doctor
+from trcvtui.errors import UserError
+from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
+from trcvtui.scenario.report import FORMATS, Document
+from trcvtui.scenario.runner import Pace, Runner, VirtualPace
+from trcvtui.scenario.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from trcvtui.bench.doctor_requests import Judge
+    from trcvtui.recording.files import RecordTo
+    from trcvtui.recording.recorder import RunRecorder
+
+
+class LivePace:
+    """Scans at the pace of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._start = clock.now_ns()
+        self._deadline = self._start
+
+    def next_scan(self, bench: Bench) -> None:
+        """Sleep until the next scan is due, then let it pass."""
+        clock.sleep_until(self._deadline)
+        now = clock.now_ns()
+        bench.step(now - self._start)
+        interval = bench.runtime.interval_ns
+        self._deadline += interval
+        if self._deadline < now:
+            self._deadline = now + interval
+
+
+class RecordedPace:
+    """Scans at another pace, each of them on record."""
+
+    def __init__(self, inner: Pace, recorder: RunRecorder) -> None:
+        self._inner, self._recorder = inner, recorder
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass, and hand over what it brought."""
+        self._inner.next_scan(bench)
+        self._recorder.gap(bench)
+
+
+HELD, FAILED, WRONG_FILE = 0, 1, 2
+
+
+def run_files(
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    out: Path | None,
+    overrides: Sequence[str],
+    netns: bool = False,
+    record: RecordTo | None = None,
+) -> int:
+    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
+
+    With `netns` each file runs in a fresh network of this process's own.
+    """
+    if netns:
+        enter_own_network(kernel)
+    if out is None:
+        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None, record)
+    where = f"--out {out}"
+    refuse_input(out, where, paths)
+    with replacing(out, where) as file:
+        loaded = partial(refuse_input, out, where)
+        return _run_all(
+            paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded, record
+        )
+
+
+def _run_all(
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    write: Callable[[str], object],
+    overrides: Sequence[str],
+    loaded: Callable[[], None],
+    record: RecordTo | None,
+) -> int:
+    document = FORMATS[form](write)
+    worst = HELD
+    files = record.files(paths) if record is not None else ()
+    for number, path in enumerate(paths):
+        recorder, reads = None, FilesRead()
+        if record is not None:
+            from trcvtui.recording.recorder import recorder_of
+
+            recorder = recorder_of(record, files[number], waits=kernel == "sim")
+        try:
+            with noting_reads(recorder.reads if recorder is not None else reads):
+                scenario = load_scenario(path, overrides)
+        except UserError as error:
+            worst = _wrong(document, path, error)
+            continue
+        loaded()  # raises through: no later file makes the target right
+        try:
+            box = None
+            if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
+                from trcvtui.recording.recorder import kept_recorder
+
+                recorder, box = kept_recorder(recorder, reads)
+            held = _run_one(path, scenario, kernel, document, overrides, recorder, box)
+            worst = max(worst, HELD if held else FAILED)
+        except UserError as error:
+            worst = _wrong(document, path, error)
+    document.end()
+    return worst
+
+
+def _wrong(document: Document, path: Path, error: UserError) -> int:
+    document.wrong(path, error)
+    sys.stderr.write("".join(line + "\n" for line in error.lines()))
+    return WRONG_FILE
+
+
+def _run_one(
+    path: Path,
+    scenario: Scenario,
+    kernel: str,
+    document: Document,
+    overrides: Sequence[str],
+    recorder: RunRecorder | None,
+    judge: Judge | None,
+) -> bool:
+    if kernel == "live":
+        from trcvtui.net.os.network import is_own_network
+
+        if is_own_network():
+            enter_own_network(kernel, scenario.project.sim)
+    with recorder or nullcontext():  # first: a file that is refused lets nothing begin
+        bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
+        report = document.begin(path, scenario, bench)
+        pace: Pace = LivePace() if kernel == "live" else VirtualPace()
+        if recorder is not None:
+            recorder.begin(bench, path, overrides, is_scenario=True)
+            pace = RecordedPace(pace, recorder)
+        try:
+            runner = Runner(bench, scenario.name, pace, report.scan, judge)
+            verdict = runner.play((*scenario.start, *scenario.steps))
+        finally:
+            bench.close()
+    for line in recorder.lines() if recorder is not None else ():
+        sys.stderr.write(f"{line}\n")
+    report.verdict(verdict)
+    return verdict.passed

@@ -1,0 +1,139 @@
+"""A scenario played step by step for a screen: what each step has come to, and which one is next.
+
+Rule: it judges by the same StepRunner as the runner; scans pass outside, one whenever `wants_scan`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.commands import words
+from trcvtui.commands.snapshots import (
+    DONE,
+    FAILED,
+    HELD,
+    NOW,
+    TO_COME,
+    PlayerSnapshot,
+    StepSnapshot,
+    TrialSnapshot,
+)
+from trcvtui.errors import mistake
+from trcvtui.records import replace
+from trcvtui.scenario.scenario import START_STEP, Scenario
+from trcvtui.scenario.step_runner import StepRunner
+
+MOST_STEPS: Final = 1000  # all of them are in each picture
+LONGEST_TEXT: Final = 2000  # of a line or of what was found, in a picture
+MOST_RUNS: Final = 120  # of each instance's trace, in a picture
+JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
+
+
+class Player:
+    """One scenario on one bench; `is_to_end` while each step begins by itself after the one before."""
+
+    def __init__(self, path: str, scenario: Scenario, bench: Bench) -> None:
+        self.is_to_end = False
+        self._path = path
+        self._scenario = scenario
+        self._stage = StepRunner(bench)
+        self._steps = (*scenario.start, *scenario.steps)
+        self._told = tuple([StepSnapshot(s.number, _cut(s.line), TO_COME) for s in self._steps])
+        self._current = 0
+        self._under_way: Iterator[None] | None = None
+        self._scans = 0  # that have passed in the step under way
+        self._wanted = 0  # steps that were asked for while one was under way
+        while not self.is_finished and self._steps[self._current].number == START_STEP:
+            self.step()
+
+    @property
+    def is_finished(self) -> bool:
+        """Return whether no step is to come."""
+        return self._current == len(self._steps) or self._stage.is_over
+
+    def tried(self) -> TrialSnapshot | None:
+        """Return the table of the last `try-splits`."""
+        return self._stage.trial.snapshot() if self._stage.trial is not None else None
+
+    @property
+    def wants_scan(self) -> bool:
+        """Return whether the step under way waits for a scan to pass."""
+        return self._under_way is not None
+
+    def step(self) -> None:
+        """Begin the next step, after the one under way; a run to the end stops after that one."""
+        if not self.is_to_end and not self.is_finished:
+            self._wanted += 1
+        self.is_to_end = False
+        if self._under_way is None:
+            self._go_on()
+
+    def run(self) -> None:
+        """Take all steps that are left."""
+        self.is_to_end, self._wanted = True, 0
+        if self._under_way is None:
+            self._go_on()
+
+    def scanned(self) -> None:
+        """Take note of the scan that has just passed, and go on with the step that asked for it."""
+        self._stage.scanned()
+        if self._under_way is not None:
+            self._scans += 1
+            self._go_on()
+
+    def _go_on(self) -> None:
+        while True:
+            if self._under_way is None:
+                if self.is_finished or not (self.is_to_end or self._wanted):
+                    return
+                self._wanted -= 1 if self._wanted else 0
+                self._begin()
+            for _ in self._under_way or ():
+                return  # one scan has to pass
+            self._end()
+
+    def _begin(self) -> None:
+        self._scans = 0
+        self._under_way = self._stage.take(self._steps[self._current])
+        self._tell(NOW)
+
+    def _end(self) -> None:
+        self._under_way = None
+        failure = self._stage.failure
+        if failure is not None:
+            self._tell(FAILED, _cut(failure.found))
+        else:
+            self._tell(HELD if isinstance(self._steps[self._current].command, JUDGED) else DONE)
+        self._current += 1
+
+    def _tell(self, state: str, found: str = "") -> None:
+        at, told = self._current, self._told
+        self._told = (*told[:at], replace(told[at], state=state, found=found), *told[at + 1 :])
+
+    def snapshot(self) -> PlayerSnapshot:
+        """Return how far it has come."""
+        return PlayerSnapshot(
+            path=self._path,
+            scenario=_cut(self._scenario.name),
+            about=_cut(self._scenario.about),
+            steps=self._told,
+            current=self._current,
+            running=self.wants_scan,
+            finished=self.is_finished,
+            scans_of_step=self._scans,
+            traces=tuple((name, trace.newest(MOST_RUNS)) for name, trace in self._stage.traces.items()),
+        )
+
+
+def refuse_too_many_steps(path: str, scenario: Scenario) -> None:
+    """Raise UserError for a scenario that is too long to be shown step by step."""
+    count = len(scenario.start) + len(scenario.steps)
+    if count > MOST_STEPS:
+        expected = f"at most {MOST_STEPS} to be played on the screen; `trcvtui scenario` plays them all"
+        raise mistake(f"{path}: steps", f"{count} steps", expected)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

@@ -1,0 +1,153 @@
+"""`trcvtui record`: a bench without a screen that is recorded until it is told to stop."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Final
+
+from trcvtui import clock
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.conditions import holds
+from trcvtui.commands import words
+from trcvtui.commands.table import parse_line
+from trcvtui.errors import mistake
+from trcvtui.files import make_folder, noting_reads
+from trcvtui.project.project import Project
+from trcvtui.recording.files import SUFFIX, TRIGGER, FileLimits, FileSink, RecordTo, Sink
+from trcvtui.recording.recorder import recorder_of
+from trcvtui.scenario.command import LivePace, RecordedPace
+from trcvtui.scenario.runner import Pace, VirtualPace
+from trcvtui.scenario.scenario import load_bench, start_steps
+from trcvtui.udt.literals import parse_time
+from trcvtui.wording import count, size_text
+
+NEVER: Final = 1 << 62
+PROGRESS_NS: Final = 1_000_000_000
+LEAST_SPLIT: Final = 1 << 16
+_SIZE: Final = re.compile(r"(\d{1,9})(B|KiB|MiB|GiB)?")
+_UNITS: Final = {None: 1, "B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
+
+
+def size_of(text: str | None, where: str) -> int:
+    """Return the bytes of `32MiB`, 0 for None; raise UserError."""
+    if text is None:
+        return 0
+    found = _SIZE.fullmatch(text)
+    size = int(found[1]) * _UNITS[found[2]] if found else 0
+    if size < LEAST_SPLIT:
+        raise mistake(where, f"'{text}'", "a size of 64KiB or more, such as 32MiB")
+    return size
+
+
+def limits_of(
+    ring: str | None, split: str | None, on: str | None, before: str | None, after: str | None
+) -> FileLimits:
+    """Return what the options say; raise UserError where they do not fit together."""
+    if on is None and (before is not None or after is not None):
+        raise mistake("--before, --after", "no --on", "what they surround")
+    whole = size_of(ring, "--ring")
+    part = size_of(split, "--split") or whole // 8
+    if whole and whole < 2 * part:
+        raise mistake("--ring", f"{whole} bytes", f"two files of {part} bytes or more")
+    if on is None:
+        return FileLimits(part, whole, -1, -1)
+    before_ns, after_ns = parse_time(before or "T#30s", "--before"), parse_time(after or "T#10s", "--after")
+    return FileLimits(part, whole, before_ns, after_ns)
+
+
+def record(
+    path: Path,
+    out: Path,
+    kernel: str,
+    limits: FileLimits,
+    on: str | None,
+    duration: str | None,
+    has_secrets: bool,
+    follow: Callable[[FileSink, str], Sink],
+    is_kept: bool = True,
+) -> int:
+    """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written.
+
+    `is_kept` False: the folder goes again, so that no report of an internal error may stand there.
+    """
+    until = NEVER if duration is None else parse_time(duration, "--duration")
+    make_folder(out, "--out")
+    asked = RecordTo(out, False, has_secrets, limits, follow)
+    recorder = recorder_of(asked, out / path.stem, waits=kernel == "sim")
+    with ExitStack() as opened:
+        opened.enter_context(noting_reads(recorder.reads))
+        project = load_bench(path)
+        condition = None if on is None else _condition(on, project)
+        signals: list[int] = []  # that ask for the end: after the scan, never in the middle of one
+        for number in _ending():
+            before = signal.signal(number, lambda came, _: signals.append(came))
+            opened.callback(signal.signal, number, before)
+        opened.enter_context(recorder)
+        bench = Bench(project, kernel, recorder.seam)
+        opened.callback(bench.close)
+        for step in start_steps(project):
+            bench.do(step.command)
+        recorder.begin(bench, path, (), is_scenario=False)
+        bench.reports = bench.reports if is_kept else None
+        pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
+        _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
+    told = bench.containment.take_newest()
+    _say("".join(f"{line}\n" for line in (*[told] * bool(told), *recorder.lines())))
+    return 1 if recorder.trouble else 0
+
+
+def _ending() -> list[signal.Signals]:
+    """Return the signals that ask for the end; a closed terminal does not below nohup."""
+    ends = [signal.SIGTERM, signal.SIGINT]
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
+    return ends
+
+
+def _condition(on: str, project: Project) -> words.Condition:
+    command = parse_line(f"expect {on}", project, "--on")
+    if not isinstance(command, words.Expect) or command.within_ns is not None:
+        raise mistake("--on", f"'{on}'", "a condition such as TRCV_C_1 STATUS=80C5")
+    return command.condition
+
+
+def _run(
+    bench: Bench,
+    pace: Pace,
+    until: int,
+    is_over: Callable[[], bool],
+    condition: words.Condition | None,
+    on: str,
+    out: Path,
+) -> None:
+    """Let scans pass; each scan in which the condition begins to hold is a trigger."""
+    triggers, held, told = 0, False, clock.now_ns()
+    shows = sys.stderr.isatty()
+    while bench.now < until and not is_over():
+        pace.next_scan(bench)
+        if condition is not None:
+            holds_now = holds(bench, condition)
+            if holds_now and not held:
+                triggers += 1
+                bench.told(f"{TRIGGER} {on}")
+            held = holds_now
+        if shows and clock.now_ns() > told + PROGRESS_NS:
+            told = clock.now_ns()
+            size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(SUFFIX))
+            seconds = bench.now // clock.NS_PER_S
+            elapsed = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+            _say(f"\r{elapsed}  {size_text(size)}  {count(triggers, 'trigger')}  ")
+    if shows:
+        _say("\n")
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # a terminal that is gone ends no recording
+        sys.stderr.write(text)
+        sys.stderr.flush()

@@ -1,0 +1,518 @@
+"""What was done on a bench and what was seen of it, kept, and written as a scenario file that runs.
+
+Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
+Rule 2: a mark begins the expectations anew; the commands before it stay, for they made what stands there.
+Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
+Rule 4: on real sockets a peer acts by the clock, and the scans by their own: how often a job is done between
+two events is not expected there, only that it is.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
+from trcvtui.commands import words
+from trcvtui.commands.patterns import ANY, Atom, Scan
+from trcvtui.commands.table import to_line
+from trcvtui.errors import mistake
+from trcvtui.files import write_file
+from trcvtui.history.received import JobHistory
+from trcvtui.history.waveform_recorder import BareChange, PinRecord, WaveformRecorder
+from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.paths import demo_path
+from trcvtui.plc.ledger import BenchNote, StatusEdge
+from trcvtui.project.tables import parse_toml, read_text, shown
+from trcvtui.project.text import with_files_from
+from trcvtui.records import dataclass, replace
+
+MOST_COMMANDS: Final = 5000
+MOST_CHARACTERS: Final = 4_000_000
+FIRST_RUNS: Final = 150
+NEWEST_RUNS: Final = 50
+# How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
+OF_THE_WIRE: Final = (
+    Condition.ESTABLISHING,
+    Condition.CONNECTED,
+    Condition.SENDING,
+    Condition.RECEIVING,
+)
+ANYTHING: Final = str(ANY)
+SIMULATED: Final = "sim"
+NEVER: Final = 1 << 62
+DELETED: Final = "deleted"
+ENDS: Final = frozenset({DELETED, "STOP"})  # notes after which an instance, or all, are not called
+BEGINS: Final = frozenset({"created", "declared anew"})
+MOST_NAMED: Final = 3
+MOST_FRAMES: Final = 200  # that are expected one by one; after them the trace alone
+MOST_FRAME: Final = 256  # bytes of each
+OUTSIDE: Final = " A partner outside the bench took part ("
+# What a TRCV_C shows by turns while frames come.
+BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
+
+
+class Seen:
+    """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
+
+    def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
+        self._of_the_wire = of_the_wire
+        self._first: list[Scan | None] = []
+        self._newest: deque[Scan | None] = deque(maxlen=NEWEST_RUNS)
+        self._is_cut = False
+        self._long: set[int] = set()  # the places of runs that are longer than one scan
+        self._scan: Scan | None = None
+        self._count = 0
+
+    def add(self, scan: Scan) -> None:
+        """Append one called scan."""
+        if scan == self._scan:
+            self._long.add(self._count)
+            return
+        self._scan = scan
+        self._append(scan)
+
+    def __bool__(self) -> bool:
+        """Return whether anything was seen."""
+        return self._count > 0
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether of what comes only the newest runs count."""
+        return self._count > FIRST_RUNS
+
+    def lose(self) -> None:
+        """Say that there may have been any scans here: nobody has read what was shown."""
+        self._scan = None
+        self._append(None)
+
+    def leave_out(self) -> None:
+        """Say that runs between the first and the newest were left out."""
+        self._scan, self._is_cut = None, True
+        self._newest.clear()
+
+    def _append(self, scan: Scan | None) -> None:
+        self._count = count = self._count + 1
+        if count <= FIRST_RUNS:
+            self._first.append(scan)
+            return
+        if count > FIRST_RUNS + NEWEST_RUNS:
+            self._is_cut = True
+            self._long.discard(count - NEWEST_RUNS)
+        self._newest.append(scan)
+
+    def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
+        """Return what was seen in the notation of a pattern, "" where nothing was.
+
+        After a first `done` any number of scans `by_turns` may follow.
+        """
+        newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
+        atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
+        return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
+
+    def _atoms(self, scans: Iterable[Scan | None], place: int) -> list[Atom]:
+        return [ANY if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
+
+    def _atom(self, scan: Scan, at: int) -> Atom:
+        return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
+
+
+def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
+    """Yield a pattern in which each stretch of scans by turns ends after its first `done` with anything."""
+    is_open = False
+    for atom in atoms:
+        if is_open and (atom is ANY or (atom.scan is not None and atom.scan[0] in by_turns)):
+            continue
+        yield atom
+        is_open = atom is ANY
+        if atom.scan is not None and atom.scan[0] in done:
+            yield ANY
+            is_open = True
+
+
+@dataclass(frozen=True, slots=True)
+class Outsiders:
+    """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
+
+    partners: tuple[str, ...] = ()
+    connects: frozenset[str] = frozenset()
+
+    @property
+    def about(self) -> str:
+        """Return what the file has to say of them."""
+        if not self.partners:
+            return ""
+        who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
+        return f"{OUTSIDE}{who}): nothing is expected on {where}."
+
+    @property
+    def told(self) -> str:
+        """Return what the answer has to say of them."""
+        found = ", ".join(self.partners[:MOST_NAMED])
+        return f"; {found} is no peer of this bench and will not be replayed" if found else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
+
+    `is_frame`: it expects what a frame has brought in this very scan.
+    """
+
+    scans: int
+    line: str
+    traced: str = ""
+    is_frame: bool = False
+
+
+class _Shown:
+    """What one instance shows: `now` since its last edge, and once more when it is called in scan `again`.
+
+    `read`: so many changes of its pins were looked at.
+    """
+
+    __slots__ = ("again", "interval", "is_lost", "now", "read", "seen")
+
+    def __init__(self, seen: Seen, interval: int) -> None:
+        self.seen, self.interval = seen, interval
+        self.now: Scan = 0, False
+        self.again = NEVER
+        self.is_lost = False
+        self.read = 0
+
+
+class Session:
+    """One bench from its first scan on; `note` what was carried out, the ledger tells what was seen."""
+
+    def __init__(self, bench: Bench, history: JobHistory, waves: WaveformRecorder) -> None:
+        self._bench = bench
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
+        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
+        self._peers_by_the_clock = False  # by commands; those of the project are known from it
+        self._entries: list[Entry] = []
+        self._characters = self._frames = 0
+        self._waves = waves
+        self._shown: dict[str, _Shown] = {}
+        self.commands = 0
+        self.marked_at = 0
+        self._catch_up = history.catch_up
+        history.index.listen({BenchNote: self._noted})
+        if bench.kernel_name == SIMULATED:
+            history.index.listen({StatusEdge: self._expect_frame})
+        history.lost.append(self._lose)
+        for name in waves.records:
+            self._new(name)
+
+    def note(self, command: words.BenchCommand, line: str) -> None:
+        """Keep a command that was carried edge."""
+        if isinstance(command, words.RunScans | words.RunFor):
+            return
+        if isinstance(command, words.Delete):
+            self._expect(command.instance)  # afterwards nobody knows its name any more
+        self.commands += 1
+        self._peers_by_the_clock |= _goes_on(command)
+        text = _kept_text(command, line)
+        self._characters += len(text)
+        if not self.is_overfull:
+            self._add(text)
+
+    def _add(self, line: str, traced: str = "", frame_in: int | None = None) -> None:
+        scan = self._bench.runtime.scans if frame_in is None else frame_in
+        self._entries.append(Entry(scan, line, traced, frame_in is not None))
+
+    def _expect(self, instance: str) -> None:
+        showing = self._up_to_now().get(instance)
+        if showing is not None and showing.seen:
+            self._add(self._trace(instance, showing.seen, self.outsiders().connects), instance)
+            self._new(instance)
+
+    @property
+    def is_by_the_clock(self) -> bool:
+        """Return whether peers acted at times of a clock that is not the scans'."""
+        peers = self._bench.project.peers
+        acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
+        return acts and self._bench.kernel_name != SIMULATED
+
+    def outsiders(self) -> Outsiders:
+        """Return the partners that are no peers of this bench, as far back as the ledger goes."""
+        ledger = self._bench.runtime.ledger
+        ours, calls = set(), []
+        for _, _, event in ledger.stamped_since(0):
+            if isinstance(event, BenchNote) and event.what == "connected":
+                ours.add(event.end)
+            elif isinstance(event, ConnectionChanged) and event.what is What.CONNECTED:
+                calls.append(event)
+        strange = [call for call in calls if call.peer not in ours]
+        partners = tuple(dict.fromkeys(call.peer for call in strange))
+        return Outsiders(partners, frozenset(call.connection for call in strange))
+
+    def _trace(self, instance: str, seen: Seen, outside: frozenset[str]) -> str:
+        decl = self._bench.project.instance(instance)
+        is_outside = decl is not None and decl.connect in outside
+        return f"expect {instance} trace {ANYTHING if is_outside else self._pattern(seen)}"
+
+    def _pattern(self, seen: Seen) -> str:
+        return seen.pattern(self._turns, self._done) if self.is_by_the_clock else seen.pattern()
+
+    @property
+    def is_overfull(self) -> bool:
+        """Return whether there were more commands than are kept."""
+        return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
+
+    def _new(self, instance: str) -> _Shown:
+        """Begin anew with an instance: what its pins did up to now does not count."""
+        record = self._waves.records[instance]
+        showing = self._shown[instance] = _Shown(Seen(self._of_the_wire), self._interval(instance))
+        showing.read = record.total
+        record.on_drop = partial(self._dropped, showing, record)
+        return showing
+
+    def _dropped(self, showing: _Shown, record: PinRecord, change: BareChange) -> None:
+        """Look at a change that the record of the pins forgets, as long as it is one of the first."""
+        if record.total - record.kept > showing.read:
+            self._look(showing, change)
+            showing.read += 1
+            if showing.seen.is_full:
+                record.on_drop = None
+
+    def _up_to_now(self) -> dict[str, _Shown]:
+        """Return what the instances have shown up to the last scan."""
+        self._catch_up()
+        return self._read(self._bench.runtime.scans)
+
+    def _read(self, until: int) -> dict[str, _Shown]:
+        """Look at what the pins have done up to here, and count the calls up to scan `until`."""
+        for name, record in self._waves.records.items():
+            showing = self._shown.get(name) or self._new(name)
+            changes = record.after(showing.read)
+            if len(changes) < record.total - showing.read:
+                showing.seen.leave_out()
+                showing.again = NEVER
+            for change in changes:
+                self._look(showing, change)
+            showing.read = record.total
+            self._go_on(showing, until)
+        return self._shown
+
+    def _look(self, showing: _Shown, change: BareChange) -> None:
+        """Keep what an instance shows from a scan on; what a STOP makes of it is no call."""
+        _, scan, _, edge = change
+        if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
+            return
+        self._go_on(showing, scan - 1)
+        showing.now, showing.is_lost = (edge.outputs.status, edge.outputs.error), False
+        showing.seen.add(showing.now)
+        showing.again = self._call_after(showing, scan)
+
+    def _interval(self, instance: str) -> int:
+        """Return how often an instance is called, in ns."""
+        decl = self._bench.project.instance(instance)
+        task = self._bench.project.task(decl.task) if decl is not None else None
+        return task.interval_ns if task is not None else self._bench.runtime.interval_ns
+
+    def _call_after(self, showing: _Shown, scan: int) -> int:
+        """Return the first scan after this one in which an instance is called."""
+        each = self._bench.runtime.interval_ns
+        if showing.interval == each:
+            return scan + 1
+        due = ((scan - 1) * each // showing.interval + 1) * showing.interval
+        return -(-due // each) + 1
+
+    def _go_on(self, showing: _Shown, until: int) -> None:
+        """Count the calls up to scan `until`, which have changed nothing: one, or more than one."""
+        if showing.again <= until:
+            showing.seen.add(showing.now)
+            if self._call_after(showing, showing.again) <= until:
+                showing.seen.add(showing.now)
+            showing.again = self._call_after(showing, until)
+
+    def _noted(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
+        """After a STOP nobody is called; a fresh instance tells its first call by an edge."""
+        if note.what not in ENDS and note.what not in BEGINS:
+            return
+        for name, showing in self._read(scan - 1).items():
+            if note.what in BEGINS:
+                showing.interval = self._interval(name)
+            elif note.what != DELETED or note.subject == name:
+                showing.again = NEVER
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        for showing in self._read(scan).values():
+            showing.seen.lose()
+            showing.is_lost, showing.again = True, NEVER
+
+    def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
+        """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
+        if not edge.outputs.done or not block_row(edge.block).on_buffer or self._frames >= MOST_FRAMES:
+            return
+        decl = self._bench.project.instance(edge.instance)
+        if decl is None:
+            return
+        self._frames += 1
+        shown = ((pin.name, getattr(edge.outputs, pin.shows)) for pin in block_row(edge.block).outputs)
+        pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
+        self._add(f"expect {edge.instance} {pins}", frame_in=scan)
+        is_late = scan != self._bench.runtime.scans  # DATA may have the next frame already
+        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data and not is_late else b""
+        size = (
+            content.find(0) + 1 if edge.outputs.rcvd_len is None else edge.outputs.rcvd_len
+        )  # a text: with its byte 00
+        if content[:size]:
+            self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", frame_in=scan)
+
+    def mark(self) -> None:
+        """Begin the expectations anew from here."""
+        before = dict(self._up_to_now())
+        here = [instance.name for instance in self._bench.project.instances]
+        kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
+        self._entries, self._frames = [_without_judgement(e) for e in kept], 0
+        for instance in here:
+            self._add(f"expect {instance} trace {ANYTHING}", instance)
+        for name, showing in before.items():
+            fresh = self._new(name)
+            fresh.now, fresh.again, fresh.is_lost = showing.now, showing.again, showing.is_lost
+            if fresh.is_lost:
+                fresh.seen.lose()
+        self.marked_at = self._bench.runtime.scans
+
+    def steps(self) -> Iterator[str]:
+        """Yield the steps of a scenario that does it all again; raise UserError when not all is kept."""
+        if self.is_overfull:
+            found = f"{self.commands} commands of {self._characters} characters"
+            expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a session begins with a fresh bench"
+            raise mistake("save scenario", found, expected)
+        passed = 0
+        for entry in self._entries:
+            yield from _let_pass(entry.scans - passed)
+            passed = entry.scans
+            yield entry.line
+        yield from _let_pass(self._bench.runtime.scans - passed)
+        outside = self.outsiders().connects
+        for instance, showing in self._up_to_now().items():
+            if showing.seen:
+                yield self._trace(instance, showing.seen, outside)
+
+
+def _let_pass(scans: int) -> Iterator[str]:
+    if scans:
+        yield f"run {scans}"
+
+
+def _without_judgement(entry: Entry) -> Entry:
+    return replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+
+
+def _goes_on(command: words.BenchCommand) -> bool:
+    """Return whether a command lets a peer send at later times."""
+    match command:
+        case words.PeerSend():
+            return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
+        case words.PeerPlay() | words.CheckOn():
+            return True
+        case _:
+            return False
+
+
+def _kept_text(command: words.BenchCommand, line: str) -> str:
+    """Return the line as it was typed; bytes of a file as hex, for the file may be another one tomorrow."""
+    from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
+    if line.isprintable() and not from_file:
+        return line
+    return to_line(
+        replace(command, text="") if isinstance(command, words.PeerSend | words.Write) else command
+    )
+
+
+SUFFIX: Final = ".toml"
+MARKED: Final = " since scan "
+FAR: Final = os.path.join(os.pardir, os.pardir, os.pardir)
+
+
+def scenario_text(session: Session, bench: Bench, path: Path, before: str | None = None) -> str:
+    """Return the text of a scenario file that shall stand at `path`.
+
+    `before` is the project as the session began with it, where its file says something else by now. It comes
+    into the scenario, and so does a project that came with the program: no file names the installation.
+    """
+    steps = "\n".join(session.steps()).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+    about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
+    about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
+    about += session.outsiders().about
+    head = {"name": path.stem, "about": about}
+    lines = [_project(bench.project.path, path.parent, before), "", "[scenario]"]
+    lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
+    return "\n".join([*lines, 'steps = """', steps, '"""', ""])
+
+
+def marked_scan(about: str) -> int:
+    """Return after which scan a session was marked, as its text says; 0: it was not."""
+    _, mark, after = about.partition(MARKED)
+    number = after.partition(".")[0]
+    return int(number) if mark and number.isdecimal() else 0
+
+
+def partners_left_out(about: str) -> str:
+    """Return who took part in a session and can not be replayed, as its text says; "": nobody."""
+    _, mark, after = about.partition(OUTSIDE)
+    who, _, where = after.partition("): nothing is expected on ")
+    if not mark:
+        return ""
+    told = f"{who} was a partner outside the bench and is not replayed"
+    return f"{told}: nobody calls or sends in its place on {where.partition('.')[0]}"
+
+
+def _project(own: Path, folder: Path, before: str | None) -> str:
+    """Return the project's text with the files that it names as seen from a folder, or its name."""
+    inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
+    if before is None and not inside:
+        return f"project = {_quoted(_way_to(own, folder))}"
+    text = with_files_from(read_text(own) if before is None else before, own.parent, folder, str(own))
+    if "scenario" in parse_toml(text, str(own)):
+        raise mistake("save scenario", f"{own}, which is a scenario itself", "a session of a project")
+    return text.rstrip()
+
+
+def _way_to(project: Path, folder: Path) -> str:
+    """Return the project's path as seen from a folder; the whole of it where that would climb far."""
+    whole = os.path.realpath(project)
+    try:
+        way = os.path.relpath(whole, os.path.realpath(folder))
+    except ValueError:  # another drive
+        return whole
+    return whole if way.startswith(FAR) else way.replace(os.sep, "/")
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def target(name: str, where: str) -> Path:
+    """Return the path of a TOML file that is named in a command; raise UserError for another suffix."""
+    bare = name.strip().strip("\"'")
+    path = Path(bare).expanduser()
+    if not path.name or bare.endswith(("/", os.sep)):
+        raise mistake(where, shown(name), "the name of a file")
+    if not path.suffix:
+        return path.with_suffix(SUFFIX)
+    if path.suffix != SUFFIX:
+        raise mistake(where, shown(path.name), f"a name that ends in {SUFFIX}")
+    return path
+
+
+def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
+    """Write a file that is not there yet, or is one of `ours`; return its real path; raise UserError."""
+    whole = os.path.realpath(path)
+    is_own = whole in ours
+    write_file(path, text, where, is_own=is_own, is_new=not is_own)
+    return whole

@@ -1,0 +1,369 @@
+"""Scenario results as text, as JSON lines, as one JUnit XML document: all formats."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
+from trcvtui.errors import UserError, one_line
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import dataclass
+from trcvtui.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
+from trcvtui.scenario.scenario import START_STEP, Scenario
+from trcvtui.scenario.step_runner import Failure
+
+# Rules of JUnit XML, a test case an expectation:
+# the document holds ASCII only and no control character, so it is well-formed under any encoding and
+# whatever a partner sent; a case takes the time since the case before it, so that the times add up; nothing
+# but the results is in it (no clock, no host), so a simulated run gives the same bytes twice.
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+    from trcvtui.bench.bench import Bench
+
+LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
+WHOLE: Final = "the scenario runs to its end"
+NOT_REACHED: Final = "not reached: a wait before it failed"
+OUTCOMES: Final = ("failure", "error", "skipped")
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One test case. `outcome` is "" or one of OUTCOMES; `kind`, `message` and `text` tell it."""
+
+    name: str
+    ns: int = 0
+    outcome: str = ""
+    kind: str = ""
+    message: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """One file: its path as it was given, the scenario's name, its cases, its traces."""
+
+    path: str
+    scenario: str
+    cases: tuple[Case, ...]
+    output: tuple[str, ...] = ()
+
+    @property
+    def ns(self) -> int:
+        """Return how long the scenario ran."""
+        return sum(case.ns for case in self.cases)
+
+    def count(self, outcome: str) -> int:
+        """Return how many cases ended so."""
+        return sum(case.outcome == outcome for case in self.cases)
+
+
+class Junit:
+    """The document of one call; it is written at its end, when the sums are known."""
+
+    def __init__(self, write: Callable[[str], object]) -> None:
+        self._write = write
+        self._suites: list[Suite] = []
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> FileReport:
+        """Return the report of a file that is about to run."""
+        return FileReport(path, scenario, self._suites.append)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Tell that a file is wrong: one case with an error that holds its lines."""
+        lines = error.lines()
+        case = Case("the file can be run", 0, "error", "file", lines[0], "\n".join(lines))
+        self._suites.append(Suite(str(path), path.stem, (case,)))
+
+    def end(self) -> None:
+        """Write the document."""
+        self._write(_document(self._suites))
+
+
+class FileReport:
+    """One file while it runs."""
+
+    def __init__(self, path: Path, scenario: Scenario, done: Callable[[Suite], None]) -> None:
+        self._path = path
+        self._scenario = scenario
+        self._done = done
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Write nothing: a suite holds the traces of its instances."""
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Tell how the scenario ended."""
+        steps = (*self._scenario.start, *self._scenario.steps)
+        cases = (*_taken(verdict.taken), *_not_reached(steps[len(verdict.taken) :]))
+        told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
+        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
+        self._done(Suite(str(self._path), verdict.scenario, _with_the_rest(cases, verdict), output))
+
+
+# -- steps to cases ----------------------------------------------------------------------------------------
+
+
+def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
+    """Return a case for each step that judges, and for each other step that failed."""
+    before = 0
+    for one in taken:
+        if not (_judges(one.step) or one.failure):
+            continue
+        name, ns, before = _name(one.step), one.until_ns - before, one.until_ns
+        if one.failure is None:
+            yield Case(name, ns)
+        else:
+            found = f"found: {one_line(one.failure.found)}"
+            told = [f"ERROR {one_line(str(error))}" for error in one.errors]
+            text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
+            yield Case(name, ns, "failure", _verb(one.step), found, text)
+
+
+def _not_reached(steps: Iterable[Step]) -> Iterator[Case]:
+    for step in steps:
+        if _judges(step):
+            yield Case(_name(step), 0, "skipped", message=NOT_REACHED)
+
+
+def _with_the_rest(cases: tuple[Case, ...], verdict: Verdict) -> tuple[Case, ...]:
+    """Return the cases and, where none stands for the last steps, one for them: a suite is never empty."""
+    whole = verdict.taken[-1].until_ns if verdict.taken else 0
+    rest = whole - sum(case.ns for case in cases)
+    return (*cases, Case(WHOLE, rest)) if rest or not cases else cases
+
+
+def _judges(step: Step) -> bool:
+    command = step.command
+    is_asked = isinstance(command, Doctor) and bool(command.cause)
+    return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
+
+
+def _verb(step: Step) -> str:
+    return step.line.split(maxsplit=1)[0]
+
+
+def _name(step: Step) -> str:
+    """Return `007 expect TRCV_C_1 STATUS=7004`: unlike any other of the file, in order when sorted."""
+    number = "start" if step.number == START_STEP else f"{step.number:03}"
+    line = one_line(step.line)
+    return f"{number} {line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + '...'}"
+
+
+# -- cases to XML ------------------------------------------------------------------------------------------
+
+
+def _document(suites: list[Suite]) -> str:
+    # Here: the other formats need no XML, and a command line starts faster without.
+    from xml.etree import ElementTree
+
+    root = ElementTree.Element("testsuites", {"name": "trcvtui scenario", **_sums(suites)})
+    for suite in suites:
+        _add_suite(root, suite)
+    ElementTree.indent(root)
+    body = ElementTree.tostring(root, encoding="us-ascii", xml_declaration=False).decode("ascii")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'
+
+
+def _add_suite(root: Element, suite: Suite) -> None:
+    from xml.etree.ElementTree import SubElement
+
+    element = SubElement(root, "testsuite", {"name": one_line(suite.path), **_sums([suite])})
+    for case in suite.cases:
+        named = {"classname": one_line(suite.scenario), "name": case.name, "time": _seconds(case.ns)}
+        inner = SubElement(element, "testcase", named)
+        if case.outcome:
+            told = {"type": case.kind, "message": case.message}
+            child = SubElement(inner, case.outcome, {key: text for key, text in told.items() if text})
+            child.text = case.text or None
+    output = [one_line(line) for text in suite.output for line in text.splitlines()]
+    if output:
+        SubElement(element, "system-out").text = "\n".join(output)
+
+
+def _sums(suites: list[Suite]) -> dict[str, str]:
+    counts = {
+        "tests": sum(len(suite.cases) for suite in suites),
+        "failures": sum(suite.count("failure") for suite in suites),
+        "errors": sum(suite.count("error") for suite in suites),
+        "skipped": sum(suite.count("skipped") for suite in suites),
+    }
+    return {**{name: str(n) for name, n in counts.items()}, "time": _seconds(sum(s.ns for s in suites))}
+
+
+def _seconds(ns: int) -> str:
+    return f"{ns / 1e9:.3f}"
+
+
+Write = Callable[[str], object]
+
+
+class Report(Protocol):
+    """What a format can be told while a scenario runs."""
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
+        ...
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Tell how the scenario ended."""
+        ...
+
+
+class Document(Protocol):
+    """What a format can be told of one call: its files one after the other, then that there are no more."""
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
+        """Return the report of a file that is about to run."""
+        ...
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Tell that a file could not be run, or not to its end."""
+        ...
+
+    def end(self) -> None:
+        """Tell that no file follows."""
+        ...
+
+
+class JsonLines:
+    """One object per instance and scan in which any output differs, then one for the scenario."""
+
+    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
+        self._write = write
+        self._interval_ns = interval_ns
+        self._bench = bench
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Write one line for each instance that changed."""
+        for edge in changed:
+            sent = deliveries.get(edge.instance)
+            self.line(scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict())
+
+    def line(self, scan: int, record: Mapping[str, object]) -> None:
+        """Write one line of a scan."""
+        times = {"t_ms": (scan - 1) * self._interval_ns / 1e6}
+        if self._bench is not None:
+            late = {"late_ms": self._bench.late_ns / 1e6} if self._bench.late_ns else {}
+            times |= {"at": self._bench.now / 1e9, **late}
+        self.write({"scan": scan, **times, **record})
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Write the line of the scenario."""
+        told = [
+            {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
+            for one in verdict.taken
+            if one.told
+        ]
+        self.write(
+            {
+                "scenario": verdict.scenario,
+                "passed": verdict.passed,
+                "scans": verdict.scans,
+                **({"late_scans": verdict.late_scans} if verdict.late_scans else {}),
+                "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
+                **({"told": told} if told else {}),
+            }
+        )
+
+    def write(self, record: Mapping[str, object]) -> None:
+        """Write one line."""
+        self._write(json_text(record))
+
+
+def json_text(record: Mapping[str, object]) -> str:
+    """Return a line of JSON."""
+    # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
+    return json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n"
+
+
+def outputs_record(edge: StatusEdge) -> dict[str, object]:
+    """Return the keys of an instance; an output that its block does not have is left edge."""
+    record: dict[str, object] = {
+        "instance": edge.instance,
+        "block": edge.block,
+        "STATUS": f"{edge.outputs.status:04X}",
+        "BUSY": edge.outputs.busy,
+        "DONE": edge.outputs.done,
+        "ERROR": edge.outputs.error,
+        "RCVD_LEN": edge.outputs.rcvd_len,
+        "RxTimeout": edge.outputs.rx_timeout,
+        "ReceivedByte": edge.outputs.byte,
+    }
+    known = {key: value for key, value in record.items() if value is not None}
+    return known if not edge.outputs.error else known | {"cause": cause_record(edge.cause, edge.block)}
+
+
+class Text:
+    """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
+
+    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
+        self._write = write
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Write nothing: the traces of the verdict tell it in short."""
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Write one line for the scenario, then its traces and its failures."""
+        word = "passed" if verdict.passed else "FAILED"
+        late = f", {verdict.late_scans} of them late" if verdict.late_scans else ""
+        self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans{late})\n")
+        for instance, trace in verdict.traces:
+            self._write(f"    {instance}: {trace}\n")
+        for error in verdict.errors:
+            self._write(f"    ERROR {one_line(str(error))}\n")
+        for taken in verdict.taken:
+            if taken.told:
+                self._write(f"    step {taken.step.number}: {one_line(taken.step.line)}\n")
+                self._write("".join(f"        {one_line(text)}\n" for text in taken.told.splitlines()))
+        for failure in verdict.failures:
+            self._write(f"    step {failure.step}: {one_line(failure.line)}\n")
+            self._write(f"        found: {one_line(failure.found)}\n")
+
+
+class Following:
+    """The document of a format whose files stand one after the other and know nothing of each other."""
+
+    def __init__(self, write: Write, report: Callable[[Write, int, Bench | None], Report]) -> None:
+        self._write = write
+        self._report = report
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
+        """Return the report of a file."""
+        return self._report(self._write, bench.runtime.interval_ns, bench)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Write nothing: stderr has it."""
+
+    def end(self) -> None:
+        """Write nothing: the last file ended with its own line."""
+
+
+class FollowingJson(Following):
+    """The document of JSON lines: a file that could not be run has its line, too."""
+
+    def __init__(self, write: Write) -> None:
+        super().__init__(write, JsonLines)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Write the line of the file; step 0 is none of its steps."""
+        failures = tuple(Failure(0, "", line) for line in error.lines())
+        self._report(self._write, 0, None).verdict(Verdict(str(path), 0, failures, (), ()))
+
+
+FORMATS: Final[dict[str, Callable[[Write], Document]]] = {
+    "text": lambda write: Following(write, Text),
+    "jsonl": FollowingJson,
+    "junit": Junit,
+}

@@ -1,0 +1,222 @@
+"""Play a script on a bench without a stop: its steps in order, every scan observed, one verdict.
+
+Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first; NEWEST for a failed step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Final, Protocol
+
+from trcvtui.bench.bench import Bench
+from trcvtui.blocks.outcome import Cause
+from trcvtui.blocks.table import block_row
+from trcvtui.commands import words
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import NamedTuple, dataclass, replace
+from trcvtui.scenario.step_runner import Failure, StepRunner
+
+if TYPE_CHECKING:
+    from trcvtui.bench.doctor_requests import Judge
+
+MOST_KEPT: Final = 100
+NEWEST: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorTold:
+    """One cause of ERROR at one instance: its STATUS, the first and last scan, how many such edges."""
+
+    instance: str
+    status: int
+    text: str
+    scan: int
+    last: int
+    times: int = 1
+
+    def __str__(self) -> str:
+        """Return `TRCV_C_1 80C5 in scan 12: the partner closed ...`."""
+        when = f"in scan {self.scan}"
+        if self.times > 1:
+            when = f"{self.times} times in scans {self.scan} to {self.last}"
+        return f"{self.instance} {self.status:04X} {when}: {self.text}"
+
+
+class Errors:
+    """What has been seen so far."""
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[str, int, str], ErrorTold] = {}
+
+    def see(self, scan: int, changed: Iterable[StatusEdge]) -> None:
+        for edge in changed:
+            if not edge.outputs.error:
+                continue
+            told = ErrorTold(edge.instance, edge.outputs.status, _because(edge.cause, edge.block), scan, scan)
+            key = told.instance, told.status, told.text
+            known = self._told.get(key)
+            self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)
+            if len(self._told) > MOST_KEPT:
+                del self._told[next(iter(self._told))]
+
+    def all(self) -> tuple[ErrorTold, ...]:
+        return tuple(self._told.values())
+
+    def newest(self) -> tuple[ErrorTold, ...]:
+        return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST:])
+
+
+def cause_record(cause: Cause, block: str) -> dict[str, object]:
+    """Return a cause as an object of JSON: what took no part is null."""
+    return {
+        "text": _because(cause, block),
+        "call": cause.asked or None,
+        "errno": cause.errno or None,
+        "peer": cause.peer or None,
+        "injected": cause.injected,
+    }
+
+
+class Delivery(NamedTuple):
+    """Bytes of a CONNECT's present connection, from its beginning.
+
+    `accepted` by the local stack; `unacknowledged` of these by the partner's stack (None: this system does
+    not say); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
+    """
+
+    accepted: int
+    unacknowledged: int | None
+    read_by_peer: int | None
+
+
+NONE_SENT: Final[Mapping[str, Delivery]] = {}
+
+
+def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
+    """Return how far the bytes have come, for each instance that shows a sent frame in this scan."""
+    return {
+        edge.instance: found
+        for edge in changed
+        if edge.outputs.done
+        and block_row(edge.block).sends_stream
+        and (found := _delivery(bench, edge.instance)) is not None
+    }
+
+
+def _delivery(bench: Bench, instance: str) -> Delivery | None:
+    decl = bench.project.instance(instance)
+    sent = bench.runtime.sent(decl.connect) if decl is not None else None
+    if sent is None:
+        return None
+    read = [
+        peer.received_here
+        for peer in (peer.snapshot() for peer in bench.peers.values())
+        if peer.state == "connected" and (peer.local, peer.remote) == (sent.remote, sent.local)
+    ]
+    return Delivery(sent.accepted, sent.unacknowledged, read[0] if read else None)
+
+
+@dataclass(frozen=True, slots=True)
+class StepTaken:
+    """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
+
+    step: words.Step
+    until_ns: int
+    failure: Failure | None
+    errors: tuple[ErrorTold, ...] = ()  # where it failed: the newest before
+    told: str = ""  # by the doctor
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
+
+    `taken` are the steps in order; a failed `wait` is the last one. `errors`: oldest first.
+    """
+
+    scenario: str
+    scans: int
+    failures: tuple[Failure, ...]
+    traces: tuple[tuple[str, str], ...]
+    taken: tuple[StepTaken, ...]
+    errors: tuple[ErrorTold, ...] = ()
+    late_scans: int = 0
+
+    @property
+    def passed(self) -> bool:
+        return not self.failures
+
+
+class Pace(Protocol):
+    """How scans follow each other: the simulation's virtual time, or the clock's."""
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass at its time."""
+        ...
+
+
+class VirtualPace:
+    """Scans follow each other at once, at the multiples of the interval."""
+
+    def next_scan(self, bench: Bench) -> None:
+        bench.step()
+
+
+class Runner:
+    """One scenario on one bench; `on_scan` is told what changed in each scan, and how far sent bytes are."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        name: str,
+        pace: Pace,
+        on_scan: Callable[[int, Iterable[StatusEdge], Mapping[str, Delivery]], None],
+        judge: Judge | None = None,
+    ) -> None:
+        self._bench = bench
+        self._name = name
+        self._pace = pace
+        self._on_scan = on_scan
+        self._stage = StepRunner(bench)
+        self._stage.judge = judge
+        self._taken: list[StepTaken] = []
+        self._errors = Errors()
+
+    def play(self, steps: Iterable[words.Step]) -> Verdict:
+        """Carry out the steps in order; a failed `wait` ends the file."""
+        for step in steps:
+            for _ in self._stage.take(step):
+                self._scan()
+            failure = self._stage.failure or self._internal(step)
+            errors = self._errors.newest() if failure is not None else ()
+            self._taken.append(StepTaken(step, self._stage.elapsed_ns, failure, errors, self._stage.told))
+            if self._stage.is_over:
+                break
+        return Verdict(
+            self._name,
+            self._bench.runtime.scans,
+            tuple(taken.failure for taken in self._taken if taken.failure is not None),
+            tuple((name, str(trace)) for name, trace in self._stage.traces.items()),
+            tuple(self._taken),
+            self._errors.all(),
+            self._bench.late_scans,
+        )
+
+    def _internal(self, step: words.Step) -> Failure | None:
+        """Return the failure that an internal error is, whatever the file expects."""
+        found = self._bench.containment.take_newest()
+        return Failure(step.number, step.line, found) if found else None
+
+    def _scan(self) -> None:
+        runtime = self._bench.runtime
+        self._pace.next_scan(self._bench)
+        self._stage.scanned()
+        if runtime.changed:
+            self._errors.see(runtime.scans, runtime.changed)
+            self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))
+
+
+def _because(cause: Cause, block: str) -> str:
+    from trcvtui.diagnosis.advice import because  # with all advice: only who tells of an error waits
+
+    return because(cause, block)

@@ -1,0 +1,283 @@
+"""A scenario file: a project (its own or another file's) and `[scenario]`; which files there are."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from trcvtui.bench.program import read_program
+from trcvtui.commands.peer import check_library, read_replies, read_routines
+from trcvtui.commands.reader import after
+from trcvtui.commands.table import parse_script
+from trcvtui.commands.words import (
+    BenchCommand,
+    Expect,
+    ExpectTrace,
+    RunFor,
+    RunScans,
+    Step,
+    TrySplits,
+    Wait,
+)
+from trcvtui.errors import Problem, UserError
+from trcvtui.files import read_bytes
+from trcvtui.paths import configs_path
+from trcvtui.project.file import load_project, load_scenario_document
+from trcvtui.project.project import Project
+from trcvtui.project.tables import TEXT, Table
+from trcvtui.records import dataclass, replace
+
+T = TypeVar("T")
+
+START_STEP: Final = 0  # the steps of a scenario count from 1
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """One scenario: its project, the `start` steps that come before scan 1, and its own steps."""
+
+    name: str
+    about: str
+    project: Project
+    start: tuple[Step, ...]
+    steps: tuple[Step, ...]
+
+
+def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Return a scenario; raise UserError with every mistake of the file."""
+    project, raw = load_scenario_document(path, overrides)
+    table = Table(raw, f"{path}: scenario", [])
+    name = table.get("name", TEXT, path.stem)
+    about = table.get("about", TEXT, "")
+    text = table.must("steps", TEXT)
+    table.finish()
+    problems = table.problems
+    start = _collected(problems, lambda: start_steps(project)) or ()
+    _collected(problems, lambda: read_program(project))
+    _collected(problems, lambda: read_routines(project))
+    _collected(problems, lambda: read_replies(project))
+    _collected(problems, lambda: check_library(project))
+    # A file named in a step stands beside the scenario, also where the project stands elsewhere.
+    here = replace(project, base=path.parent)
+    for step in start:
+        here = after(step.command, here)
+    steps = _collected(problems, lambda: parse_script(text or "", here, str(path))) or ()
+    if problems:
+        raise UserError(problems)
+    return Scenario(name, about, project, start, tuple(steps))
+
+
+def _collected(problems: list[Problem], read: Callable[[], T]) -> T | None:
+    """Return what is read; leave what is wrong with it in `problems`."""
+    try:
+        return read()
+    except UserError as wrong:
+        problems += wrong.problems
+        return None
+
+
+def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
+    """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
+    project = load_project(path, overrides)
+    check_bench(project)
+    return project
+
+
+def check_bench(project: Project) -> None:
+    """Raise UserError with every mistake in the bench commands of a project."""
+    problems: list[Problem] = []
+    _collected(problems, lambda: start_steps(project))
+    _collected(problems, lambda: read_program(project))
+    _collected(problems, lambda: read_routines(project))
+    _collected(problems, lambda: read_replies(project))
+    _collected(problems, lambda: check_library(project))
+    if problems:
+        raise UserError(problems)
+
+
+def start_steps(project: Project) -> tuple[Step, ...]:
+    """Return the commands of `start`, all as step 0; they come before scan 1 and can let no scan pass."""
+    where = f"{project.path}: start"
+    steps = tuple(parse_script(project.start, project, where))
+    waiting = [step for step in steps if _lets_scans_pass(step.command)]
+    if waiting:
+        expected = "commands that let no scan pass"
+        raise UserError(Problem(f"{where}: step {s.number}", f"'{s.line}'", expected) for s in waiting)
+    return tuple([replace(step, number=START_STEP) for step in steps])
+
+
+def _lets_scans_pass(command: BenchCommand) -> bool:
+    if isinstance(command, Expect):
+        return command.within_ns is not None
+    return isinstance(command, RunScans | RunFor | Wait | ExpectTrace | TrySplits)
+
+
+# Bounds: MOST_FILES files, MOST_ENTRIES directory entries below each place, MOST_BYTES of a file. To read one
+# takes about a millisecond, so a screen reads them one by one.
+
+MOST_FILES: Final = 500
+MOST_ENTRIES: Final = 5000
+MOST_DEPTH: Final = 4
+MOST_BYTES: Final = 1 << 18
+MOST_LINES: Final = 5000
+LONGEST_TEXT: Final = 2000
+SCENARIOS: Final = "scenarios"
+_TABLE: Final = re.compile(rb"^[ \t]*\[[ \t]*scenario[ \t]*\]", re.MULTILINE)
+_STEPS: Final = re.compile(r"\s*steps\s*=\s*(?:\"\"\"|''')\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptLine:
+    """One line of the steps as it stands in the file; `step` is 0 where it is blank or a comment."""
+
+    place: int
+    step: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioFile:
+    """What a scenario file says of itself; `problem` is the first mistake in it, in one line.
+
+    `blocks`, each once, and `dialect` are those of its project, where there is no mistake.
+    """
+
+    path: Path
+    name: str
+    about: str
+    lines: tuple[ScriptLine, ...]
+    problem: str = ""
+    blocks: tuple[str, ...] = ()
+    dialect: str = ""
+
+
+# -- where they lie ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """TOML files in reading order, each once; `is_cut` where there were more than are looked at."""
+
+    paths: tuple[Path, ...]
+    is_cut: bool
+
+
+def find_files(project: Path) -> Found:
+    """Return the TOML files beside a project, in its scenarios/, in ./configs/scenarios, those shipped."""
+    looked = _Looking()
+    looked.below(project.parent, depth=0)
+    for folder in (project.parent, Path("configs"), configs_path()):
+        looked.below(folder / SCENARIOS, MOST_DEPTH)
+    return Found(tuple(looked.found.values()), looked.is_cut)
+
+
+class _Looking:
+    """What has been found so far, by its real path."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, Path] = {}
+        self.is_cut = False
+        self._entries = 0
+
+    def below(self, folder: Path, depth: int) -> None:
+        """Take the TOML files of a folder, then those of the folders in it, so many levels deep."""
+        self._entries = 0
+        self._into(folder, depth)
+
+    def _into(self, folder: Path, depth: int) -> None:
+        folders: list[Path] = []
+        for entry in self._entries_of(folder):
+            path = folder / entry.name
+            if entry.is_dir(follow_symlinks=False):
+                folders.append(path)
+            elif entry.name.endswith(".toml") and path.is_file():  # a pipe would never end
+                self._take(path)
+        for inner in folders if depth else ():
+            self._into(inner, depth - 1)
+
+    def _entries_of(self, folder: Path) -> list[os.DirEntry[str]]:
+        room = MOST_ENTRIES - self._entries
+        try:
+            with os.scandir(folder) as entries:
+                seen = list(islice(entries, room + 1))
+        except OSError:
+            return []
+        self.is_cut |= len(seen) > room
+        self._entries += len(seen)
+        return sorted(seen[:room], key=lambda entry: entry.name)
+
+    def _take(self, path: Path) -> None:
+        real = os.path.realpath(path)
+        if real in self.found:
+            return
+        if len(self.found) == MOST_FILES:
+            self.is_cut = True
+            return
+        self.found[real] = path
+
+
+# -- what one says -----------------------------------------------------------------------------------------
+
+
+def read_scenario_file(path: Path) -> ScenarioFile | None:
+    """Return what a file says of itself, None where it holds no scenario."""
+    try:
+        content = read_bytes(path, MOST_BYTES)
+    except OSError as failed:
+        return ScenarioFile(path, path.stem, "", (), f"{path}: found {failed.strerror}, expected a file")
+    if b"scenario" not in content:
+        return None
+    if len(content) > MOST_BYTES:
+        too_large = f"{path}: found a larger file, expected at most {MOST_BYTES} bytes for this list"
+        return ScenarioFile(path, path.stem, "", (), too_large) if _TABLE.search(content) else None
+    return _described(path, content)
+
+
+def _described(path: Path, content: bytes) -> ScenarioFile | None:
+    text = content.decode("utf-8-sig", errors="replace")
+    try:
+        table = tomllib.loads(text).get("scenario")
+    except (ValueError, RecursionError):
+        if not _TABLE.search(content):
+            return None
+        return ScenarioFile(path, path.stem, "", (), **_of_project(path))
+    if table is None:
+        return None
+    said: dict[str, Any] = table if isinstance(table, dict) else {}
+    name, about, steps = (_text(said.get(key)) for key in ("name", "about", "steps"))
+    lines = tuple(islice(_script(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
+    return ScenarioFile(path, _cut(name or path.stem), _cut(about), lines, **_of_project(path))
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _of_project(path: Path) -> dict[str, Any]:
+    try:
+        project = load_scenario(path).project
+    except UserError as wrong:
+        return {"problem": _cut(wrong.lines()[0])}
+    blocks = dict.fromkeys(each.block for each in project.instances)
+    return {"blocks": tuple(blocks), "dialect": project.dialect.name}
+
+
+def _script(steps: str, file: list[str]) -> Iterator[ScriptLine]:
+    """Yield the lines of the steps with their places in the file; from 1 where it writes them otherwise."""
+    lines = steps.rstrip().split("\n")
+    head = next((at for at, line in enumerate(file) if _STEPS.fullmatch(line)), -1) + 1
+    first = head + 1 if head and file[head : head + len(lines)] == lines else 1
+    step = 0
+    for place, line in enumerate(lines, first):
+        is_step = bool(line.strip()) and not line.strip().startswith("#")
+        step += is_step
+        yield ScriptLine(place, step if is_step else 0, _cut(line.strip()))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

@@ -1,0 +1,100 @@
+"""The scenarios that come with the source, and which STATUS codes of which blocks each of them shows.
+
+What a scenario shows is read from its own `wait` and `expect` lines. They are only split into words here,
+with the parser of trace patterns: loading the projects of all files would cost a command line a
+quarter of a second. An installed program has no configs/: then there are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui.commands.patterns import parse_pattern
+from trcvtui.dialects.status_report import parse_code
+from trcvtui.errors import UserError
+from trcvtui.project.tables import read_toml
+
+ROOT: Final = Path(__file__).parents[2]
+
+Shown = tuple[int, str]  # a code, the block that shows it
+
+
+def scenarios_of(
+    folder: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
+) -> Mapping[Shown, tuple[str, ...]]:
+    """Return the files of a folder that show a code at a block; paths start at the source's root.
+
+    With codes only the files that write the digits of one somewhere are read: all of them take 60 ms.
+    `wanted` chooses by the file's name.
+    """
+    showing: dict[Shown, list[str]] = {}
+    for path in sorted((ROOT / "configs" / "scenarios" / folder).glob("*.toml")):
+        if wanted is not None and not wanted(path.name):
+            continue
+        for shown in shown_by(path) if codes is None or _mentions(path, codes) else ():
+            showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
+    return {shown: tuple(files) for shown, files in sorted(showing.items())}
+
+
+def _mentions(path: Path, codes: Collection[int]) -> bool:
+    try:
+        text = path.read_bytes().upper()
+    except OSError:
+        return False
+    return any(b"%X" % code in text for code in codes)
+
+
+def shown_by(path: Path) -> frozenset[Shown]:
+    """Return what a scenario file waits for or expects; nothing when the file is wrong."""
+    try:
+        document = read_toml(path)
+        lines = [line.partition(" #")[0].split() for line in _steps(document)]
+        blocks = _blocks(document, path) | _created(lines)
+        return frozenset((code, blocks[words[1]]) for words in lines for code in _codes(words, blocks))
+    except UserError:
+        return frozenset()
+
+
+def _steps(document: Mapping[str, Any]) -> list[str]:
+    scenario = document.get("scenario")
+    steps = scenario.get("steps") if isinstance(scenario, Mapping) else None
+    return steps.splitlines() if isinstance(steps, str) else []
+
+
+# -- which instance is of which block ----------------------------------------------------------------------
+
+
+def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
+    """Return the block of each instance, of this file or of the project that it names."""
+    other = document.get("project")
+    instances = (read_toml(path.parent / other) if isinstance(other, str) else document).get("instance")
+    tables = instances if isinstance(instances, list) else []
+    return {str(table.get("name")): str(table.get("block")) for table in tables if isinstance(table, Mapping)}
+
+
+def _created(lines: list[list[str]]) -> dict[str, str]:
+    """Return the block of each instance that a step such as `create TRCV_C X connect=C1` makes."""
+    return {words[2]: words[1] for words in lines if words[:1] == ["create"] and len(words) > 2}
+
+
+# -- which codes a line speaks of --------------------------------------------------------------------------
+
+
+def _codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
+    """Return the codes of a line such as `expect X trace 7004 80C5! 7002*`, here 7004 and 80C5."""
+    if words[:1] not in (["wait"], ["expect"]) or len(words) < 3 or words[1] not in blocks:
+        return
+    if words[2] == "trace":
+        yield from _codes_of_pattern(" ".join(words[3:]))
+    for word in words[2:]:
+        pin, _, value = word.partition("=")
+        if pin == "STATUS":
+            yield parse_code(value)
+
+
+def _codes_of_pattern(text: str) -> Iterator[int]:
+    for atom in parse_pattern(text).atoms:
+        if atom.scan is not None and atom.least:
+            yield atom.scan[0]

@@ -1,0 +1,207 @@
+"""One step on a bench: its command carried out, its expectation judged, the STATUS of every scan kept.
+
+Rule: a step lets no scan pass by itself. It asks for each one, so that a runner can let it pass at once or at
+the clock's pace, and an engine between serving its screen.
+Bounds of a trace, an instance: MOST_RUNS_SINCE runs of the newest scans (64 bytes each, 6.4 MB),
+MOST_RUNS_TOLD runs of the oldest. A run is any number of equal scans: an instance that waits costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Iterator
+from itertools import islice, repeat
+from typing import TYPE_CHECKING, Final
+
+from trcvtui import clock
+from trcvtui.bench.bench import Bench
+from trcvtui.bench.conditions import found, holds
+from trcvtui.bench.split_test import SplitTest
+from trcvtui.commands import words
+from trcvtui.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
+from trcvtui.records import dataclass
+
+if TYPE_CHECKING:
+    from trcvtui.bench.doctor_requests import Judge
+
+NOBODY_KEEPS: Final = "a run that nobody keeps: `trcvtui scenario` does, and the prompt of a bench"
+LOOK_NS: Final = 2_000_000  # between two looks at whether the doctor has ended
+MOST_RUNS_SINCE: Final = 100_000
+MOST_RUNS_TOLD: Final = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The scans between two `trace`; `lost` of them, the oldest, are no longer kept."""
+
+    runs: tuple[Run, ...]
+    lost: int
+
+    def fits(self, pattern: TracePattern) -> bool:
+        """Return whether the pattern describes all scans; what is lost can only be any scans."""
+        return (not self.lost or pattern.atoms[0] == ANY) and matches(pattern, self.runs)
+
+    def __str__(self) -> str:
+        """Return the scans in the notation of a pattern."""
+        lost = f"{self.lost} older scans, no longer kept ({MOST_RUNS_SINCE} changes are), then "
+        return lost * bool(self.lost) + collapse(self.runs)
+
+
+class Trace:
+    """What the called scans of one instance have shown."""
+
+    def __init__(self) -> None:
+        self._since: deque[Run] = deque()
+        self._lost = 0
+        self._told: list[Run] = []
+        self._is_cut = False
+        self._known: dict[Scan, Scan] = {}  # equal scans share one tuple
+
+    def add(self, scan: Scan) -> None:
+        """Append one called scan."""
+        scan = self._known.setdefault(scan, scan)
+        if not _went_on(self._since, scan):
+            self._since.append((scan, 1))
+            if len(self._since) > MOST_RUNS_SINCE:
+                self._lost += self._since.popleft()[1]
+        if not self._is_cut and not _went_on(self._told, scan):
+            self._is_cut = len(self._told) == MOST_RUNS_TOLD
+            if not self._is_cut:
+                self._told.append((scan, 1))
+
+    def take(self) -> Section:
+        """Return the scans since the last time, and begin anew."""
+        section = Section(tuple(self._since), self._lost)
+        self._since.clear()
+        self._lost = 0
+        return section
+
+    def newest(self, most: int) -> str:
+        """Return the newest runs in the notation of a pattern, `...` for those before them."""
+        kept = self._since if self._is_cut else self._told
+        runs = list(islice(reversed(kept), most))[::-1]
+        older = self._is_cut or len(kept) > most
+        return "... " * older + (collapse(runs) if runs else "")
+
+    def __str__(self) -> str:
+        """Return the scans of the whole scenario in the notation of a pattern, `...` where they are cut."""
+        return (collapse(self._told) if self._told else "") + " ..." * self._is_cut
+
+
+def _went_on(runs: deque[Run] | list[Run], scan: Scan) -> bool:
+    """Make the last run one scan longer when it is a run of this scan."""
+    if not runs or runs[-1][0] != scan:
+        return False
+    runs[-1] = (scan, runs[-1][1] + 1)
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An expectation that did not hold: the number of its command, its line, what was found."""
+
+    step: int
+    line: str
+    found: str
+
+
+class StepRunner:
+    """Steps on one bench. `failure` and `told` are of the last step; `is_over` once a `wait` has failed."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.failure: Failure | None = None
+        self.is_over = False
+        self.told = ""
+        self.judge: Judge | None = None  # of the run, where somebody keeps it
+        self.trial: SplitTest | None = None  # the last one
+        self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
+        for decl in bench.project.instances:
+            self.traces[decl.name] = Trace()
+
+    def take(self, step: words.Step) -> Iterator[None]:
+        """Take one step; each time this yields, one scan has to pass and `scanned` to be called."""
+        self.failure, self.told = None, ""
+        match step.command:
+            case words.RunScans(scans):
+                yield from repeat(None, scans)
+            case words.RunFor(ns):
+                yield from self._for(ns)
+            case words.Wait(condition, within_ns):
+                yield from self._until(step, condition, within_ns)
+                self.is_over = self.failure is not None
+            case words.Expect(condition, within_ns):
+                yield from self._until(step, condition, within_ns or 0)
+            case words.ExpectTrace(instance, pattern):
+                section = self.traces[instance].take()
+                if not section.fits(pattern):
+                    self._fail(step, str(section))
+            case words.TrySplits() as command:
+                yield from self._try_splits(step, command)
+            case words.Doctor() as command:
+                yield from self._ask_doctor(step, command)
+            case command:
+                self._do(step, command)
+
+    def scanned(self) -> None:
+        """Keep what the scan that has just passed shows."""
+        for edge in self.bench.runtime.called:
+            self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
+
+    @property
+    def elapsed_ns(self) -> int:
+        """Return the end of the last scan's interval: virtual time, or the clock's on a live bench."""
+        runtime = self.bench.runtime
+        return self.bench.now + runtime.interval_ns if runtime.scans else 0
+
+    def _do(self, step: words.Step, command: words.BenchCommand) -> None:
+        # No wait: when `do` returns, the local kernel has taken all of a send that it can take now.
+        error = self.bench.do(command)
+        if error:
+            self._fail(step, error)
+
+    def _for(self, ns: int) -> Iterator[None]:
+        """Let the scans pass that fit: where those of a live bench are late, fewer."""
+        end = self.elapsed_ns + ns
+        while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
+            yield
+
+    def _until(self, step: words.Step, condition: words.Condition, within_ns: int) -> Iterator[None]:
+        left = self._scans_in(within_ns)
+        while not holds(self.bench, condition):
+            if left == 0:
+                self._fail(step, found(self.bench, condition))
+                return
+            left -= 1
+            yield
+
+    def _try_splits(self, step: words.Step, command: words.TrySplits) -> Iterator[None]:
+        self.trial = SplitTest(self.bench, command)
+        yield from self.trial.run()
+        wrong = self.trial.verdict()
+        if wrong:
+            self._fail(step, wrong)
+
+    def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
+        """Let the doctor look; meanwhile scans pass that the clock asks for, in virtual time none."""
+        from trcvtui.bench.doctor_requests import BenchDoctor
+
+        if self.judge is None:
+            self._fail(step, NOBODY_KEEPS)
+            return
+        doctor = BenchDoctor()
+        doctor.ask(self.judge, self.bench, step.number, step.line, command)
+        while not (answers := [*doctor.go_on(self.judge, self.bench, is_wanted=False)]):
+            if self.bench.kernel_name == "live":
+                yield
+            else:
+                clock.sleep_until(clock.now_ns() + LOOK_NS)
+        self.told = answers[0].told
+        if answers[0].error:
+            self._fail(step, answers[0].error)
+
+    def _fail(self, step: words.Step, what: str) -> None:
+        self.failure = Failure(step.number, step.line, what)
+
+    def _scans_in(self, ns: int) -> int:
+        return ns // self.bench.runtime.interval_ns

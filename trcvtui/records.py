@@ -107,7 +107,6 @@ def _setter(name: str) -> Any:
 
 
 def _getter(names: Any) -> Any:
-    """Return what gives the values of these fields as a tuple, however many they are."""
     if len(names) > 1:
         return staticmethod(attrgetter(*names))
     return staticmethod(lambda record: tuple([getattr(record, name) for name in names]))

@@ -276,7 +276,6 @@ class Bench:
         self._tell(WorkWaits(connect, what, partner, why))
 
     def _tell(self, note: Note) -> None:
-        """Write into the ledger what a call has told."""
         if self._seam is not None:
             self._seam.told(note)
         self._write(note)
@@ -293,7 +292,6 @@ class Bench:
         return self._ask(part[1], EXCEPTION, part[:1], report)
 
     def _aside(self, do: Callable[[], object]) -> None:
-        """Let calls be made as between two scans: a replay does not ask them again, and has no answers."""
         is_busy = self._seam is not None and self._seam.is_busy
         if self._seam is not None:
             self._seam.is_busy = False
@@ -313,7 +311,6 @@ class Bench:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
 
     def _must_listen(self, peer: Peer) -> None:
-        """Let a passive peer listen at load; a taken port is the user's to mend."""
         wrong = peer.listen()
         if wrong:
             self.close()
@@ -405,7 +402,6 @@ class Bench:
         self.step_peers()
 
     def _check_data(self) -> None:
-        """Let the self-checking traffic judge every frame that this scan has brought."""
         for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
             for check in self._checks.values() if out.outputs.done else ():
                 decl = self.project.instance(out.instance)
@@ -454,7 +450,6 @@ class Bench:
             self.step_peers()
 
     def _due(self) -> Iterator[int]:
-        """Yield when each peer acts next by its own time."""
         for steps in (self._self_acting, self._checks, self.peers):
             for name, each in steps.items():
                 due = each.due(self.now)
@@ -572,7 +567,6 @@ class Bench:
         return self.submit(change)
 
     def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
-        """Let a peer go, come, or be another; a taken port is the user's to mend."""
         old = self.peers.get(before.name) if before is not None else None
         if old is not None:
             old.end()
@@ -599,7 +593,6 @@ class Bench:
             self.runtime.stand_on(self._plc_kernel())
 
     def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
-        """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
         peer = self._new_peer(decl)
         wrong = "" if decl.active else peer.listen()
         if wrong:

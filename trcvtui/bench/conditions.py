@@ -68,7 +68,6 @@ def found(bench: Watched, condition: words.Condition) -> str:
 
 
 def _port_away(bench: Watched, instance: str) -> str:
-    """Return that the port which an instance waits for is not there."""
     decl = bench.project.instance(instance)
     return port_away(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
 

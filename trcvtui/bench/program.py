@@ -66,7 +66,6 @@ class Program:
         self.is_over = True
 
     def _passes(self, step: words.Step) -> bool:
-        """Do a step, or go on with it; return whether a scan passes first."""
         match step.command:
             case words.RunScans(scans):
                 most = scans

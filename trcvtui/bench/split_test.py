@@ -159,7 +159,6 @@ class SplitTest:
             self._fail(f"after a message of {size} bytes the job of {name} holds {held}: it waits for more")
 
     def _append(self, row: SplitRow) -> None:
-        """Add a row; neighbours that are alike are one row."""
         last = self._rows[-1] if self._rows else None
         if last is not None and last.first and replace(row, first=last.first) == replace(last, last=row.last):
             self._rows = (*self._rows[:-1], replace(last, last=row.last))

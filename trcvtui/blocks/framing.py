@@ -119,7 +119,6 @@ class Framer:
         return FramerStep(used, Frame(self.drop(), ending))
 
     def _gap(self, framing: Framing, now: int) -> Frame | None:
-        """Return what has come so far when nothing follows it for the timeout or longer."""
         if not self._part or not framing.timeout_ns or self.last_byte is None:
             return None
         return Frame(self.drop(), Ending.GAP) if now - self.last_byte >= framing.timeout_ns else None

@@ -34,7 +34,6 @@ class Pin:
 
     @property
     def is_bool(self) -> bool:
-        """Return whether the pin is a BOOL."""
         return self.iec_type == "BOOL"
 
 

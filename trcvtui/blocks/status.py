@@ -51,7 +51,6 @@ class StatusRow:
 
     @property
     def word(self) -> str:
-        """Return `16#7006`."""
         return status_word(self.code)
 
     def checks_of(self, block: str) -> tuple[str, ...]:

@@ -428,7 +428,6 @@ class Conversations:
             one.is_steady = one.is_usual()
 
     def _is_copy(self, ns: int, number: int, packet: SegmentHead, direction: WireDirection) -> bool:
-        """Return whether a packet came already, as a mirror port shows it twice; keep it."""
         before = self._recent.get(packet, self._before.get(packet))
         soon = COPY_NS if number else UNNUMBERED_NS
         if before is not None and 0 <= ns - before <= soon:
@@ -538,7 +537,6 @@ class Conversations:
             self._tell(ns, direction, EventKind.WINDOW_OPENS if window else EventKind.ZERO_WINDOW)
 
     def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
-        """Tell a segment that fills a hole, and left its host after the one that shows the hole."""
         if distance(seq, direction.next) > 0:
             direction.early_number = number
             return
@@ -629,7 +627,6 @@ class Conversations:
         conversation.end = conversation.end or ("fin", direction)
 
     def _see_unread(self, direction: WireDirection) -> None:
-        """Note what its program cannot have read: what it has not acknowledged, and its window misses."""
         other = direction.other
         waits = distance(other.next, other.acked) - other.has_fin if other.has_base else 0
         misses = direction.widest - direction.window
@@ -695,7 +692,6 @@ class Conversations:
             direction.waiting_since = None
 
     def _give_up(self, ns: int, direction: WireDirection) -> None:
-        """Call missing what the other end has, and the capture has not."""
         direction.waiting_since = None
         left = distance(direction.acked, direction.next)
         if direction.waiting and left > 0:

@@ -17,7 +17,6 @@ class _Help(argparse.HelpFormatter):
         super().__init__(prog, width=78)
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        """Return lines that were written as lines as they are: commands to copy."""
         return text if "\n" in text else super()._fill_text(text, width, indent)
 
 

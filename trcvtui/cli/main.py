@@ -89,7 +89,6 @@ def _run_command(argv: Sequence[str] | None) -> int:
 
 
 def _never_fail_to_print() -> None:
-    """Let text that the terminal's encoding lacks be escaped, not refused."""
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None:
         reconfigure(errors="backslashreplace")
@@ -653,7 +652,6 @@ def _examples(args: SimpleNamespace) -> int:
 
 
 def _with_examples(args: SimpleNamespace) -> SimpleNamespace:
-    """Return the arguments with each file that is not there, but came with the program, by its path."""
     args.file = _given(args.file)
     args.others = [_given(name) for name in args.others]
     if hasattr(args, "values"):
@@ -681,7 +679,6 @@ def _path(text: str) -> Path:
 
 
 def _arguments(given: Sequence[str]) -> SimpleNamespace:
-    """Return the arguments; argparse reads, refuses and explains every line that is not a usual one."""
     plain = PlainParser()
     _fill(plain, given)
     found = plain.read(given)
@@ -700,7 +697,6 @@ def _arguments(given: Sequence[str]) -> SimpleNamespace:
 
 
 def _fill(parser: ArgumentRows, given: Sequence[str]) -> None:
-    """Add the commands; where the first word is one, that one alone: each takes argparse a millisecond."""
     parser.set_defaults(command=_demo)
     _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND", help=SUPPRESS)

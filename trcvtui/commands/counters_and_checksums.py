@@ -22,7 +22,6 @@ FILLING: Final = bytes(range(256))
 
 
 def frame(number: int, size: int) -> bytes:
-    """Return one frame of `size` bytes."""
     room = size - LEAST_SIZE
     filling = (FILLING * (room // 256 + 1))[:room]
     body = MARK + (number & 0xFFFFFFFF).to_bytes(4, "big") + filling

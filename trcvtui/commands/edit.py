@@ -166,7 +166,6 @@ def read_add(words: Words, project: Project) -> Add | AddData:
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
-    """Return an instance with the CONNECT and the DATA that its line leaves out."""
     whole, made = complete(content, project, where)
     grown = with_edits(project, tuple([adding(decl, project) for decl in made]))
     decl = read_entry(INSTANCE, whole, grown, where)
@@ -192,7 +191,6 @@ def _check_talk(decl: Declaration, project: Project, where: str) -> None:
 
 
 def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
-    """Refuse cuts after the end: such a message would go uncut."""
     peer = decl.peer or next((peer.name for peer in project.peers), "")
     send = read_send(Words(decl.text, where), project, peer)
     size = len(send.payload)
@@ -223,7 +221,6 @@ def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
 
 
 def _data(words: Words) -> dict[str, Any]:
-    """Return a type, which may have blanks, and the keys after it."""
     after = words.apart(lambda word: "=" in word)
     return {"type": words.rest_text("an IEC type or a UDT"), **_pairs(after)}
 
@@ -420,7 +417,6 @@ def _shown(value: KeyValue | None) -> str:
 
 
 def _anew(edit: Edit, project: Project) -> list[str]:
-    """Return who is built anew by a change."""
     if edit.before is None or edit.after is None:
         return []
     if edit.kind in (INSTANCE, "peer"):

@@ -186,7 +186,6 @@ class StreamPattern:
     # -- the stream ----------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin with a new stream."""
         self._now = self._begin
 
     def take(self, arrived: bytes) -> int:
@@ -223,7 +222,6 @@ class StreamPattern:
         return self._states[places]
 
     def _after_chunk(self, at: int) -> list[int]:
-        """Return what may follow each set of eight places."""
         table = [0] * (1 << CHUNK)
         for places in range(1, 1 << CHUNK):
             lowest = (places & -places).bit_length() - 1
@@ -275,7 +273,6 @@ class StreamPattern:
         return self._times(found, start, end, *_bounds(repeat)) if found.first else found
 
     def _times(self, found: _Part, start: int, end: int, least: int, most: int | None) -> _Part:
-        """Return a part repeated: read anew for each time that counts, once round where there is no end."""
         result, times = _Part(True), max(least, most or 1)
         for number in range(1, times + 1):
             part = found if number == 1 else self._again(start, end)
@@ -324,7 +321,6 @@ class StreamPattern:
 
 
 def _bounds(repeat: re.Match[bytes]) -> tuple[int, int | None]:
-    """Return how often a part comes, at least and at most."""
     if repeat[0] in SIGNS:
         return SIGNS[repeat[0]]
     least = int(repeat[1] or 0)

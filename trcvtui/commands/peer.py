@@ -207,7 +207,6 @@ def _order(kind: str, width: int, order: str | None, project: Project) -> Order:
 
 
 def _with_room(content: bytes, fills: list[Fill], words: Words) -> bytes:
-    """Return the payload long enough for everything that is filled in; there is no hole between."""
     for fill in sorted(fills, key=lambda fill: fill.offset):
         if fill.offset > len(content):
             found = f"{fill.kind}={fill.offset} after {len(content)} bytes"

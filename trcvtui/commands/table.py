@@ -278,7 +278,6 @@ _MENDED: Final = tuple(
 
 
 def _simple(verb: str, row: SimpleVerb) -> RecordRow:
-    """Return the row of a word of a peer with nothing after it."""
     return RecordRow(
         row.record,
         lambda c: f"peer {c.peer} {verb}",

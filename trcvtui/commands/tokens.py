@@ -126,7 +126,6 @@ def leaf_value(layout: Layout, leaf: Leaf, payload: bytes) -> Value:
 
 
 def _told(where: str, act: Callable[[], bytes]) -> bytes:
-    """Let the problems of a value name the command that holds it."""
     try:
         return act()
     except UserError as refused:
@@ -256,7 +255,6 @@ def _word_end(line: str, at: int, where: str) -> int:
 
 
 def _closed(line: str, start: int, where: str, depth: int = 1) -> int:
-    """Return the place after the quote or brace that opens at start."""
     opening, at = line[start], start + 1
     if depth > MOST_NESTED:
         raise mistake(where, "braces nested too deeply", f"at most {MOST_NESTED} levels")

@@ -490,7 +490,6 @@ def advice_on(e: Evidence) -> Advice:
 
 
 def _asked(e: Evidence) -> tuple[Tell, ...]:
-    """Return what is asked of what to check next."""
     return _rules(e, _moves(e)) or _rules(e, Moves.ANYTHING) or (link.injected,)
 
 
@@ -504,7 +503,6 @@ def _rules(e: Evidence, moves: Moves, says_why: bool = False) -> tuple[Tell, ...
 
 
 def _moves(e: Evidence) -> Moves:
-    """Return what moves: what a block has of its own goes before what its CONNECT says."""
     row = block_row(e.block)
     if row.speaks_udp:
         return Moves.DATAGRAM_JOBS if row.datagrams else Moves.DATAGRAMS
@@ -516,7 +514,6 @@ def _moves(e: Evidence) -> Moves:
 
 
 def _condition(e: Evidence) -> Condition:
-    """Return what is the case, in the words of the blocks that have more of them."""
     condition = Condition(e.condition)
     if condition is Condition.RECEIVING_PART:
         return Condition.RECEIVING

@@ -80,7 +80,6 @@ class Card:
         return self._offer
 
     def _swapped(self, e: Evidence, data: DataBytes) -> str:
-        """Return whether the last frame's members look swapped; a shifted one proves nothing."""
         decl, content = data.decl, data.content
         if decl is None or e.done_scan is None or e.facts.drop is not None or _wanders(e):
             return ""
@@ -127,7 +126,6 @@ def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 
 def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """A message that begins inside DATA with the end of another one before it: the frames are shifted."""
     messages = index.messages(instance.name, of_job=False)
     if not messages or messages[0].begins:
         return []

@@ -278,7 +278,6 @@ def _is_one_message(line: LineFacts) -> bool:
 
 
 def _is_short(writes: Sequence[SaidBytes]) -> bool:
-    """Return whether these writes may be pieces of one message."""
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
@@ -377,7 +376,6 @@ def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
 
 
 def _part_of_message(line: LineFacts) -> str:
-    """Return that three messages had one size, and the last one, no unit of ISO-on-TCP, is shorter."""
     sizes = [one.size for one in line.messages]
     usual = max(set(sizes), key=sizes.count) if sizes else 0
     if line.qualities & {Quality.SNAPLEN, Quality.CLOCK}:
@@ -401,7 +399,6 @@ def _part_of_message(line: LineFacts) -> str:
 
 
 def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
-    """Return who said copies alone, how many, from when, how long, whether it came back, the first packet."""
     for said in (line.from_plc, line.to_plc):
         other = line.to_plc if said is line.from_plc else line.from_plc
         for one in said.outages:
@@ -487,7 +484,6 @@ def _has_said(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _left_behind(case: LineCase) -> Sign | None:
-    """Return that a silent connection got no answer any more where a new one stood already."""
     line = case.line
     for idle in line.idles:
         since = idle.until_ns - idle.size_ns
@@ -508,7 +504,6 @@ def _left_behind(case: LineCase) -> Sign | None:
 
 
 def _closed(line: LineFacts, said: DirectionFacts, last_ns: int) -> tuple[int, int, ClosedWindow] | None:
-    """Return how often a window was closed, the longest time of it, and the first one."""
     if not line.is_wire or not said.closed:
         return None
     ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in said.closed]
@@ -556,7 +551,6 @@ def _flood(case: LineCase) -> Sign | None:
 
 
 def _too_fast(case: LineCase) -> tuple[str, ...]:
-    """Return that messages come faster than scans, if so; a closed window holds the sender back."""
     line, receiver = case.line, case.receiver
     closed = line.from_plc.closed
     writes = [one for one in line.to_plc.writes if not closed or one.ns <= closed[0].ns]
@@ -601,7 +595,6 @@ def _slow_ack(case: LineCase) -> Sign | None:
 
 
 def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[LateAck]) -> bool:
-    """Return whether writes that waited neither for an ACK nor for an answer came after the same time."""
     waited, answers = {one.write.at for one in slow}, [write.ns for write in other.writes]
     others = [
         b.ns - a.ns
@@ -672,7 +665,6 @@ def _to_listener(line: LineFacts) -> str:
 
 
 def _lives_at(line: LineFacts, ns: int) -> bool:
-    """Return whether a connection stands, and is no corpse."""
     if not line.is_built or (line.end is not None and line.end.ns <= ns):
         return False
     return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
@@ -687,8 +679,6 @@ def _of(
 def _without_receiver(
     judge: Callable[[LineCase], Sign | None],
 ) -> Callable[[LineCase], Sign | None]:
-    """Return a judge whose finding is a remark where it is not known what the PLC takes."""
-
     def weaker(case: LineCase) -> Sign | None:
         said = judge(case)
         return said if said is None or case.receiver is not None else said._replace(is_remark=True)
@@ -797,7 +787,6 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
 
 
 def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver | None) -> Receiver | None:
-    """Return who takes the messages of a conversation; tell the facts how much a job of it reads."""
     found = next((one for one in receivers if one.fits(line)), None)
     if only is not None and line.is_built and (line.protocol == "udp") == only.is_datagram:
         found = only if only.has_end_of(line) else None
@@ -809,7 +798,6 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
 
 
 def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) -> Receiver | None:
-    """Return the only receiver of a project, where a foreign capture has its ends the other way round."""
     known = [one for one in receivers if not one.is_serial]
     if len(known) != 1 or any(known[0].fits(line) or line.connect is not None for line in lines):
         return None

@@ -310,12 +310,10 @@ class _Total:
         self.causes: Counter[str] = Counter()
 
     def add(self, made: Verdict) -> None:
-        """Count a verdict."""
         self.conversations += 1
         self.causes.update({one["cause"] for one in made["findings"]})
 
     def text(self) -> str:
-        """Return the summary in one line."""
         found = ", ".join(f"{cause} {times}" for cause, times in self.causes.most_common())
         return (
             f"{count(self.files, 'capture')}, {count(self.conversations, 'conversation')}, "
@@ -365,7 +363,6 @@ MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
 def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """Yield what is said of one file: equal findings of several conversations once, healthy ones last."""
     groups: dict[object, tuple[dict[str, Any], list[str]]] = {}
     for made in verdicts:
         for one in made["findings"]:

@@ -115,7 +115,6 @@ def _is_right(line: LineFacts, need: int) -> bool:
 
 
 def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, UsualSize] | None:
-    """Return the static receiver and the sizes, where sizes are not right."""
     found = _ready(line, receiver, STATIC)
     if found is None or not line.messages or _is_right(line, found.need):
         return None
@@ -329,7 +328,6 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
 
 
 def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Sign | None:
-    """Return that messages of one size come so soon after each other that a scan finds several."""
     soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
     if len(soon) < FEW or len(soon) * 5 < len(writes):
         return None
@@ -340,7 +338,6 @@ def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int
 
 
 def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Mend, ...], Receiver | None]:
-    """Return what lets a job take one message, and the receiver as it is then."""
     if receiver is None or not receiver.instance:
         return (), None
     text = f"receive static with LEN {base}: a job then takes one message"
@@ -425,7 +422,6 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
 
 
 def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
-    """Return messages as they came, or frames of the stream where those end with messages."""
     content, need = bytes(line.to_plc.content), receiver.need
     found = judged_messages(line) or line.messages
     sizes = sizes_of(found)
@@ -534,7 +530,6 @@ def _has_numbers(layout: Layout, most: int) -> bool:
 
 
 def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Mend, ...]:
-    """Return what lets DATA lie as the partner sends: a remedy for each thing that is otherwise."""
     ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
     theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
     other = [f"{key}={has}" for (key, had), has in theirs if has != had]

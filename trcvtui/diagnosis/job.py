@@ -126,7 +126,6 @@ def nobody_reads_here(e: Evidence) -> str:
 
 
 def _begins(facts: Facts, drop: Drop) -> str:
-    """Return with what the frame after a drop begins."""
     if facts.drop_cuts is False:
         return "begins with a message"
     cure = f"{DO}pulse COM_RST before EN_R=1"

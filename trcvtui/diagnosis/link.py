@@ -60,7 +60,6 @@ def _since(e: Evidence) -> str:
 
 
 def _caller(e: Evidence) -> str:
-    """Return what a passive CONNECT waits for."""
     assert e.config is not None
     anyone = e.config.remote_address == ANY
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
@@ -82,7 +81,6 @@ def _again(e: Evidence) -> str:
 
 
 def _not_built(e: Evidence) -> str:
-    """Return why there is no endpoint at all: the description, or its ID, is not taken."""
     attempt = e.facts.attempt
     if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
         return ""
@@ -99,7 +97,6 @@ def remote_tsap(config: ConnectConfig) -> str:
 
 
 def _called(e: Evidence) -> str:
-    """Return what an active CONNECT waits for."""
     assert e.config is not None
     end = (
         (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"

@@ -52,7 +52,6 @@ def how_it_stands(e: Evidence) -> str:
 
 
 def _before(e: Evidence, thing: str) -> str:
-    """Return what came well before the job that waits now, and when."""
     if e.quiet_ns is None:
         return ""
     ago = f"{age(e.quiet_ns)} ago"
@@ -67,7 +66,6 @@ def _pin(e: Evidence) -> str:
 
 
 def _switch(e: Evidence) -> str:
-    """Return what would make it ad hoc."""
     if e.pin("ADHOC"):
         return "ADHOC, which is 1 for the next job,"
     return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
@@ -96,7 +94,6 @@ def _rate(e: Evidence) -> str:
 
 
 def _last(e: Evidence) -> str:
-    """Return whose messages, and how many of them, the sizes are known of."""
     known = len(e.facts.messages.last)
     return f"{e.facts.sender}'s {'only message' if known == 1 else f'last {known} messages'}"
 
@@ -130,7 +127,6 @@ def shifted_by_a_drop(e: Evidence) -> str:
 
 
 def _in_step(e: Evidence) -> str:
-    """Return what makes frames begin with messages again; without COM_RST a new connection does."""
     if e.pin("COM_RST") is None:
         return "disconnect and connect again: the next frame begins with a message"
     return f"`pulse {e.instance} COM_RST` to put the stream back in step, or CONT 0, then 1"
@@ -153,7 +149,6 @@ def shifted(e: Evidence) -> str:
 
 
 def _fits(e: Evidence) -> bool:
-    """Return whether frames longer or shorter than the messages already explain where a frame begins."""
     only = e.facts.messages.only
     return only is not None and only != e.need
 
@@ -171,7 +166,6 @@ def too_short_a_sender(e: Evidence) -> str:
 
 
 def _fit(e: Evidence, size: int) -> str:
-    """Return how a frame gets the size of a message."""
     length = f"`set {e.instance} LEN={size}`, or " if e.pin("LEN") is not None else ""
     reset = f"; then `pulse {e.instance} COM_RST`" if e.pin("COM_RST") is not None else ""
     return f"{DO}make both equal: {length}give DATA {count(size, 'byte')}{reset}"
@@ -407,7 +401,6 @@ def short_datagrams(e: Evidence) -> str:
 
 
 def _datagrams_were(e: Evidence) -> str:
-    """Return the sizes of what came last."""
     sizes = e.facts.datagrams
     if len(sizes.last) < 2:
         return (

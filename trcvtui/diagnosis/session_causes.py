@@ -43,7 +43,6 @@ def _cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
 
 
 def _tsaps(packet: bytes) -> str:
-    """Return which TSAPs a request asks for."""
     at, end, found = 11, min(len(packet), packet[4] + 5), {}
     while at + 2 <= end:
         found[packet[at]] = packet[at + 2 : at + 2 + packet[at + 1]]
@@ -78,7 +77,6 @@ def wrong_tsap(line: LineFacts) -> Sign | None:
 
 
 def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
-    """Return the TLS records at the beginning; [] where it is no TLS."""
     found: list[tuple[int, bytes]] = []
     at = 0
     while at + 5 <= len(content) and len(found) < 64:

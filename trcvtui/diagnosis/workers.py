@@ -41,7 +41,6 @@ def answers_of_processes(
 def _of_pool(
     paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
 ) -> Generator[tuple[str, Answer | UserError], None, list[str]]:
-    """Yield answers; return the paths whose workers are gone, in their order."""
     lost: set[str] = set()
     with ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn")) as pool:
         paths_of = {pool.submit(judge, path, asked): path for path in paths}

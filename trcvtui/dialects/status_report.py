@@ -312,7 +312,6 @@ def _anchor(heading: str, before: int) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text that Markdown shows as it stands; what is between backquotes is literal already."""
     return "`".join(
         part if within_code else "".join(_escaped(part)) for within_code, part in _page_parts(text.split("`"))
     )

@@ -100,7 +100,6 @@ def _instance(snapshot: Snapshot, name: str) -> InstanceSnapshot | None:
 
 
 def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
-    """Say when a rising edge of COM_RST does nothing and is not remembered."""
     if instance is None:
         return ""
     link = next((each for each in snapshot.connections if each.name == instance.connect), None)
@@ -113,7 +112,6 @@ def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
 
 
 def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
-    """Say when an input counts from the next job on only."""
     if instance is None or not instance.need or instance.pin(pin) == value:
         return ""
     return f"from the next job: the one that runs goes on with {count(instance.need, 'byte')}"
@@ -271,7 +269,6 @@ class Controller:
                 return self.bench.do(command)
 
     def _at_a_free_port(self, command: words.Add) -> words.Add:
-        """Return the command with the next port of this machine at which nobody else listens."""
         [end] = ends_of(command.with_it)[:1]
         port = command.port
         while not self.bench.is_free(Endpoint(end.address, port)):
@@ -282,7 +279,6 @@ class Controller:
         return other
 
     def _mend(self, command: Mend) -> str:
-        """Edit the bench and the project; the bench of a scenario is nobody's project."""
         told = told_of(command, self.bench.project)
         mine = None
         if self.player is None:
@@ -298,8 +294,6 @@ class Controller:
         return wrong
 
     def _udt(self, rest: str) -> str:
-        """Read the UDTs again; what is in DATA stays as it is."""
-
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"
         fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
@@ -421,7 +415,6 @@ class Controller:
         return ""
 
     def _load(self, file: str, kernel: str) -> None:
-        """Put a scenario on a bench of its own; with a mistake in the file the present bench stays."""
         scenario = load_scenario(Path(file))
         refuse_too_many_steps(file, scenario)
         self.bench.close()  # first: both may want the same port
@@ -475,7 +468,6 @@ class Controller:
         return True
 
     def _may_scan(self) -> bool:
-        """Return whether the next scan may pass, and count it."""
         if not self.holding or (self.player is not None and self.player.wants_scan):
             return True
         if self.wanted == 0:
@@ -563,7 +555,6 @@ class Controller:
         return tuple(fresh for fresh in news if fresh is not None)
 
     def _count_project(self) -> None:
-        """Give the project another number when it has become another: by a fresh bench, or on the way."""
         if self._project is not self.bench.project:
             self._project = self.bench.project
             self._project_number += 1

@@ -129,7 +129,6 @@ class EngineDriver:
         self._project: Project | None = None
 
     def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        """Return what runs in the process, and what it gets after the channel."""
         from trcvtui.engine.engine import engine_main
 
         return engine_main, (*self._asked, self._record)
@@ -191,7 +190,6 @@ class EngineDriver:
         return None if message is None else pickle.loads(message)
 
     def _ended(self, trace: str = "") -> EngineStopped:
-        """Return how the process has ended: by what it has raised, else by a signal or its exit code."""
         if not trace:
             self._process.join(LAST_WORDS_S)
             code = self._process.exitcode

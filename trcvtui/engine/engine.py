@@ -191,7 +191,6 @@ class Engine:
             self._deliver(self._due - SPARE_NS)
 
     def _read_ledger(self) -> None:
-        """Let everybody read what was written; some of it at least, all of it every READ_NS."""
         now = clock.now_ns()
         is_long_ago = now > self._read_at + READ_NS
         if self._controller.catch_up(None if is_long_ago else max(now, self._due - SPARE_NS)):
@@ -217,7 +216,6 @@ class Engine:
                 self._request, self._asked_at = request, clock.now_ns()
 
     def _deliver(self, until: int) -> None:
-        """Collect a picture that was asked for, in one gap; pack and write it in this one and the next."""
         began = clock.now_ns()
         if self._request is None and not self._pipe.is_busy():
             self._worked_at = began
@@ -233,7 +231,6 @@ class Engine:
             self._timing.late_by_picture += 1
 
     def _collect(self, request: UpdateRequest) -> None:
-        """Collect a picture; where that is due, find its percentiles first, and collect in the next gap."""
         began = clock.now_ns()
         if not self._timing.find_percentiles() or self._interval >= FAST_NS:
             self._pipe.begin(self._controller.collect(request, self._timing.summary(), request.most_lines))

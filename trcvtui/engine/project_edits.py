@@ -138,7 +138,6 @@ def save_project(own: Path, path: Path, edits: Edits, where: str, constants: Map
 
 
 def _with_change(text: str, edit: Edit, own: Path, path: Path) -> str:
-    """Return the text with one entry changed or gone, written in the form in which it means that."""
     refused: UserError | None = None
     for form in range(len(forms_of(edit.after)) if edit.after is not None else 1):
         try:
@@ -204,7 +203,6 @@ class ProjectEdits:
 
     @property
     def unsaved_word(self) -> str:
-        """Return what the unsaved are."""
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def begin(self) -> None:

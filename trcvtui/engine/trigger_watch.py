@@ -144,7 +144,6 @@ class OneTrigger:
         return self.fired
 
     def _still_armed(self) -> Trigger | None:
-        """Return the trigger; a program that was changed may have lost what it looks at."""
         if self.armed is not None and self._project is not self._bench.project:
             try:
                 self._project, was = self._bench.project, self._was

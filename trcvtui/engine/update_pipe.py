@@ -115,7 +115,6 @@ class UpdatePipe:
             self._unsent = memoryview(struct.pack("!i", len(message)) + message)
 
     def _write(self) -> bool:
-        """Write once without waiting; return whether the channel may take more."""
         descriptor = self._channel.fileno()
         os.set_blocking(descriptor, False)
         try:
@@ -169,7 +168,6 @@ def _wave(pieces: list[bytes]) -> WaveformDelta:
 
 
 def _plain(seq: int, item: Stamped) -> tuple[int, int, int, Any, Any]:
-    """Return the line with its event as (kind, fields) where it is a tuple: packed in half the time."""
     scan, t_ns, kind, *fields = item
     if len(item) > WHOLE:
         return seq, scan, t_ns, kind, fields

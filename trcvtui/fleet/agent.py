@@ -170,7 +170,6 @@ class Agent:
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
 
     def _new_engine(self) -> EngineDriver:
-        """Return a bench, or shadows of what is captured; the doctor looks at what is kept of either."""
         settings = self._settings
         if self._tap is not None:
             if not self._tap.is_running:
@@ -184,7 +183,6 @@ class Agent:
         return CaptureDriver(settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
-        """Tell it, and start anew later; pauses grow."""
         self._end_engine()
         if now > self._started_at + HEALTHY_NS:
             self._pause = FIRST_PAUSE_NS
@@ -239,7 +237,6 @@ class Agent:
         engine.request(known)
 
     def _is_doctor_due(self, now: int) -> bool:
-        """Return whether the doctor shall look: at a run in which something has come since he did."""
         if now < self._doctor_at:
             return False
         self._doctor_at, self._asked_at = now + DOCTOR_NS, now
@@ -313,7 +310,6 @@ def _wall() -> float:
 
 @contextmanager
 def _signals() -> Iterator[list[int]]:
-    """Yield a list that a signal, which asks for the end, stands in."""
     came: list[int] = []
 
     def note(number: int, _: FrameType | None) -> None:

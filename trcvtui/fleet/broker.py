@@ -299,7 +299,6 @@ class BrokerConnection:
         )
 
     def _shut(self) -> None:
-        """Let go of the socket, whatever state the client is in."""
         client, self._client = self._client, None
         held = client.socket() if client is not None else None
         if held is not None:
@@ -348,7 +347,6 @@ class BrokerConnection:
             self._stand()
 
     def _stand(self) -> None:
-        """Take that the connection stands, and that nothing of the topics is missed from now on."""
         self._is_up = True
         self._tell(Connected())
 

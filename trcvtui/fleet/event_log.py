@@ -44,7 +44,6 @@ class _RunSeqs:
         self.lost = 0
 
     def take(self, seq: int) -> bool:
-        """Return whether this number is new."""
         if seq <= self.top:
             return _filled(self.gaps, seq) or _filled(self.before, seq)
         if seq > self.top + 1:
@@ -57,12 +56,10 @@ class _RunSeqs:
 
     @property
     def missing(self) -> int:
-        """Return how many have not come."""
         return self.lost + sum(high - low + 1 for low, high in self.gaps)
 
 
 def _filled(gaps: list[tuple[int, int]], seq: int) -> bool:
-    """Take a number out of the gaps; return whether it was in one."""
     for at, (low, high) in enumerate(gaps):
         if low <= seq <= high:
             left = [gap for gap in ((low, seq - 1), (seq + 1, high)) if gap[0] <= gap[1]]
@@ -116,7 +113,6 @@ class EventLog:
 
 
 def _kept(event: EventMessage, boot: str, seq: int) -> KeptEvent:
-    """Return what is kept of it: its cause in words, and a short name of that to group by."""
     cause = event.cause
     text = str(cause.get("text") or cause.get("cause") or event.kind)
     names = (f"16#{event.status}" if event.status else "", cause.get("call"), cause.get("errno"))

@@ -37,7 +37,6 @@ def request_topic(site: str, agent: str) -> str:
 
 
 def answer_topic(site: str, agent: str, nonce: str) -> str:
-    """Return where it answers one."""
     return f"{ROOT}/{encoded(site)}/{encoded(agent)}/answer/{nonce}"
 
 
@@ -106,7 +105,6 @@ class FetchDesk:
         self._say(f"a recording is asked for over the broker: {', '.join(file.name for file in files)}")
 
     def _newest(self, minutes: float) -> list[Path]:
-        """Return the files that were written to in that time, the oldest first; the newest in any case."""
         try:
             ordered = sorted(self._folder.glob("*.pcapng"), key=os.path.getmtime)
             since = clock.wall_ns() / NS - minutes * 60

@@ -189,7 +189,6 @@ class Publisher:
             self._underway[number], self._sent_up_to = n, n
 
     def _tell(self, line: str) -> None:
-        """Say a line once, not at each try."""
         if line != self._told:
             self._told = line
             self._say(one_line(line))

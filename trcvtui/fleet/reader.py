@@ -177,14 +177,12 @@ class FleetReader:
         self._tell(why, now)
 
     def _tell(self, line: str, now: int) -> None:
-        """Let a line stand for a while: many may be refused."""
         if now >= self._told_at + TELL_NS:
             self.told, self._told_at = line, now
 
     # -- subscriptions -----------------------------------------------------------------------------------
 
     def _ask_again(self) -> None:
-        """Ask for agents of whom something is lacking: a broker may have dropped what it had retained."""
         for agent in self.fleet.agents.values():
             if agent.asked_again < MOST_AGAIN and any(line.is_lacking for line in agent.lines.values()):
                 agent.asked_again += 1

@@ -45,7 +45,6 @@ class FleetInstance:
 
     @property
     def has_error(self) -> bool:
-        """Return whether its ERROR is 1."""
         return self.status is not None and self.status.error
 
 
@@ -280,7 +279,6 @@ class SeenFleet:
         return found
 
     def _forget(self, topic: Topic) -> None:
-        """Take that somebody has cleared a topic on the broker: what it told of is no longer there."""
         agent = self.agents.get(topic[:2])
         line = agent.lines.get(topic.line) if agent is not None else None
         if agent is not None and topic.kind == "state":

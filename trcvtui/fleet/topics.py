@@ -319,7 +319,6 @@ def _scalar(value: object) -> Scalar:
 
 
 def _cut(text: str) -> str:
-    """Return text of bounded length without control characters."""
     return one_line(text[:MOST_TEXT])
 
 

@@ -61,12 +61,10 @@ class _LinkFacts:
         self.drops = 0
 
     def forget_failures(self) -> None:
-        """Forget what failed: it stands, or waits for whoever comes."""
         self.failures.clear()
         self.attempt = self.dropped = self.said = None
 
     def is_built(self) -> None:
-        """Forget what kept it from having a socket."""
         for key in [key for key in self.failures if key[0] in NOT_BUILT]:
             del self.failures[key]
         if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
@@ -83,7 +81,6 @@ class _Datagrams:
 
     @property
     def sizes(self) -> Sizes:
-        """Return the sizes."""
         return Sizes(self.count, tuple(self.last))
 
 
@@ -187,7 +184,6 @@ class LinkStatistics:
         link.dropped = None
 
     def _note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
-        """Keep what became of a handshake; who names a TSAP that nobody has, asked all who listen there."""
         link = self._links.get(event.subject)
         if link is None or event.what not in (DROPPED, SESSION_ENDED):
             return
@@ -250,7 +246,6 @@ class LinkStatistics:
         return self._with_messages(self._with_job(known, link, instance), link, connect)
 
     def _attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
-        """Return the last attempt that failed, with the code that the instance showed for it."""
         attempt, shown = link.attempt, self._refusals.get(instance)
         if attempt is None or link.up_since is not None:
             return None
@@ -295,7 +290,6 @@ def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: st
 
 
 def _later(one: Moment | None, other: Moment | None) -> Moment | None:
-    """Return the later of the two; a connection that does not wait has no moment since when."""
     return other if one is not None and other is not None and other.scan > one.scan else one
 
 

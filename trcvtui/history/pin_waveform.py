@@ -293,7 +293,6 @@ class Waveform:
     # -- what is asked ------------------------------------------------------------------------------
 
     def lane(self, pin: str) -> PinWaveform:
-        """Return the lane of a pin."""
         if pin not in self.lanes:
             self.lanes[pin] = PinWaveform()
         return self.lanes[pin]
@@ -314,7 +313,6 @@ class Waveform:
         return [pin for what in WATCHED if (pin := self.pin_that_shows(what)) is not None]
 
     def columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
-        """Return the columns of a lane."""
         return lane.columns(window, self.until_scan)
 
     def is_gap(self, first: int, last: int) -> bool:

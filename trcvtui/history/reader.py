@@ -66,7 +66,6 @@ class HistoryReader:
     def _spans(
         self, stream: JobStream, start: int, stop: int
     ) -> tuple[list[JobSpan], list[RecvSpan], list[MessageSpan], int]:
-        """Return jobs, recv calls and messages between two positions, and how far they go."""
         jobs: list[JobSpan] = []
         recvs: list[RecvSpan] = []
         messages: list[MessageSpan] = []
@@ -89,7 +88,6 @@ class HistoryReader:
     def _add_messages(
         self, messages: list[MessageSpan], chunk: ReceivedChunk, recv: RecvSpan, window: tuple[int, int]
     ) -> None:
-        """Append the messages that a recv call has brought; a message goes on over several of them."""
         position = max(recv.position, window[0])
         offset = recv.offset + position - recv.position
         size = min(recv.stop, window[1]) - position

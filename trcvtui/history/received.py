@@ -252,7 +252,6 @@ class JobHistory:
                 return self._read == len(self._news) and self._seq == ledger.last_seq
 
     def _fetch(self) -> None:
-        """Take the lines that are still there; tell all who listen when some were overwritten."""
         ledger, before = self._bench.runtime.ledger, self._seq
         self._news, self._read, self._seq = ledger.raw_since(before), 0, ledger.last_seq
         first = self._seq - len(self._news) + 1
@@ -332,7 +331,6 @@ class JobHistory:
         self._add(stream, tuple.__new__(ReceivedChunk, fields))
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        """Put what a job had to drop after what it has delivered."""
         if self._drops:
             for drop in self._drops.pop(event[0], ()):
                 job = self.index.ended(event[0])

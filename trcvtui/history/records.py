@@ -82,12 +82,10 @@ class MessageSpan(NamedTuple):
 
     @property
     def begins(self) -> bool:
-        """Return whether the message begins here."""
         return self.first == 0
 
     @property
     def ends(self) -> bool:
-        """Return whether the message ends here."""
         return self.first + self.size >= self.whole
 
 

@@ -339,7 +339,6 @@ class StreamIndex:
         return None
 
     def _pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
-        """Return the running job, or the one that filled DATA, and its pieces of the stream."""
         reading = self._readings.get(instance)
         if reading is None:
             return None
@@ -374,7 +373,6 @@ class StreamIndex:
         return [span for span in self._spans(instance, of_job) if span.begins or span.position < first]
 
     def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
-        """Yield the peer's messages in each piece of DATA, or of the running job."""
         known = self._pieces(instance, of_job)
         if known is not None and self._is_present(known[0].link):
             before = 0  # bytes of the job before this piece
@@ -393,7 +391,6 @@ class StreamIndex:
         )
 
     def _is_present(self, link: Link) -> bool:
-        """Return whether this is the connection that stands, or stood last."""
         return self._incarnations.get(link[0]) == link[1]
 
 

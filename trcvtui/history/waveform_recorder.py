@@ -127,7 +127,6 @@ class WaveformRecorder:
             record.add((seq, scan, t_ns, event))
 
     def _note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
-        """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
         if note.what not in NOTED:
             return
         self._settle(scan)
@@ -146,14 +145,12 @@ class WaveformRecorder:
                 self._renewed[name], self._renewed_in = (seq, scan, t_ns, KnownPins(dark)), scan
 
     def _settle(self, scan: int) -> None:
-        """Let who was downloaded before this scan, and not called in that one, be dark since then."""
         if self._renewed and scan > self._renewed_in:
             for name, change in self._renewed.items():
                 self.records[name].add(change)
             self._renewed.clear()
 
     def _lose(self, seq: int, scan: int, t_ns: int) -> None:
-        """Nobody can say what the pins have done since this scan."""
         self._renewed.clear()
         for record in self.records.values():
             record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
@@ -194,7 +191,6 @@ def _kept(instances: int) -> int:
 
 
 def _first_pins(decl: InstanceDecl, project: Project) -> PinValues:
-    """Return every pin of an instance before its first call: the inputs as declared, no outputs yet."""
     given = dict(decl.inputs)
     pins = project.pins(decl.block)
     inputs = [(pin.name, int(given.get(pin.name, 0))) for pin in pins if pin.direction is not Direction.OUT]

@@ -117,7 +117,6 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 
 
 def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield segments of one value with that value in them; what changes inside a column is a stroke."""
     pin, x = pin_of(name), 0
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
     for (kind, value), run in groupby(keys):
@@ -173,7 +172,6 @@ RANK: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
 
 
 def _codes(wave: Waveform, window: Window) -> list[Piece]:
-    """Return the codes of segments too narrow for a label, errors first, as far as there is room."""
     columns = wave.columns(wave.lane("STATUS"), window)
     found = []
     for x, column in enumerate(columns):
@@ -198,7 +196,6 @@ def _status(line: Line) -> int:
 
 
 def _is_narrow(columns: list[Column | None], x: int) -> bool:
-    """Return whether the segment that begins here has no room for its label."""
     here = columns[x]
     if here is None or not here.is_level:
         return True
@@ -390,7 +387,6 @@ At = Callable[[int], float]
 
 
 def _stretches(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int, int | None]]:
-    """Yield (first scan, scan after the last, value) of everything in the span."""
     for place, (scan, value) in enumerate(zip(lane.scans, lane.values, strict=True)):
         after = lane.scans[place + 1] if place + 1 < len(lane.scans) else wave.until_scan + 1
         if after >= span.first and scan <= span.last:

@@ -231,7 +231,6 @@ class CapturePlayer:
         running.ends = [each for each in running.ends if each[1] is not end]
 
     def _refuse(self, event: ConversationEvent) -> None:
-        """Let those who were called refuse, as the wire shows it."""
         is_plc = event.direction is self._plc_of(event.conversation)
         for part in self._plan.parts[event.conversation.number]:
             if not part.calls and part.plays_plc == is_plc:
@@ -316,7 +315,6 @@ class CapturePlayer:
 
 
 def _shown(plan: ShadowPlan) -> set[str]:
-    """Return the instances that look on: on links with a part, on ComBuffers that these fill."""
     links = {part.connect for parts in plan.parts.values() for part in parts}
     shown: set[str] = set()
     while more := {i.name for i in plan.project.instances if i.connect in links} - shown:

@@ -170,7 +170,6 @@ class _PipeServed(ServedShadows):
         self._live: LiveWatch | None = None
 
     def run(self, fd: int) -> NoReturn:
-        """Play what comes; when that is over, go on showing it."""
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.recording.worker_process import FilesJudge
 

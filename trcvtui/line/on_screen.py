@@ -48,7 +48,6 @@ class _Told:
                 self._tell(f"{edge.instance}: ? missing in the capture")
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Tell it at once."""
         self._tell(f"C{number}: {text}")
 
     def _tell(self, text: str) -> None:
@@ -74,7 +73,6 @@ class _Progress:
             sys.stderr.flush()
 
     def end(self) -> None:
-        """End the line."""
         if self._is_told:
             sys.stderr.write("\n")
 
@@ -139,7 +137,6 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
 
 
 def _without_name(file: Path) -> Path:
-    """Return where to read an open file from whose name and folder are gone: who is killed leaves nothing."""
     if not os.path.isdir("/proc/self/fd"):
         return file
     handle = os.open(file, os.O_RDONLY)

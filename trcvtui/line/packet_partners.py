@@ -43,9 +43,7 @@ class _Waits(Protocol):
     keeps_out: bool  # was it the link that let it not in, so that those after it have no better luck
 
     @property
-    def link(self) -> str:
-        """Return the CONNECT, UDP_CONFIG or ComBuffer whose shadow it waits for."""
-        ...
+    def link(self) -> str: ...
 
     def go_on(self, may_try: bool) -> bool:
         """Look again whether it is ready, if it `may_try`; return whether it still waits."""
@@ -112,7 +110,6 @@ class Shadows:
             left = left - 1 if self._jobs == jobs else SETTLING
 
     def _skip(self, due: int, ns: int) -> bool:
-        """Count the scans in which nothing happens; return whether there was one."""
         until = self.bench.quiet_until()
         limit = ns if until is None else min(until, ns)
         if self.waiting:
@@ -160,7 +157,6 @@ class Shadows:
                     self.last_job[self.works_on[edge.instance]] = edge.outputs.rcvd_len
 
     def _let_in(self) -> None:
-        """Let who waits go on; where a link lets nobody in, those after him do not ask."""
         closed: set[str] = set()
         left: list[_Waits] = []
         waiting, self.waiting = self.waiting, []
@@ -298,7 +294,6 @@ class PlayedEnd:
             self.left_out += size
 
     def send(self, data: bytes) -> None:
-        """Send bytes."""
         self._shadows.room += len(data)
         if self._stream is not None and self._is_begun and not self._awaits:
             self._send(data)
@@ -344,7 +339,6 @@ class PlayedEnd:
                 return
 
     def _wait_for_room(self, stream: SimStream) -> bool:
-        """Let scans pass until the shadow has read something; return False where it reads nothing."""
         unread = stream.untaken
         for _ in range(QUIET + 1):
             self._shadows.step()
@@ -470,7 +464,6 @@ class PlayedLine:
         self._kept = 0
 
     def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
-        """Hand it over; return False where nobody receives yet."""
         shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
         if self._address:
             port = shadows.bench.runtime.listening_port(self._link)

@@ -163,7 +163,6 @@ class TapInBackground:
 
 
 def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: list[Popen[bytes]]) -> bool:
-    """Start the shadows, where they are shown, or somebody may type; return whether they can be."""
     types = _can_type()
     if not (looks.is_shown or types):
         return True
@@ -209,7 +208,6 @@ class _Voice:
             _say(line)
 
     def let_out(self) -> None:
-        """Say what was kept, and the rest at once."""
         self.is_kept = False
         while self._kept:
             _say(self._kept.popleft())
@@ -225,7 +223,6 @@ class _Screen:
         self._asked = AskedWays()  # at its end the screen has ended
 
     def open(self, routes: Sequence[Route], looks: Looks) -> bool:
-        """Start it; return whether it has begun to look on."""
         import termios
 
         self._terminal = termios.tcgetattr(0)
@@ -252,7 +249,6 @@ class _Screen:
         return True
 
     def _hear(self, _: int) -> None:
-        """Its engine starts anew and asks for another way, or the screen has ended."""
         if self._asked.is_asked():
             self._loop.add_looker(self._asked.hand_over(), "who shows it", gives_orders=True)
         else:
@@ -279,21 +275,18 @@ class _Screen:
         return self._process.wait()
 
     def end(self) -> None:
-        """End it, where it still is there."""
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
             self._process.wait()
 
 
 def _listens(route: Route, address: tuple[str, int] | None) -> str:
-    """Return where a tap listens, with the port that it has found."""
     if address is None:
         return str(route.listen)
     return ("udp:" if route.listen.kind == "udp" else "") + end_text(*address)
 
 
 def _can_type() -> bool:
-    """Return whether stdin is one that lines may come from: a terminal, a pipe."""
     import stat
 
     with suppress(AttributeError, ValueError):
@@ -306,14 +299,12 @@ def _can_type() -> bool:
 
 
 def _started(events: int, out: IO[bytes] | None, program: str, *asked: str) -> Popen[bytes]:
-    """Start a program that looks on: events come to its stdin."""
     words = [sys.executable, "-P", "-c", program, *asked]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return Popen(words, stdin=events, stdout=out, env=environment)
 
 
 def _wait(process: Popen[bytes]) -> None:
-    """Let who looks on end; who waits for a reader of stdout waits no longer."""
     try:
         process.wait(PATIENCE)
     except TimeoutExpired:

@@ -135,7 +135,6 @@ def _is_at(place: TapPlace, address: bytes, port: int | None) -> bool:
 
 
 def _conversation(number: int, route: Route, near: bytes | None, taps: Mapping[str, TapDecl]) -> Conversation:
-    """Return the conversation that a tap will have; a serial line has the name of its ComBuffer."""
     kind, to = route.to.kind, route.to
     if kind == "serial":
         line = taps[route.name].connect if route.name in taps else route.name
@@ -145,7 +144,6 @@ def _conversation(number: int, route: Route, near: bytes | None, taps: Mapping[s
 
 
 def _line_ends(name: str) -> tuple[tuple[bytes, int], tuple[bytes, int]]:
-    """Return the ends of a serial line: the PLC's is that at CONNECT."""
     return (name.encode(), RECEIVED_END), (name.encode(), SENT_END)
 
 
@@ -286,7 +284,6 @@ class LookingOn:
             self._player.take(event)
 
     def _lost(self, event: TapEvent) -> None:
-        """Forget whose end was missed; say what was."""
         count, size = LOSS.unpack_from(event.data)
         alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
         self._complain(f"{count} events with {size} bytes came faster than they were shown")

@@ -67,7 +67,6 @@ class _TapServed(ServedShadows):
     """Shadows on the conversations of a tap."""
 
     def run(self, fd: int, asked: Asked, kernel: str) -> None:
-        """Play what the tap tells; when it is gone, go on showing what there was."""
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
         from trcvtui.line.tap_observer import LookingOn, TapPlan

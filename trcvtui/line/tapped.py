@@ -82,7 +82,6 @@ class TapPackets:
         self._number = 0  # of IP packets
 
     def of(self, event: TapEvent) -> Iterator[TapPacket]:
-        """Yield the packets of one event."""
         kind, way, ns = event.kind, event.way, event.ns
         if kind == TapEventKind.OPEN:
             yield from self._open(event)
@@ -128,14 +127,12 @@ class TapPackets:
         talk.stands = bool(event.at)
 
     def _over(self, number: int, ns: int) -> Iterator[TapPacket]:
-        """Let a conversation end: by FIN or RST it has; else the tap ended it, with FIN to both."""
         talk = self._talks.pop(number)
         for way in (TO, BACK):
             if talk.remarks[way] and talk.kind == "tcp":
                 yield self._segment(talk, way, ns, ACK)
 
     def _lost(self, event: TapEvent) -> Iterator[TapPacket]:
-        """Forget who is gone; say with the next packets of the others that some are not here."""
         count, size = LOSS.unpack_from(event.data)
         alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
         text = f"{pcap.OURS}{size} bytes before this are not in the recording ({count} events)"

@@ -47,12 +47,10 @@ class WatchLines:
             self._say(scan, outputs_record(edge) | ({"note": MISSING} if of_job else {}))
 
     def _head(self, scan: int) -> str:
-        """Return what each JSON line of a scan begins with."""
         time = utc_text(self._first_ns + (scan - 1) * self._interval_ns)
         return f'{{"scan":{scan},"t_ms":{(scan - 1) * self._interval_ns / 1e6!r},"time":"{time}",'
 
     def _rest(self, edge: StatusEdge) -> str:
-        """Return the rest of a line: an instance shows the same again and again."""
         key = None if edge.outputs.error else (edge.instance, edge.outputs)
         known = self._known.get(key)
         if known is None:
@@ -97,7 +95,6 @@ class WatchLines:
 
 
 def _words(record: Mapping[str, object]) -> Iterator[str]:
-    """Yield what a line of text says of a record."""
     if "conversation" in record:
         yield f"{record['conversation']}: {record['note']}"
         return

@@ -342,7 +342,6 @@ class FaultyKernel:
         return fault or answer
 
     def _forget(self, handle: Handle) -> None:
-        """Forget the handle; a client that waits at a closed listener is reset."""
         self._owners.pop(handle, None)
         waiting = self._held.pop(handle, None)
         if waiting is not None:

@@ -53,7 +53,6 @@ class Endpoint:
     port: int
 
     def __str__(self) -> str:
-        """Return `127.0.0.1:2000`."""
         return f"{self.address}:{self.port}"
 
 

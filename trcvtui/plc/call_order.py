@@ -127,7 +127,6 @@ class CallOrder:
         return changed
 
     def _fail(self, place: int, error: Exception) -> bool:
-        """Put an instance out of service; its lane knows nothing that counts any more."""
         instance = self._entries[place][0]
         lane, self._lanes[place] = self._lanes[place], None
         if lane is not None:

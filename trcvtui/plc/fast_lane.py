@@ -125,7 +125,6 @@ class Lane:
         return size if size == len(into) or not size else self._direct.read_on(memoryview(into), size)
 
     def _begin(self, scan: int, now: int) -> Answer:
-        """Begin a job for which nothing has come."""
         buffers, ledger = self._buffers, self._ledger
         if buffers.used >= buffers.count:
             return None
@@ -162,7 +161,6 @@ class Lane:
         return now_shown
 
     def _deliver(self, scan: int, now: int, events: int) -> Answer:
-        """Hand the frame over to DATA: the scan with DONE."""
         data, need, ledger, first = self._data, self._need, self._ledger, self._first
         data.content, self._buffer = self._buffer, data.content
         data.generation += 1

@@ -151,7 +151,6 @@ class Instance:
         return block.usual_job if isinstance(block, TrcvC) and self._frozen is not None else None
 
     def _would_read(self, waits: bool) -> bool:
-        """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
         pins = self.inputs | dict.fromkeys(self._blinking, True)
         inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
         return self._block_would_read is not None and self._block_would_read(inputs, waits)

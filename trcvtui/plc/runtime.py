@@ -315,7 +315,6 @@ class Runtime:
         self._service_communication()
 
     def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
-        """Tell that a partner has asked for more work than one scan does; once an episode."""
         connection = self._connections.get(connect)
         incarnation = connection.incarnation if connection else 0
         self.ledger.write(ConnectionChanged(connect, incarnation, what, peer=partner, detail=why))
@@ -376,7 +375,6 @@ class Runtime:
     # -- what an internal error has stopped ----------------------------------------------------------------
 
     def _serve(self, name: str, do: Callable[[], bool]) -> None:
-        """Let a CONNECT do its work between scans, and wake its instances where that has changed anything."""
         if (part := ("CONNECT", name)) in self._containment.out:
             return
         is_changed = self._containment.attempt(part, do)
@@ -387,7 +385,6 @@ class Runtime:
             self._call_order.wake((name,))
 
     def _stop_all_on(self, part: RunPart) -> None:
-        """Stop the instances on a CONNECT or a ComBuffer that has failed between their calls."""
         for instance in self._instances.values():
             if instance.decl.connect == part[1] and self._stop_instance(
                 instance, f"{' '.join(part)} has failed"
@@ -396,7 +393,6 @@ class Runtime:
                 self._stopped.append(instance)
 
     def _fail(self, instance: Instance, error: Exception) -> bool:
-        """Put an instance that has raised out of service; return whether any output differs."""
         return self._stop_instance(instance, *self._containment.note(("instance", instance.name), error))
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
@@ -417,7 +413,6 @@ class Runtime:
 
     @staticmethod
     def _works(instance: Instance) -> bool:
-        """Return whether an instance works on its connection; TCON, TSEND and TRCV always may."""
         row, pins = block_row(instance.block_name), instance.inputs
         always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING
         asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
@@ -489,7 +484,6 @@ class Runtime:
         self.ledger.write(BenchNote(decl.name, "declared"))
 
     def _redeclare(self, before: Part | InstanceDecl, decl: Part | InstanceDecl) -> None:
-        """Put a declaration in the place of another; who is bound to the old one is bound anew."""
         name, ends = decl.name, set[str]()
         self._containment.forget(("CONNECT", name), ("line", name))
         match decl:
@@ -524,7 +518,6 @@ class Runtime:
         self.ledger.write(BenchNote(name, "declared anew"))
 
     def _bind_anew(self, instance: Instance, before: Part | InstanceDecl) -> None:
-        """Begin an instance again on what is there now; its inputs stay as they are."""
         decl, kept = instance.decl, dict(instance.inputs)
         self._containment.forget(("CONNECT", decl.connect))
         if isinstance(before, InstanceDecl):
@@ -638,7 +631,6 @@ class Runtime:
         return BareSnapshot(head, *(tuple(kind.values()) for kind in kinds))
 
     def _renew(self) -> None:
-        """Collect anew what may have changed: who was awake, and who was waiting for the next attempt."""
         self._call_order.settle()
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
         for instance in self._call_order.on(awake):

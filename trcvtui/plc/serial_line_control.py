@@ -100,14 +100,12 @@ class PortFeed:
         return False
 
     def _wait(self, now: int) -> None:
-        """Tell, once, that a port takes long to open."""
         if self._opening_since is None:
             self._opening_since = now
         elif now - self._opening_since >= RETRY_NS:
             self._tell(SLOW, UNANSWERED)
 
     def _tell(self, what: str, fault: Fault) -> None:
-        """Tell what is in the way, once, however long it is away."""
         self.fault = fault
         if fault != self._told:
             self._told = fault

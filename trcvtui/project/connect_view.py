@@ -90,7 +90,6 @@ def _is_whole(description: Description) -> bool:
 
 
 def _as_bytes(name: str, data: bytes, why: str) -> str:
-    """Return what is no structure as it is."""
     if not data:
         return f"// {name} holds no byte: {why}"
     lines = ",\n".join(_rows(data))
@@ -125,7 +124,6 @@ def _array(data: bytes) -> str:
 
 
 def _character(one: str) -> str:
-    """Return a character as a STRING literal has it."""
     return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
 
 
@@ -178,7 +176,6 @@ def _files(paths: Iterable[str]) -> str:
 
 
 def _file(path: str) -> str:
-    """Return a file as it stands in most projects: with the folder that it is in."""
     return "/".join(Path(path).parts[-2:])
 
 
@@ -242,7 +239,6 @@ def _own_end(config: ConnectConfig, listens: str) -> str:
 
 
 def _remarks(config: ConnectConfig) -> dict[str, str]:
-    """Return what the bench has put in the place of a field, by field name."""
     assert config.description is not None
     says = meaning(config.description)
     found = dict.fromkeys(TYPE_FIELDS, str(says.protocol))

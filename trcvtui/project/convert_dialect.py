@@ -34,7 +34,6 @@ class Translated(NamedTuple):
 
 
 def dialect_named(name: str) -> Dialect:
-    """Return the dialect that `--dialect` names."""
     if name not in DIALECTS:
         raise mistake("--dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
     return DIALECTS[name]
@@ -70,7 +69,6 @@ def in_dialect(project: Project, dialect: Dialect) -> Translated:
 
 
 def _options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, SwitchValue]:
-    """Return the switches of the other dialect; what was changed in this one goes over by its name."""
     known = {switch.name for switch in dialect.switches}
     raw: dict[str, object] = {}
     for switch in project.dialect.switches:
@@ -151,7 +149,6 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
 
 
 def _described(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
-    """Return a TCP_CONNECTCONFIG as the connection description of plain TCP."""
     record: dict[str, object] = {
         "name": config.name,
         "ActiveEstablished": config.active,
@@ -177,7 +174,6 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
 def _plain(
     config: ConnectConfig, description: Description, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
-    """Return a connection description of plain TCP as a TCP_CONNECTCONFIG."""
     _must_be_plain_tcp(config, description, other)
     notes.append(
         f"{config.name}: {description.structure.name} is written as a TCP_CONNECTCONFIG, without its ID"

@@ -106,7 +106,6 @@ def either_way(text: str) -> str:
 
 
 def hex_of(text: str) -> bytes | None:
-    """Return the bytes of a text in hex, None when it is none."""
     try:
         return parse_hex(text)
     except UserError:
@@ -162,7 +161,6 @@ def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -
 
 
 def _flaw_of(one: CertificateDecl) -> tuple[str, str]:
-    """Return what is wrong with the files, and at which key."""
     from trcvtui.net.layers.tls import (
         flaw_of_certificate,  # with the TLS library: only who has certificates waits
     )
@@ -430,7 +428,6 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
 
 
 def _in_param(written: Written) -> Written:
-    """Return a plain CONNECT as the instructions take it."""
     description = written.description
     found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
@@ -520,7 +517,6 @@ def config_fields(
 
 
 def _ports(written: Written, says: Meaning, bench: BenchKeys) -> tuple[int, int | str]:
-    """Return the port on this side and the partner's."""
     if says.protocol is Protocol.ISO and says.is_active:
         return 0, bench.iso_port
     if says.protocol is Protocol.ISO:
@@ -530,7 +526,6 @@ def _ports(written: Written, says: Meaning, bench: BenchKeys) -> tuple[int, int 
 
 
 def _remote_address(written: Written, says: Meaning, bench: BenchKeys) -> tuple[str, Finding | None]:
-    """Return where the partner is; a name is asked of the bench's DNS server."""
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
     if bench.dns_answer is None:  # the network's own names, at each attempt

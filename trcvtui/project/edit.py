@@ -151,7 +151,6 @@ def _names(project: Project) -> Names:
 
 
 def _placed(problem: Problem, where: str) -> Problem:
-    """Return a problem of a given text with the place where it was given."""
     if not problem.where.startswith(_GIVEN):
         return problem
     return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
@@ -303,7 +302,6 @@ def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserEr
 
 
 def _of_certificates(edits: Edits, after: Project) -> list[tuple[Declaration, UserError]]:
-    """Return who has a certificate in his session, which is made when he is read."""
     numbers = {edit.name for edit in edits if edit.kind == CERTIFICATE and edit.before is not None}
     refs = (*CERTIFICATE_REFS, "certificate", "authority")
     having: tuple[Declaration, ...] = (*after.connects, *after.peers)

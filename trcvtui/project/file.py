@@ -155,7 +155,6 @@ def with_overrides(
 
 
 def _copied(part: Any) -> Any:
-    """Return a copy as deep as a path can reach, and no deeper: keys of a file may be nested without end."""
     if isinstance(part, list):
         return [dict(entry) if isinstance(entry, dict) else entry for entry in part]
     return dict(part) if isinstance(part, dict) else part

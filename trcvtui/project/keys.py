@@ -456,7 +456,6 @@ def _laid_out(values: Values) -> dict[str, Any] | None:
 
 
 def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
-    """Return the layout of a variable; let its mistakes begin with the place in the file."""
     try:
         return lay_out(type_, rules, name)
     except UserError as refused:
@@ -496,7 +495,6 @@ def link_key(block: str) -> str:
 
 
 def _on_config(table: Table, around: Around) -> bool | Refusal:
-    """Return whether a block of UDP has a UDP_CONFIG, no CONNECT."""
     row = block_row(table.text("block"))
     if row.datagrams and table.has("connect"):
         return "a UDP_CONFIG beside a CONNECT", "one of them"
@@ -518,7 +516,6 @@ def _needs_addr(table: Table, around: Around) -> bool:
 
 
 def _may_have_addr(table: Table, around: Around) -> bool:
-    """Return whether an ADDR may stand there: a CONNECT is of UDP only where blocks send datagrams on it."""
     has_datagrams = any(block_row(block).datagrams for block in around.blocks)
     return block_row(table.text("block")).builds and has_datagrams
 
@@ -528,7 +525,6 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
 
 
 def _links() -> Iterable[Key]:
-    """Return the keys of what a block works on; one of them is read."""
     yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
               ask=Ask("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
               refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
@@ -563,7 +559,6 @@ def _mark_of(pin: str) -> Callable[[InstanceDecl], str | None]:
 
 
 def _marks() -> Iterable[Key]:
-    """Return the variables of prefix and suffix, by what each block calls its pin."""
     for pin in pointer_pins():
         mark = pin.removeprefix("p").lower()
         yield Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
@@ -577,7 +572,6 @@ def _data_hint(project: Project, block: str) -> str:
 
 
 def _or_made(what: str) -> str:
-    """Return the hint of what is made on the way where nothing is chosen."""
     return f"{what}; empty: one is made"
 
 
@@ -590,7 +584,6 @@ def _inputs_hint(project: Project, block: str) -> str:
 
 
 def _read_inputs(values: Values) -> None:
-    """Read the input pins: every key that is no other one is such a pin."""
     table, around, block = values.table, values.around, values["block"]
     for lacking in around.rules.lacks:
         if table.has(lacking):
@@ -707,8 +700,6 @@ def _waits(table: Table, around: Around) -> bool:
 
 
 def _beside(key: str, found: str) -> Callable[[Table, Around], bool | Refusal]:
-    """Return what lets a key stand where another one is true."""
-
     def is_beside(table: Table, around: Around) -> bool | Refusal:
         return not table.is_true("udp") and (table.is_true(key) or (found, f"{key} = true beside it"))
 

@@ -51,7 +51,6 @@ def _row(decl: InstanceDecl) -> BlockRow:
 
 
 def _guarded(decl: InstanceDecl, call: str) -> str:
-    """Return a call under IF: a text calls a block or does not, and each call of this one sends or clears."""
     inner = "\n".join(f"{INDENT}{line}" for line in call.splitlines())
     return f"IF {decl.name}_EN THEN (* every call {_does(decl)} *)\n{inner}\nEND_IF"
 
@@ -104,7 +103,6 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
 
 
 def _link(project: Project, decl: InstanceDecl) -> str:
-    """Return the variable of CONNECT or ComBuffer; IEC names ignore case, so RX beside rx has another one."""
     if not _row(decl).on_buffer:
         return decl.connect
     others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
@@ -119,7 +117,6 @@ def _link_pin(decl: InstanceDecl) -> str:
 
 
 def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
-    """Return what the block is bound to of the global variables: its data, then prefix and suffix."""
     row = _row(decl)
     if decl.data is not None and row.data_pin:
         yield row.data_pin, decl.data
@@ -137,7 +134,6 @@ def _identity(project: Project, decl: InstanceDecl) -> str:
 
 
 def _configured(name: str) -> str:
-    """Return the constant for a connection that TIA Portal configures: only there it has an ID."""
     return f"{name}_ID"
 
 
@@ -185,7 +181,6 @@ def _type_of(decl: InstanceDecl, pin: Pin) -> str:
 
 
 def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:
-    """Return the declarations of the records that the call is given."""
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
     describes = project.dialect.describes_connects
     if config is not None and config.description is not None:
@@ -216,7 +211,6 @@ def _addr_fields(addr: AddrParam) -> Iterator[str]:
 
 
 def _fields(config: ConnectConfig) -> Iterator[str]:
-    """Return the fields of a TCP_CONNECTCONFIG; a RemotePort that names a peer has no number to write."""
     yield f"ActiveEstablished := {str(config.active).upper()}"
     yield f"RemoteAddress := {_array(config.remote_address)}"
     if isinstance(config.remote_port, int):

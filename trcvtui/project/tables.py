@@ -232,7 +232,6 @@ def _tap_place(text: str) -> str | None:
 
 
 def parse_endpoint(text: str) -> Endpoint | None:
-    """Return `127.0.0.1:2000` as an Endpoint, None when it is none."""
     address, colon, port = text.rpartition(":")
     parsed = parse_address(address)
     if not colon or parsed is None or not (port.isascii() and port.isdigit() and len(port) <= 5):

@@ -55,7 +55,6 @@ def with_change(text: str, edit: Edit, form: int, where: str) -> str:
 
 
 def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
-    """Change the table of an entry; return whether it was found."""
     called = "number" if edit.kind == "certificate" else "name"
     entries = document.get(edit.kind, [])
     place = next((n for n, each in enumerate(entries) if str(each.get(called)) == edit.name), None)
@@ -124,7 +123,6 @@ def _way(file: str, old: Path, new: Path) -> str:
 
 
 def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
-    """Return what the first edit makes that says what is wanted."""
     ends = CRLF if CRLF in text else "\n"
     plain = text.replace(CRLF, "\n")
     if plain.replace("\n", ends) != text:
@@ -185,7 +183,6 @@ def _in_its_table(plain: str, constants: Mapping[str, int]) -> str | None:
 
 
 def _add_after(entries: AoT, table: Table) -> None:
-    """Append a table; what is after the last one, from its first blank line on, is of what follows."""
     from tomlkit.items import Comment, Whitespace
 
     body = entries[-1].value.body
@@ -225,8 +222,6 @@ def _item(value: KeyValue) -> Any:
 
 
 def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
-    """Return what appends the tables to a text."""
-
     def append(plain: str) -> str:
         tables = [f"\n[[{kind_name(decl)}]]\n{_table(decl).as_string()}" for decl in decls]
         return plain + "".join(tables)
@@ -235,7 +230,6 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
 
 
 def _with_texts(plain: str, others: Mapping[str, str]) -> str:
-    """Return the text with these strings in the place of others, where tomlkit cannot give it back."""
     for old, new in others.items():
         plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
     return plain

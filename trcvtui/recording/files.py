@@ -53,9 +53,7 @@ class Sink(Protocol):
     """Who writes entries; `trouble`: why nothing more is written, or ""."""
 
     @property
-    def trouble(self) -> str:
-        """Return it."""
-        ...
+    def trouble(self) -> str: ...
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order."""
@@ -184,7 +182,6 @@ class NumberedFiles:
         return file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
-        """Keep the entries of a scan, before those that wait; what is too old is counted alone."""
         scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])
         if self._limits.before_ns < 0:
             self._passed += len(some)
@@ -242,7 +239,6 @@ class NumberedFiles:
         self._remove_the_oldest()
 
     def _write(self) -> None:
-        """Hand over what waits; it is then in this file."""
         assert self._file is not None
         for _, some in self._scans:
             self._file.take(some)

@@ -418,7 +418,6 @@ class _Cursor:
         return made
 
     def _items(self, depth: int) -> tuple[object, ...]:
-        """Return what a tuple holds; what stands in most of them is read here, for speed."""
         block, size, items = self._block, len(self._block), list[object]()
         for _ in range(self._number(2)):
             at = self.at
@@ -489,7 +488,6 @@ class _Cursor:
         return made
 
     def _again(self, known: list[Entry]) -> Answered:
-        """Return the question of an entry before, with its own answer."""
         self.at += 1
         first = self._number(4)
         before = known[first] if first < len(known) else None
@@ -564,7 +562,6 @@ class BlockWriter:
         self._order.append(at)
 
     def _bytes(self, entry: Entry, place: int) -> bytes:
-        """Return an entry; a question that was asked in this block stands for itself by the first one."""
         if not isinstance(entry, Answered):
             return value_bytes(entry)
         first = self._asked.setdefault(entry[:3], place)

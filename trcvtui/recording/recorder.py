@@ -163,7 +163,6 @@ class RunRecorder:
             self._hand_over()
 
     def _log_secrets(self) -> None:
-        """Take what sessions have written: for the packets that are not in the file yet."""
         size = os.fstat(self._key_log).st_size
         if size:
             self._entries.append(Secrets(os.pread(self._key_log, size, 0)))
@@ -171,7 +170,6 @@ class RunRecorder:
             self.holds_secrets = True
 
     def _without_bytes(self, entry: Entry) -> Entry:
-        """Return an entry without what came over TLS."""
         if not isinstance(entry, Answered) or entry.owner not in self._hidden or entry.call != "recv":
             return entry
         got = entry.answer[0] if isinstance(entry.answer, tuple) else 0
@@ -185,7 +183,6 @@ class RunRecorder:
         self._write(lambda sink: sink.take(some))
 
     def _write(self, act: Callable[[Sink], None]) -> None:
-        """Let the sink do it; without a file to write to, the run goes on."""
         if self._sink is None:
             return
         try:

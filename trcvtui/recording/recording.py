@@ -230,7 +230,6 @@ class Recording:
             raise mistake(self.path, reason_of(failed), "a recording that can be read") from None
 
     def _unpack(self, packed: IO[bytes]) -> None:
-        """Unpack a .gz; what comes before a place where it is broken is kept."""
         handle, self._unpacked = self._memory.enter_context(unnamed())
         read, size = pcap.gunzip(packed.read, pcap.GZIP), 0
         try:
@@ -383,7 +382,6 @@ class Recording:
         return self._index
 
     def _rebuilt(self) -> list[BlockPlace]:
-        """Return the rows that the index would have; scans and times are counted by reading."""
         rows: list[BlockPlace] = []
         payloads: list[bytes] = []
         scans = ns = 0

@@ -114,7 +114,6 @@ class Replay:
         return entry
 
     def _pass(self, entry: Answered | Note | BesideJournal) -> None:
-        """Go past a note, which is told, or what was asked in a gap, which is remembered."""
         self._front = next(self.entries, None)
         if isinstance(entry, BesideJournal):
             return

@@ -121,7 +121,6 @@ class RunPackets:
         return entry._replace(answer=self._place(flows[1], at, data))
 
     def _sent(self, entry: Answered) -> Answered:
-        """Note where a job may have ended: DONE shows in the scan after its first call at the earliest."""
         flows = self.wire.flows.get(_handle_of(entry))
         if flows is not None and isinstance(entry.answer, int):
             flow, is_whole = flows[0], entry.answer == entry.args[1]
@@ -168,7 +167,6 @@ class RunPackets:
     # -- comments ---------------------------------------------------------------------------------------
 
     def _shows(self, shows: Answered) -> Answered:
-        """Write a job's end beside the packet that brought it."""
         connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
         ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
         readers = self._readers.setdefault(str(connect), set())
@@ -199,7 +197,6 @@ class RunPackets:
         return shows
 
     def _comment(self, text: str, flow: Flow, at: int, back: Flow) -> None:
-        """Write it beside the packet with this place, or the newest of its connection, or the block's."""
         places, numbers = self._numbers.get(flow, ([], []))
         found = bisect_right(places, at) - 1
         number = numbers[found] if found >= 0 else OF_JOURNAL

@@ -140,7 +140,6 @@ class SeamRecorder:
 
 
 def _of_nobody(make: Callable[[], T], answers: bool) -> T:
-    """Return what is asked by a recorder; a replay asks nothing and has nothing."""
     return cast(T, None) if answers else make()
 
 
@@ -169,7 +168,6 @@ class _SeamKernel:
         self._send = self._seam.call("send", self._do_send, self._owners, self._label)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a keyframe keeps; the calls are made anew."""
         return {name: self.__dict__[name] for name in ("_seam", "_label", "_inner", "_owners")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -536,7 +534,6 @@ class _WireKernel:
         return self._mine(owner, self._inner.datagram_socket(owner))
 
     def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return that of the kernel, if the seam is next: it tells what was read."""
         return self._inner.direct_read(handle) if self._is_next else None
 
     def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:

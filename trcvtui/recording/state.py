@@ -88,7 +88,6 @@ class Shared:
 
 
 def _constants() -> dict[int, tuple[str, str]]:
-    """Return where each constant of the program stands, by id."""
     found: dict[int, tuple[str, str]] = {}
     for name, module in sorted(sys.modules.items()):
         if not is_allowed(name):
@@ -276,7 +275,6 @@ class _Made:
         return struct.unpack(f"<{count}I", self._take(4 * count))
 
     def root(self) -> Any:
-        """Return the first object."""
         count = self._number()
         if not 0 < count <= MOST_OBJECTS:
             raise self.wrong(f"{count} objects", f"1 to {MOST_OBJECTS}")
@@ -312,7 +310,6 @@ class _Made:
         raise self.wrong(f"kind {kind}", "one that this version knows")
 
     def _make(self, number: int, depth: int = 0) -> Any:
-        """Return an object; what it is made of is made before."""
         if number >= len(self._nodes):
             raise self.wrong(f"object {number}", f"one of {len(self._nodes)}")
         if self._is_made[number]:

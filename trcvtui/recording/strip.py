@@ -70,7 +70,6 @@ class _Copy:
         self._names: dict[str, str] = {}
 
     def of(self, blocks: Iterator[tuple[int, bytes]]) -> Iterator[bytes]:
-        """Yield the blocks of the copy."""
         for kind, body in blocks:
             if kind == pcap.INTERFACE:
                 yield self._interface(body)

@@ -256,7 +256,6 @@ class WirePackets:
             yield from self._end_comes(call, stream, RST | ACK)
 
     def _end_comes(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
-        """Yield the partner's end, or keep it until all that came before it is told."""
         stream.coming_end = max(stream.coming_end, flags)
         yield from self._news(call, stream, stream.flows[1].told)
 
@@ -356,7 +355,6 @@ class WirePackets:
         yield from self._end(call, stream, 0, flags, remark)
 
     def _lost(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield what a loss tells."""
         stream = self._streams.get(call.handle)
         if stream is not None and isinstance(call.answer, KernelLoss):
             loss, flow = call.answer, stream.flows[1]
@@ -488,7 +486,6 @@ class WirePackets:
     # -- serial lines -----------------------------------------------------------------------------------
 
     def _line_errors(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield an event for each error since the last look, MOST_ERRORS of a kind at most."""
         counted = (
             call.answer if isinstance(call.answer, tuple) and len(call.answer) == len(SERIAL_ERRORS) else None
         )

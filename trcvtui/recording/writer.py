@@ -149,7 +149,6 @@ class WriterProcess:
         self._append(block)
 
     def _lose_writer(self) -> None:
-        """Find out why the writer is gone."""
         self._waiting.clear()
         self._waiting_bytes = 0
         said = self._said()  # he has closed both pipes
@@ -175,7 +174,6 @@ class WriterProcess:
             self._end()
 
     def _end(self) -> bytes:
-        """Let the process end; return his last line."""
         with suppress(OSError):
             self._stdin.close()
         with self._answers:
@@ -184,7 +182,6 @@ class WriterProcess:
         return said
 
     def _said(self) -> bytes:
-        """Return what he says last; where nobody has asked before, he says first that he can write."""
         said = self._answers.readline()
         if not self._is_told and said == b"\n":
             said = self._answers.readline()

@@ -94,15 +94,12 @@ class _ToBeJudged:
         self._reads.how_far = self._tell_read
 
     def take_block(self, block: bytes) -> None:
-        """Take the names of the captures."""
         self._asked = json.loads(block)
 
     def go_on(self, until: int) -> bool:
-        """Do nothing: all of it is needed first."""
         return False
 
     def close(self) -> None:
-        """Judge, and write what is found."""
         try:
             with noting_reads(self._reads):
                 found = self._found()
@@ -148,7 +145,6 @@ class _JudgedRun(_ToBeJudged):
         self._writer = RecordingWriter(self._name, file=file)
 
     def take_block(self, block: bytes) -> None:
-        """Take entries."""
         self._bytes += len(block)
         self._tell(f"gets the run: {self._bytes / 1e6:.1f} MB")
         self._writer.take(entries_of([block], self._name))

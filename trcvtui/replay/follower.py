@@ -49,7 +49,6 @@ class _Coming(PlaceInJournal):
         self.frame: Keyframe | None = None  # where the run begins, of a journal that begins in the middle
 
     def put(self, entries: Iterable[Entry]) -> None:
-        """Append entries."""
         for entry in entries:
             if isinstance(entry, Keyframe) and self.begins is not None and not self.steps_ahead:
                 self.frame = entry
@@ -66,7 +65,6 @@ class _Coming(PlaceInJournal):
                     self.now = entry.answer
 
     def _is_before_frame(self, entry: Entry) -> bool:
-        """Return whether an entry stands before the keyframe where the run begins, and count it."""
         if self.frame is None or self._has_begun:
             return False
         if (self.steps, self.beyond) == (self.frame.steps, self.frame.beyond):
@@ -76,7 +74,6 @@ class _Coming(PlaceInJournal):
         return True
 
     def __len__(self) -> int:
-        """Return how many wait."""
         return len(self._waiting)
 
     def __iter__(self) -> Iterator[Entry]:
@@ -154,7 +151,6 @@ class Followed:
         return False
 
     def _follow(self) -> None:
-        """Let one scan run again; whatever is wrong with that is no matter of the writer's."""
         try:
             run = self._run or self._begun()
             if not run.scan():
@@ -220,7 +216,6 @@ class _ToTheEnd(Followed):
     """A run that has the time to come to the end of its entries."""
 
     def close(self) -> None:
-        """Let it run, and end the file with its last state."""
         self.go_on(NEVER)
         if self._run is not None:
             self._write_state(self._run)

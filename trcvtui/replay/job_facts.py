@@ -60,7 +60,6 @@ class _Stack:
             yield entry
 
     def _count(self, entry: Answered) -> None:
-        """Take what came to a handle and what was read of it; each scan, what is left."""
         match entry:
             case Answered(_, call, _, int(now)) if call == STEP:
                 for owner, unread in self._unread.values():
@@ -77,7 +76,6 @@ class _Stack:
         self._read.setdefault(connect, set()).add(t_ns // SECOND)
 
     def forget_before(self, second: int) -> None:
-        """Forget what was long ago."""
         for least in self._least.values():
             for old in [each for each in least if each < second]:
                 del least[old]
@@ -209,7 +207,6 @@ class _RunFacts:
             self._take_ends(link.name, link.local, link.remote)
 
     def take_all(self, pass_scan: Callable[[], bool]) -> None:
-        """Let the run pass to its end."""
         ledger, seq = self._bench.runtime.ledger, 0
         try:
             while pass_scan() and self._bench.runtime.scans < MOST_SCANS:
@@ -290,7 +287,6 @@ class _RunFacts:
         self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
 
     def as_called(self, receiver: Receiver, is_running: bool) -> Receiver:
-        """Return a receiver with the length and kind of its first job, and until when these stayed."""
         job = self._jobs.get(receiver.instance)
         if is_running:  # the pieces that static jobs took are none of an ad-hoc one
             return receiver._replace(

@@ -173,7 +173,6 @@ class PartnersAgain(Replay):
         return self._now
 
     def _go_on_to(self, due: int) -> None:
-        """Take all that the recorded run was told up to a time; what comes next is told there, too."""
         told, latest = self._told, due + self.slack
         while self.scan < told.scan and told.time_of(self.scan + 1) <= latest:
             self.scan += 1
@@ -216,7 +215,6 @@ class PartnersAgain(Replay):
                 self.note_guess(WhyGuess.PARTNER)
 
     def _compare_listening(self, owner: str, before: int) -> None:
-        """A partner that calls meets a listener only where one is."""
         listens = any(one.owner == owner and one.listens for one in self._sockets.values())
         if listens and not self._told.listens(owner, before):
             self.note_guess(WhyGuess.PARTNER)
@@ -241,7 +239,6 @@ class PartnersAgain(Replay):
         return at <= (self.scan, self._calls)
 
     def _as_told(self, owner: str, call: str) -> object:
-        """Return the Fault of the same call in the recorded scan; of a call in STAYS, the newest answer."""
         key = owner, call
         self._nth[key] += LAST if self._is_between else 1
         now, answers = CallPlace(self.scan, self._nth[key]), self._told.answers.get(key)
@@ -392,7 +389,6 @@ class PartnersAgain(Replay):
         return Accepted(Handle(made), partner.end)
 
     def _give_up(self, partner: Partner) -> None:
-        """Let a partner end whom the recorded run had let go before this moment: he has come again since."""
         if partner.ended is NEVER and partner.let_go <= (self.scan, self._calls):
             partner.ended = CallPlace(self.scan)
 

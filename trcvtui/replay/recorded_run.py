@@ -261,7 +261,6 @@ class RecordedRun:
         self._keep((owner, call), answer)
 
     def _keep(self, key: tuple[str, str], answer: object) -> None:
-        """Keep what stays so, and each Fault, with its place among the calls of its kind in the scan."""
         self._nth[key] += 1
         fault = answer[0] if isinstance(answer, tuple) and answer else answer
         if isinstance(fault, Fault) and fault.injected:
@@ -272,18 +271,15 @@ class RecordedRun:
             self.answers.setdefault(key, deque()).append((place, answer))
 
     def _now(self, handle: int) -> CallPlace:
-        """Return since when one can see what is told now: what the poll saw, from the scan's beginning on."""
         was_seen = handle in self._polled and handle not in self._short
         return CallPlace(self.scan, 0 if was_seen else self._calls)
 
     def _seen(self, handle: int) -> CallPlace:
-        """Return since when one can see an end that is told now: the poll tells it, whatever was read."""
         return CallPlace(self.scan, 0 if handle in self._polled else self._calls)
 
     # -- what lies unread ----------------------------------------------------------------------------------
 
     def _there(self, flags: int, handle: int) -> CallPlace:
-        """Return since when one can see what lay there after the blocks have read."""
         there = CallPlace(self.scan + 1) if flags & LATE else self._now(handle)
         self.came = max(self.came, there.scan)
         return there

@@ -112,7 +112,6 @@ class Survey:
                 self._end()
 
     def _take(self, entry: Entry) -> bool:
-        """Note what an entry tells; return whether nothing more is to be known."""
         if self._lost:
             self._left += isinstance(entry, Answered) and entry.call == STEP
             return False

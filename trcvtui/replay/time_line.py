@@ -54,7 +54,6 @@ class RunBeside:
             history.catch_up()
 
     def _looking_on(self) -> tuple[JobHistory, WaveformRecorder]:
-        """Return who notes what the other run shows."""
         if self._seen is None:
             history = JobHistory(self.run.what_if, StreamIndex())
             self._seen = history, WaveformRecorder(self.run.what_if, history)
@@ -232,7 +231,6 @@ class TimeLine:
         return ""
 
     def _run_beside(self, rest: str) -> str:
-        """Begin a run with another parameter, or end it."""
         self._beside = None
         verb, _, name = rest.partition(" ")
         if rest != "off":
@@ -244,7 +242,6 @@ class TimeLine:
         return ""
 
     def _go(self, to: int | Search) -> None:
-        """Go there, whatever was wanted before."""
         self._stop()
         if isinstance(to, int):
             self._wanted = max(self._least, to)
@@ -289,7 +286,6 @@ class TimeLine:
         return self._goal() != self.controller.at  # for the doctor nothing here has to be done
 
     def _go_on_beside(self, beside: RunBeside, until: int) -> None:
-        """Let both runs go on; at the end go where they part."""
         beside.go_on(until)
         if beside.is_over and beside.run.parts_at is not None:
             self._go(beside.run.parts_at)
@@ -300,7 +296,6 @@ class TimeLine:
         return self._since is not None
 
     def _goal(self) -> int:
-        """Return where it goes now; what is not known yet is waited for, unless each scan is passed."""
         is_unknown = self._wanted > self.survey.last and not self.survey.is_over
         if is_unknown and not self._passes_each:
             return self.controller.at
@@ -311,7 +306,6 @@ class TimeLine:
         return self.plays or bool(self.controller.armed)
 
     def _look(self) -> None:
-        """Find out what is wanted now: by the clock while it plays, by what is looked for."""
         survey = self.survey
         if survey.is_over and not survey.is_judged and self._doctor[0].snapshot.looks:
             for one in self._doctor[0].snapshot.findings:
@@ -351,7 +345,6 @@ class TimeLine:
             self.controller.disarm()
 
     def _move(self, until: int) -> bool:
-        """Let scans run again until the wanted one; return whether any had to."""
         goal, at = self._goal(), self.controller.at
         start = self._keyframes.before(0 if self._passes_each else goal - LEAST_SEEN)
         if start <= at <= goal:

@@ -79,7 +79,6 @@ class _Held:
 
 
 def _paths(sets: Sequence[str]) -> list[list[str]]:
-    """Return what is to be changed, as its three words; what has not three needs the beginning."""
     paths = [text.partition("=")[0].strip().split(".") for text in sets]
     return [path for path in paths if len(path) == 3]
 
@@ -93,13 +92,11 @@ class _RunChanged(RunAgain):
     """The run with other parameters: it is told what the recorded run was told."""
 
     def begin(self, partners: PartnersAgain, held: _Held) -> None:
-        """Begin: what writes a pin that is held is left out from now on."""
         self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
         self.bench.leave_out(held.left_of)
 
     def follow(self, lines: Sequence[str]) -> None:
-        """Do what the recorded run was told before this scan, and let the scan pass."""
         self._quiet = 0
         for line in lines:
             if line == REST_LINE:
@@ -113,7 +110,6 @@ class _RunChanged(RunAgain):
         self._partners.look_back()
 
     def pass_between(self, most: int) -> None:
-        """Let one scan pass that the recorded run has counted and not run, or all that change nothing."""
         runtime, interval = self.bench.runtime, self.bench.runtime.interval_ns
         if self._quiet >= QUIET:
             until = self.bench.quiet_until()
@@ -185,7 +181,6 @@ class WhatIf:
             raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
 
     def _with_sets(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
-        """Return what the run with other parameters is made of, and what another dialect does not have."""
         begins, scenario, project = self._keyframes.roots
         if change is not None:
             made, told = change(self._sets, dialect)
@@ -272,7 +267,6 @@ class WhatIf:
         return True
 
     def _scan_in_time(self) -> bool:
-        """Let a scan of the recorded run pass, or one of the other: after those before it, and one more."""
         partners, recorded = self._partners, self.recorded
         until = partners.due + partners.slack
         if not self._is_over and (not self._later or self._later[-1][0] <= until):
@@ -295,7 +289,6 @@ class WhatIf:
         return True
 
     def _begin(self) -> _RunChanged:
-        """Return the run with other parameters: with its project, or from the state of a keyframe."""
         partners = self._partners = PartnersAgain(self._told, self._peers)
         if not self._is_late:
             run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
@@ -316,7 +309,6 @@ class WhatIf:
         return run
 
     def _go_first(self) -> bool:
-        """Let the recorded run do its next scan; return False where it has ended."""
         try:
             if self._recorded.scan():
                 self._told.go_on()
@@ -383,7 +375,6 @@ class WhatIf:
         return sum(i.jobs_done for i in instances), sum(i.errors for i in instances)
 
     def _since(self, bench: Bench) -> tuple[int, int]:
-        """Return jobs and ERRORs of a run from the beginning of the file on."""
         return cast(tuple[int, int], tuple(map(sub, self._counted(bench), self._before)))
 
     def record(self) -> dict[str, object]:

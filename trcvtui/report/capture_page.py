@@ -30,7 +30,6 @@ class _CaptureNotes:
         self._interval_ns = interval_ns
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Take what a scan has told."""
         assert self.notes is not None
         self.notes.scanned()
         at = Moment(scan, (scan - 1) * self._interval_ns)
@@ -39,7 +38,6 @@ class _CaptureNotes:
                 self.events.add(EventTold(at, edge.instance, MISSING))
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Take what is said of a conversation."""
         self.events.add(EventTold(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
 
 

@@ -38,7 +38,6 @@ class _NotedScans:
         self._run, self._notes = run, notes
 
     def next_scan(self, bench: Bench) -> None:
-        """Let one scan pass."""
         if self._run.replay.coming() is None:
             raise self._run.differs()
         bench.step()
@@ -54,7 +53,6 @@ class _Heard:
         self._at = Moment(scan)
 
     def __iter__(self) -> Iterator[Entry]:
-        """Yield them all."""
         for entry in self._entries:
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
@@ -64,7 +62,6 @@ class _Heard:
             yield entry
 
     def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
-        """Tell what the journal says of outputs from this entry on: no replay has come so far."""
         for entry in chain((front,), self):
             if isinstance(entry, Answered) and entry.call == SHOWS:
                 notes.shown(self._at, entry.owner, entry.args)
@@ -132,7 +129,6 @@ def recording_source(
 
 
 def _folders(files: FilesRead, path: str) -> list[str]:
-    """Return what a run's files have before their names, as a page would have it, the longest first."""
     names = [os.path.join(files.folder, name) for name in ("", path, *files.contents, *files.digests)]
     before = {name.removesuffix(last_part(name)) for name in names}
     return sorted([escape(one_line(each)) for each in before if len(each) > 1], key=len, reverse=True)
@@ -182,7 +178,6 @@ def report_file(
 
 
 def _findings(path: Path, project: Path | None, plc: str | None) -> tuple[FoundCause, ...]:
-    """Return what the doctor says of the file, the surest first."""
     receivers = () if project is None else receivers_of(load_bench(project))
     answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, recorded_facts))
     if isinstance(answer, UserError):

@@ -157,7 +157,6 @@ class _PageParts:
     # -- above -------------------------------------------------------------------------------------------
 
     def verdict(self, verdict: Verdict | None) -> Iterator[str]:
-        """Yield how it ended: the expectations, the ERRORs, whether the run was seen whole."""
         counts = [each.error_edges.count for each in self._notes.instances.values()]
         at = sum(map(bool, counts))
         found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"
@@ -193,7 +192,6 @@ class _PageParts:
             yield f'<div class="card bad"><b>{_text(line)}</b><p>{_text(found)}</p></div>\n'
 
     def findings(self) -> Iterator[str]:
-        """Yield what the doctor says of the conversations."""
         found = self._source.findings
         for one in found[:MOST_FINDINGS]:
             evidence = one.evidence if self._has_payload else ()  # it may show bytes and values
@@ -202,7 +200,6 @@ class _PageParts:
             yield f'<p class="soft">{count(len(found) - MOST_FINDINGS, "finding")} more</p>\n'
 
     def facts(self) -> Iterator[str]:
-        """Yield where all of it comes from."""
         source, scans = self._source, count(self._notes.until.scan, "scan")
         each, late = self._notes.bench.runtime.interval_ns / 1e6, self._notes.late
         which = ", ".join(told for _, told in late) + " and others" * (late.count > 2 * MOST_LATE)
@@ -220,7 +217,6 @@ class _PageParts:
     # -- time line ---------------------------------------------------------------------------------------
 
     def time_line(self) -> Iterator[str]:
-        """Yield a lane each for connections and instances over the whole run."""
         links = sorted(self._notes.links.items())[:MOST_INSTANCES]
         lanes = [*links, *((name, self._notes.instances[name].lane) for name in self._names)]
         if not lanes:
@@ -241,7 +237,6 @@ class _PageParts:
     # -- instances ---------------------------------------------------------------------------------------
 
     def instances(self) -> Iterator[str]:
-        """Yield each instance: why it shows what it shows, its ERRORs, its edges, its frames."""
         if not self._names:
             return
         yield "<h2>Instances</h2>\n"
@@ -330,7 +325,6 @@ class _PageParts:
     # -- around ------------------------------------------------------------------------------------------
 
     def around(self) -> Iterator[str]:
-        """Yield conversations, events and settings."""
         if self._source.conversations:
             yield "<h2>Conversations</h2>\n"
             yield _table(CONVERSATION, self._source.conversations, "......nnn.")
@@ -387,7 +381,6 @@ class _PageParts:
 
 
 def _text(text: str) -> str:
-    """Return a text as HTML; what a printer would not show is made visible."""
     return escape(one_line(text))
 
 
@@ -446,7 +439,6 @@ def _members(content: bytes, data: DataDecl | None) -> Iterator[str]:
 
 
 def _value(value: object) -> str:
-    """Return a value as a project file has it."""
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -489,7 +481,6 @@ def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> I
 
 
 def _ticks(end_ns: int) -> Iterator[int]:
-    """Yield up to ten times of the axis."""
     step = 1_000_000
     while end_ns > step * 10:
         step = step * 5 // 2 if str(step)[0] == "2" else step * 2

@@ -263,7 +263,6 @@ class RunNotes:
                 self._fresh.append(told)
 
     def _received(self, at: Moment, event: JobEnded | FrameEnded | PartDropped) -> None:
-        """Take what a job or a framer has delivered, or had to drop."""
         notes = self._of(event.instance)
         self._receiving.discard(event.instance)
         job, done, reason = 0, isinstance(event, FrameEnded), ""
@@ -297,7 +296,6 @@ class RunNotes:
     # -- why --------------------------------------------------------------------------------------------
 
     def _explain(self, told: EdgeTold) -> None:
-        """Keep what is known in the scan of an ERROR, or of a frame that was looked at."""
         notes, edge = self._of(told.edge.instance), told.edge
         if not edge.outputs.error:
             advice = self._card_of(edge.instance, self._picture(edge.instance))
@@ -315,7 +313,6 @@ class RunNotes:
         )
 
     def _card_of(self, name: str, picture: BenchUpdate) -> Advice:
-        """Return what the card of an instance says after the last scan; without payload no values."""
         project, runtime = self.bench.project, self.bench.runtime
         instance, evidence = picture.snapshot.instance(name), evidence_now(picture, project, name)
         if instance is None or evidence is None:
@@ -327,7 +324,6 @@ class RunNotes:
         return self._card.on(evidence, instance, self._index, data, reads, self.has_payload)
 
     def _picture(self, *names: str) -> BenchUpdate:
-        """Return the bench after the last scan with the facts of these instances."""
         bench = self.bench
         declared = filter(None, map(bench.project.instance, names))
         return BenchUpdate(
@@ -346,7 +342,6 @@ class RunNotes:
 
 
 def _keep(cards: dict[K, CardTold], key: K, told: EdgeTold, advise: Callable[[], Advice], most: int) -> None:
-    """Keep a card; of one that is there, that it came again."""
     known = cards.get(key)
     if known is not None:
         cards[key] = known._replace(times=known.times + 1, last=told.at)

@@ -149,15 +149,12 @@ class _Lane:
         self._hashes.clear()  # a command may write DATA
 
     def wants_scan(self) -> bool:
-        """Go on with the step; return whether a scan has to pass for it."""
         return next(self._going, _OVER) is not _OVER
 
     def wrong(self) -> str:
-        """Return what failed in the step that is over."""
         return self._stage.failure.found if self._stage.failure is not None else ""
 
     def scan(self) -> dict[str, tuple[str, Shown]]:
-        """Let one scan pass; return the block and the outputs of each instance that was due."""
         self.bench.step()
         called = self.bench.runtime.called
         if any(edge.outputs.done for edge in called):
@@ -206,7 +203,6 @@ class _Lane:
 
 
 def _meaning(dialect: Dialect, block: str, code: int) -> frozenset[Condition]:
-    """Return what a block says with a code."""
     rows = [row for row in dialect.status if row.code == code and block in row.blocks]
     return frozenset(condition for row in rows for condition in row.conditions)
 
@@ -227,7 +223,6 @@ class _Race:
         self.scans = 0
 
     def play(self, steps: Sequence[words.Step]) -> None:
-        """Take every step in all lanes, one after the other."""
         for place, step in enumerate(steps):
             if isinstance(step.command, EXPECTATIONS):
                 continue
@@ -246,7 +241,6 @@ class _Race:
         return not why
 
     def _finish(self, step: words.Step, going: list[_Lane]) -> None:
-        """Let scans pass until the step is over in every lane, or patience is."""
         left = PATIENCE_SCANS if isinstance(step.command, words.Wait) else None
         somebody_held = False
         while True:
@@ -293,7 +287,6 @@ class _Race:
             self._cut.add(name)
 
     def instances(self) -> Iterator[InstanceRace]:
-        """Yield each instance with the dialects that have called it at all."""
         for name, rows in self._rows.items():
             has = [any(row.shown[n] is not None for row in rows) for n in range(len(self._lanes))]
             yield InstanceRace(
@@ -316,7 +309,6 @@ def race_file(path: Path, names: Sequence[str]) -> Race:
 
 
 def _chosen(names: Sequence[str], project: Project) -> list[Dialect]:
-    """Return the dialects; one name alone races against the project's own, which is then the first."""
     own = project.dialect.name
     chosen = [dialect_named(name) for name in ([own, *names] if len(names) == 1 else names)]
     if len({dialect.name for dialect in chosen}) < max(2, len(chosen)):
@@ -357,7 +349,6 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
 
 
 def _read_steps(steps: Iterable[words.Step], project: Project, notes: list[Note]) -> dict[int, words.Step]:
-    """Return the steps as this dialect reads them, by place; what it cannot read is noted and left edge."""
     read: dict[int, words.Step] = {}
     for place, step in enumerate(steps):
         if isinstance(step.command, TRAFFIC):
@@ -415,7 +406,6 @@ def race_rows(raced: InstanceRace, only_differing: bool = False) -> tuple[RaceRo
 
 
 def _race_row(row: ScanRow, before: ScanRow | None) -> RaceRow:
-    """Return a row; where nothing but DATA is another than before, its hash says so."""
     last = row.scan + row.scans - 1
     differs = row.differs
     looks_alike = before is not None and _without_data(before) == _without_data(row)
@@ -543,7 +533,6 @@ def _records(race: Race) -> Iterator[dict[str, object]]:
 
 
 def _outputs(shown: Shown | None) -> dict[str, object]:
-    """Return the outputs as keys; what a block does not have is left out."""
     if shown is None:
         return {}
     record = dict(zip(FIELDS, (f"{shown.status:04X}", *shown[1:]), strict=True))

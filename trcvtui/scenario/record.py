@@ -103,7 +103,6 @@ def record(
 
 
 def _ending() -> list[signal.Signals]:
-    """Return the signals that ask for the end; a closed terminal does not below nohup."""
     ends = [signal.SIGTERM, signal.SIGINT]
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         ends.append(signal.SIGHUP)
@@ -126,7 +125,6 @@ def _run(
     on: str,
     out: Path,
 ) -> None:
-    """Let scans pass; each scan in which the condition begins to hold is a trigger."""
     triggers, held, told = 0, False, clock.now_ns()
     shows = sys.stderr.isatty()
     while bench.now < until and not is_over():

@@ -271,7 +271,6 @@ class Session:
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
     def _new(self, instance: str) -> _Shown:
-        """Begin anew with an instance: what its pins did up to now does not count."""
         record = self._waves.records[instance]
         showing = self._shown[instance] = _Shown(Seen(self._of_the_wire), self._interval(instance))
         showing.read = record.total
@@ -279,7 +278,6 @@ class Session:
         return showing
 
     def _dropped(self, showing: _Shown, record: PinRecord, change: BareChange) -> None:
-        """Look at a change that the record of the pins forgets, as long as it is one of the first."""
         if record.total - record.kept > showing.read:
             self._look(showing, change)
             showing.read += 1
@@ -287,7 +285,6 @@ class Session:
                 record.on_drop = None
 
     def _up_to_now(self) -> dict[str, _Shown]:
-        """Return what the instances have shown up to the last scan."""
         self._catch_up()
         return self._read(self._bench.runtime.scans)
 
@@ -306,7 +303,6 @@ class Session:
         return self._shown
 
     def _look(self, showing: _Shown, change: BareChange) -> None:
-        """Keep what an instance shows from a scan on; what a STOP makes of it is no call."""
         _, scan, _, edge = change
         if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
             return
@@ -322,7 +318,6 @@ class Session:
         return task.interval_ns if task is not None else self._bench.runtime.interval_ns
 
     def _call_after(self, showing: _Shown, scan: int) -> int:
-        """Return the first scan after this one in which an instance is called."""
         each = self._bench.runtime.interval_ns
         if showing.interval == each:
             return scan + 1
@@ -338,7 +333,6 @@ class Session:
             showing.again = self._call_after(showing, until)
 
     def _noted(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
-        """After a STOP nobody is called; a fresh instance tells its first call by an edge."""
         if note.what not in ENDS and note.what not in BEGINS:
             return
         for name, showing in self._read(scan - 1).items():
@@ -414,7 +408,6 @@ def _without_judgement(entry: Entry) -> Entry:
 
 
 def _goes_on(command: words.BenchCommand) -> bool:
-    """Return whether a command lets a peer send at later times."""
     match command:
         case words.PeerSend():
             return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
@@ -473,7 +466,6 @@ def partners_left_out(about: str) -> str:
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:
-    """Return the project's text with the files that it names as seen from a folder, or its name."""
     inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
     if before is None and not inside:
         return f"project = {_quoted(_way_to(own, folder))}"
@@ -484,7 +476,6 @@ def _project(own: Path, folder: Path, before: str | None) -> str:
 
 
 def _way_to(project: Path, folder: Path) -> str:
-    """Return the project's path as seen from a folder; the whole of it where that would climb far."""
     whole = os.path.realpath(project)
     try:
         way = os.path.relpath(whole, os.path.realpath(folder))

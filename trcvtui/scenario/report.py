@@ -110,7 +110,6 @@ class FileReport:
 
 
 def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
-    """Return a case for each step that judges, and for each other step that failed."""
     before = 0
     for one in taken:
         if not (_judges(one.step) or one.failure):
@@ -276,7 +275,6 @@ class JsonLines:
         )
 
     def write(self, record: Mapping[str, object]) -> None:
-        """Write one line."""
         self._write(json_text(record))
 
 

@@ -203,7 +203,6 @@ class Runner:
         )
 
     def _internal(self, step: words.Step) -> Failure | None:
-        """Return the failure that an internal error is, whatever the file expects."""
         found = self._bench.containment.take_newest()
         return Failure(step.number, step.line, found) if found else None
 

@@ -185,7 +185,6 @@ class _Looking:
         self._entries = 0
 
     def below(self, folder: Path, depth: int) -> None:
-        """Take the TOML files of a folder, then those of the folders in it, so many levels deep."""
         self._entries = 0
         self._into(folder, depth)
 

@@ -67,7 +67,6 @@ def _steps(document: Mapping[str, Any]) -> list[str]:
 
 
 def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
-    """Return the block of each instance, of this file or of the project that it names."""
     other = document.get("project")
     instances = (read_toml(path.parent / other) if isinstance(other, str) else document).get("instance")
     tables = instances if isinstance(instances, list) else []

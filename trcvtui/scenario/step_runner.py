@@ -89,7 +89,6 @@ class Trace:
 
 
 def _went_on(runs: deque[Run] | list[Run], scan: Scan) -> bool:
-    """Make the last run one scan longer when it is a run of this scan."""
     if not runs or runs[-1][0] != scan:
         return False
     runs[-1] = (scan, runs[-1][1] + 1)
@@ -161,7 +160,6 @@ class StepRunner:
             self._fail(step, error)
 
     def _for(self, ns: int) -> Iterator[None]:
-        """Let the scans pass that fit: where those of a live bench are late, fewer."""
         end = self.elapsed_ns + ns
         while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
             yield

@@ -150,7 +150,6 @@ class BenchApp(TerminalApp):
                 self._end(stopped)
 
     def _obey_again(self) -> None:
-        """Let keys act that were typed while the engine started, on what stands there now."""
         if self._starts:
             self._starts = False
             self.call_after_refresh(self.obey_kept)
@@ -217,7 +216,6 @@ class BenchApp(TerminalApp):
         (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
 
     def _say(self, line: str) -> int | None:
-        """Send a line to the engine, whoever asks: panes, scenarios, lab, race."""
         if self._read_only and not may_say(line):
             self._refuse()
             return None

@@ -52,7 +52,6 @@ def _forget_the_oldest(folder: Path) -> None:
 
 
 def _programs() -> Iterator[tuple[str, ...]]:
-    """Yield the command lines that may take a text for the clipboard here, the likeliest first."""
     if sys.platform == "darwin":
         yield ("pbcopy",)
     elif sys.platform == "win32":

@@ -74,7 +74,6 @@ def pad(text: str, width: int, right: bool = False) -> str:
 
 
 def _fitting(text: str, width: int) -> str:
-    """Return as much of the beginning as fits."""
     if text.isascii():
         return text[: max(0, width)]
     end = used = 0

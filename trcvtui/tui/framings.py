@@ -125,7 +125,6 @@ class FramingList(TextView):
         return rows
 
     def _frame(self, frame: ShownFrame, chosen: Proposal) -> Row:
-        """Return a frame of the preview, its marks told apart as in the hex view."""
         framing = chosen.framing
         prefix = min(frame.size, len(framing.prefix)) if framing is not None else 0
         suffix = len(framing.suffix) if framing is not None and frame.ending == "suffix" else 0

@@ -412,7 +412,6 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     def _arrange(self) -> None:
-        """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
         away = set() if self.has_class("-both") else PAST - {self._past}
         seen = self._in_tabs() if alone else self._panes().keys() - away
@@ -429,7 +428,6 @@ class MainScreen(FullScreen[None]):
         return " ".join("1fr" if each == REST else str(each) for each in rows)
 
     def _in_tabs(self) -> set[int]:
-        """Return what stands where not all panes do: one pane, or a pair; with Peer stands STATUS."""
         is_stream = self._pane in (5, 6) and self.received.is_past  # which wants the whole width
         if self.has_class(ZOOM) or not self.has_class(PAIR) or is_stream:
             return {self._pane}
@@ -594,7 +592,6 @@ class MainScreen(FullScreen[None]):
         self._step_on()
 
     def _step_on(self) -> None:
-        """Where a trigger has held the scans, the view goes on with them."""
         if self._view_model.fired is not None and self._view_model.fired.holds:
             self._view_model.thaw()
 

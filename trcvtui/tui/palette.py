@@ -68,7 +68,6 @@ def pane_keys(main: MainScreen) -> Iterator[PaneKey]:
 
 
 def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
-    """Yield what has keys of its own, with the digit of its pane."""
     yield from ((1, main.instances), (2, main.block), (3, main.status), (4, main.history))
     yield from ((5, main.received), (5, main.received.data), (5, main.received.stream), (6, main.table))
     if main.peer.lines.names:
@@ -95,7 +94,6 @@ def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
 
 
 async def _press(main: MainScreen, key: PaneKey) -> None:
-    """Go to the pane and do what the key does there."""
     main.action_pane(key.digit)
     if key.widget.can_focus:
         main.set_focus(key.widget)

@@ -200,7 +200,6 @@ class Prompt(Vertical):
         self._foretell()
 
     def _foretell(self) -> None:
-        """Show what a line that changes the project would do, where it would be taken."""
         from trcvtui.tui.view_model.validity import said_before
 
         if not self.is_open or self._input is None:

@@ -82,7 +82,6 @@ class PositionLine(LineView, inherit_bindings=False):
         return ROWS + (len(_said(picture.position)) if picture and picture.position else 0)
 
     def row_at(self, y: int) -> Row:
-        """Return one of them."""
         picture = self._view_model.live
         if picture is None or picture.position is None:
             return EMPTY

@@ -153,6 +153,5 @@ def _key(text: str) -> str | None:
 
 
 def _name(keys: str) -> str:
-    """Return what the screen calls the first of these keys."""
     name = format_key(keys.split(",")[0])
     return name.upper() if re.fullmatch(r"f\d+", name) else name

@@ -139,7 +139,6 @@ class TerminalApp(App[None]):
         await super().on_event(event)
 
     def _ends(self, event: events.Key | events.Paste) -> bool:
-        """Return whether a key ends the program whatever is waited for; a letter may be part of a line."""
         if not self._is_up or isinstance(event, events.Paste):
             return False
         if event.is_printable and (self._kept_keys or isinstance(self.focused, TypedField)):
@@ -186,7 +185,6 @@ class TerminalApp(App[None]):
 
 
 def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
-    """Return enter for ctrl+j: so a terminal that is not the screen's yet passes it on."""
     return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
 
 

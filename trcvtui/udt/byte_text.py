@@ -65,7 +65,6 @@ def _lines_of(view: memoryview) -> Iterator[memoryview]:
 
 
 def _columns(whole: memoryview, columns: Sequence[int]) -> list[memoryview]:
-    """Return for each column of eight lines where its pieces stand, in these and in all lines that follow."""
     shifted = [_in_pieces(whole[shift:]) for shift in range(_PIECE)]
     places = [divmod(line * _LINE + column, _PIECE) for line in range(_PIECE) for column in columns]
     return [shifted[shift][place::_LINE] for place, shift in places]
@@ -90,7 +89,6 @@ def _empty(size: int) -> bytearray:
 
 
 def _line(row: bytes, offset: int) -> bytes:
-    """Return one line of any length, offset of any width."""
     left, right = row[:8].hex(" "), row[8:].hex(" ")
     return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN) + b"|\n"
 

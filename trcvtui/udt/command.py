@@ -45,7 +45,6 @@ def _packing(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterato
 
 
 def _named(type_: Type, seen: set[Type]) -> Iterator[Struct | Union | Enumeration]:
-    """Yield every structure, union and enumeration in a type once."""
     if isinstance(type_, Struct | Union | Enumeration):
         if type_ in seen:
             return
@@ -264,7 +263,6 @@ def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
 
 
 def _sides(args: SimpleNamespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
-    """Return what the options say for ours and for theirs: given once one counts for both."""
     ours: dict[str, str | None] = {}
     theirs: dict[str, str | None] = {}
     for option in ("type", *LayoutChoice._fields):

@@ -142,7 +142,6 @@ class _Entry(NamedTuple):
     where: str = ""
 
     def __str__(self) -> str:
-        """Return the name as a message has it, with its place where it is known."""
         return f"{self.name} ({self.where})" if self.where else self.name
 
 
@@ -260,7 +259,6 @@ class Constants:
 
 
 def _both(name: str, values: Mapping[int, _Entry]) -> str:
-    """Return the values of one name with who says so."""
     told = []
     for value, entry in list(values.items())[:MOST_TOLD]:
         own = "" if entry.name.casefold() == name.casefold() else entry.name

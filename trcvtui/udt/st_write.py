@@ -115,7 +115,6 @@ class Renaming:
         self._made: dict[int, tuple[Type, Type]] = {}  # the old one is kept, so that its id stays its own
 
     def of(self, type_: Type) -> Type:
-        """Return the type renamed."""
         match type_:
             case Array(bounds=bounds, element=element):
                 made = self.of(element)

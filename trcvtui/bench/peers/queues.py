@@ -96,7 +96,6 @@ class _Sending:
         self.is_fresh = True  # nothing of the running message has gone yet
 
     def comes_next(self, now: int) -> None:
-        """Plan from now on: what went before it is over."""
         self.due = self.began = max(self.due, now + self._pause_ns)
 
     def taken(self, count: int, now: int) -> None:

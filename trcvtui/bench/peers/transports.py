@@ -44,7 +44,6 @@ class _Transport:
 
     @property
     def last_port(self) -> int | None:
-        """Return the port that it is reached at, or was last: there a CONNECT is refused."""
         return self._port or None
 
     def _own_end(self) -> Endpoint:
@@ -52,7 +51,6 @@ class _Transport:
         return Endpoint(self._decl.end.address, self._port)
 
     def _reached_by(self, handle: Handle) -> None:
-        """Note where a socket is reached; a free port, once taken, is kept."""
         self.local = self._kernel.local_end(handle)
         if self.local is not None:
             self._port = self.local.port
@@ -167,7 +165,6 @@ class StreamTransport(_Transport):
         return ""
 
     def _keep_port(self) -> None:
-        """Hold a port that the system chose, without listening; one that the project names is free."""
         assert isinstance(self._decl.end, Endpoint)
         held = self._socket(self._own_end()) if not self._decl.end.port else None
         self._kept = None if isinstance(held, Fault) else held
@@ -278,7 +275,6 @@ class StreamTransport(_Transport):
         self._queues.note("connected", f"to {remote}", str(self.local))
 
     def _watch(self, handle: Handle) -> None:
-        """Notice the end of a connection that nobody reads, as far as a stack tells it."""
         loss = self._kernel.loss(handle)
         if loss is not None and loss.fault is not None:
             self._lost(handle, loss.fault)
@@ -326,7 +322,6 @@ class StreamTransport(_Transport):
         self._queues.note("refused", why)
 
     def _socket(self, local: Endpoint | None) -> Handle | Fault:
-        """Return a socket with the peer's options, bound where an end is given."""
         handle = self._kernel.socket(self._decl.name)
         if isinstance(handle, Fault):
             return handle

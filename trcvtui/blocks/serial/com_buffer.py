@@ -86,7 +86,6 @@ class Recorder:
         self._is_new = True
 
     def kept(self, source: str, until: int, tick: int) -> LineRecording:
-        """Return what is kept."""
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _shorten(self) -> None:

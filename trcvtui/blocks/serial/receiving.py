@@ -117,7 +117,6 @@ class Reception:
             self._note_dropped(part, reason)
 
     def _waiting(self) -> Outcome:
-        """Return what the last frame has left, or that another one has begun."""
         if self.framer.busy:
             have = Cause(Why.BYTES, "the frame has no end yet", have=self.framer.size, need=self.need)
             if self._idle.cause != have:

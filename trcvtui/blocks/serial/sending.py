@@ -85,7 +85,6 @@ class Sending:
         return Outcome(Condition.SENT if is_all else Condition.SENDING, cause)
 
     def _keep(self, shown: Outcome) -> Outcome:
-        """Return it; an error stays until the next call, Busy as long as the block is not called on."""
         self.running = shown.busy
         is_over = shown.condition is Condition.SENT
         self._idle = Outcome(Condition.NO_JOB, NOT_CALLED) if is_over else shown
@@ -119,7 +118,6 @@ class SendByte(Sending):
     """One SendByte instance: one byte a call."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
-        """Return the byte."""
         return bytes([inputs.sendbyte])
 
 

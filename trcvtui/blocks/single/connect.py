@@ -106,7 +106,6 @@ class SingleTcon:
         return Outcome(Condition.STARTED, REQ_ROSE)
 
     def _refused(self) -> Outcome:
-        """Return why there can be no endpoint, while a _C block asks for it in vain, or that it is there."""
         failed = self._connection.set_up.judge_description()
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
@@ -313,7 +312,6 @@ def _status(connection: Connection) -> bytes:
 
 
 def _described(description: Description | None) -> tuple[int, int, int]:
-    """Return InterfaceId, ID and ConnectionType; a CONNECT that is no description is the first of TCP."""
     if description is None:
         return INTERFACE, FIRST_ID, TCP
     number = description.number

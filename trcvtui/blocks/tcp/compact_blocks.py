@@ -63,7 +63,6 @@ class TrcvC:
         return inputs.en_r or self.job.outlives_en_r(self._begins)
 
     def _is_asked(self, inputs: Inputs) -> bool:
-        """Return whether a job runs, or EN_R waits for a connection."""
         waits = self._begins or self._part.phase is not Phase.CONNECTED
         return self._goes_on(inputs) and (self.job.running or waits)
 
@@ -172,11 +171,9 @@ class TsendC:
         return self._send(inputs, req_rose) if loss is None else self._lost(loss, req_rose)
 
     def _is_asked(self) -> bool:
-        """Return whether an edge has not had its DONE or ERROR."""
         return self._asked or self.job.running
 
     def _busy(self, outcome: Outcome) -> Outcome:
-        """Return the outcome with BUSY from the edge to DONE or ERROR; the same object for the same one."""
         if not self._is_asked() or outcome.busy or outcome.done or outcome.error:
             return outcome
         if self._shown[0] is not outcome:

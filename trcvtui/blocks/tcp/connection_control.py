@@ -357,7 +357,6 @@ class ConnectionControl:
     def _wait_for(
         self, what: str, peer: str = "", detail: str = "", local: str = "", stable: bool = False
     ) -> Outcome:
-        """Return the same outcome as long as the wait is the same."""
         now = (what, peer, detail, local, stable)
         if self._wait is None or self._wait[0] != now:
             cause = Cause(Why.WAITING, what, peer=peer, detail=detail, local=local)
@@ -424,7 +423,6 @@ class ConnectionControl:
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
 
     def _drop(self, cause: Cause) -> list[Outcome]:
-        """Reset or close the connection; return what that shows, after the error of a job."""
         first = (self._job_error,) if self._job_error else ()
         if not self._course.reset_closes:
             return show_reset(self._connection, cause, (*first, *self._course.reset))

@@ -96,7 +96,6 @@ def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | 
 
 
 def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
-    """Return what is wrong with the kind of DATA."""
     if area.refuses_bits and data.elements is Elements.BITS:
         return _refused(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
     if not data.symbolic:

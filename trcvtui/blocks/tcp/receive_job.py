@@ -94,7 +94,6 @@ class ReceiveJob:
         return self._collect() or self.receiving()
 
     def _is_whole(self, request: JobRequest) -> bool:
-        """Return whether the stack holds what would end such a job at once."""
         size = self.data.size if self.data is not None else 0
         least = 1 if request.adhoc or self._is_message_oriented else request.length or size
         return self.connection.unread() >= least
@@ -142,7 +141,6 @@ class ReceiveJob:
         return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
 
     def _changed(self, length: int) -> Outcome | None:
-        """End the job when LEN or DATA is another than at its start."""
         assert self._asked is not None and self.data is not None
         if self._asked == (length, self.data.shape):
             return None
@@ -164,7 +162,6 @@ class ReceiveJob:
         )
 
     def _switch(self, adhoc: bool) -> None:
-        """Let the job that runs go on in the other mode, with what is here; a message is whole in both."""
         self.adhoc = adhoc
         self._env.write(JobMode(self._instance, self.number, adhoc))
         if self._is_message_oriented:
@@ -191,7 +188,6 @@ class ReceiveJob:
         return None if isinstance(got, WouldBlock) else got
 
     def _collect_message(self) -> ConnectionLoss | None:
-        """Take one message, whole: it ends the job, whatever its length."""
         got = self.connection.receive_message(self.view, self._instance)
         if not isinstance(got, Datagram):
             return None if isinstance(got, WouldBlock) else got
@@ -254,7 +250,6 @@ class ReceiveJob:
         return _received(size, self.need)
 
     def _too_long(self) -> Outcome:
-        """End the job without DONE: the message is gone, the next one is clean."""
         cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
         self.abandon("the message is too long")
         return Outcome(Condition.MESSAGE_TOO_LONG, cause)

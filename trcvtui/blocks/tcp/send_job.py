@@ -121,7 +121,6 @@ class SendJob:
         )
 
     def _wrong_way(self) -> Outcome | None:
-        """Return why nothing can be sent to ADDR, or without one."""
         is_datagram = self._connection.config.is_datagram
         return self._unfit or (no_target(self._address) if is_datagram and self._address else None)
 

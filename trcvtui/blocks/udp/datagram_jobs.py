@@ -183,7 +183,6 @@ class DatagramIn:
         return self._collect() or self._receiving()
 
     def _changed(self, length: int) -> Outcome | None:
-        """End the job when LEN or DATA is another than at its start."""
         assert self._asked is not None and self._data is not None
         if self._asked == (length, self._data.shape):
             return None
@@ -203,7 +202,6 @@ class DatagramIn:
         )
 
     def _collect(self) -> Outcome | None:
-        """Take one datagram into the job's own buffer; return what failed."""
         self._first_offset = self._port.bytes_received
         got = self._port.receive_from(memoryview(self._buffer), self._instance)
         if isinstance(got, Fault):
@@ -231,7 +229,6 @@ class DatagramIn:
         return _receiving(self.have, self.need, self._source is not None)
 
     def _deliver(self, source: Endpoint) -> Outcome:
-        """Write the datagram to DATA and its source to ADDR; what a smaller DATA cannot hold is dropped."""
         size, data = self.have, self._data
         assert data is not None
         data.write(0, memoryview(self._buffer)[:size].toreadonly())

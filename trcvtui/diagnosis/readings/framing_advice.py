@@ -126,7 +126,6 @@ def _said(recording: LineRecording, total: int) -> str:
 
 
 def _from_a_pause(recording: LineRecording) -> LineRecording:
-    """Return it from where a frame surely begins: what came before is not kept any more."""
     if not recording.chunks or recording.chunks[0].begins:
         return recording
     bursts = bursts_of(recording)
@@ -144,7 +143,6 @@ def _from_a_pause(recording: LineRecording) -> LineRecording:
 
 
 def _tried(recording: LineRecording) -> list[Tried]:
-    """Return what explains enough of a recording, the best first."""
     stream = b"".join([chunk.payload for chunk in recording.chunks])
     bursts = bursts_of(recording)
     scale = scale_of(stream, bursts.pauses, bursts.starts)
@@ -220,7 +218,6 @@ def _after_noise(
     marks: Sequence[bytes],
     scale: Scale,
 ) -> list[Tried]:
-    """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
     found: list[Tried] = []
     stream = b"".join([chunk.payload for chunk in plain.chunks])
     ends = sorted([each for each in tried if each.guess.kind is CutKind.SUFFIX], key=lambda each: -each.bits)
@@ -242,7 +239,6 @@ def _after_noise(
 
 
 def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
-    """Yield the starts of long suffixes: the rest may be the prefix of the next frame, most times."""
     for each in ends[:3]:
         suffix = each.guess.framing.suffix
         for size in range(1, min(len(suffix), 5)):
@@ -250,7 +246,6 @@ def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
 
 
 def _is_in_step(made: Cut, flag: bytes) -> bool:
-    """Return whether the first of two flags begins a frame each time: no frame is empty, little is noise."""
     return 3 * made.noise <= made.total and all(len(frame.content) > 2 * len(flag) for frame in made.good)
 
 
@@ -293,7 +288,6 @@ def _try(
 
 
 def _group(tried: Tried) -> tuple[object, ...]:
-    """Return what two proposals have in common that cut alike by marks."""
     is_marked = tried.guess.kind in MARKED and not tried.guess.framing.timeout_ns
     return (is_marked or tried.guess, tried.cut.places)
 
@@ -314,7 +308,6 @@ def _ranked(tried: list[Tried]) -> list[Tried]:
 
 
 def _is_like(tried: Tried, better: Tried) -> bool:
-    """Return whether it is a better one shifted, or with several of its frames as one."""
     ours, theirs = tried.cut.places, better.cut.places
     if ours == theirs:
         return False
@@ -343,7 +336,6 @@ def _ranks(tried: Sequence[Tried]) -> list[int]:
 
 
 def _preference(tried: Tried) -> tuple[int, int, int, int]:
-    """Return what goes first of those that cut alike: marks that say most, and no data among them."""
     kind, framing = tried.guess.kind, tried.guess.framing
     order = list(CutKind).index(kind) + 3
     width = USUAL_WIDTHS.index(tried.guess.field.width) if tried.guess.field else 0
@@ -387,7 +379,6 @@ def _proposal(
 
 
 def _doubt_of_noise(good: Sequence[Placed], best: Guess, clean: Cut) -> tuple[str, ...]:
-    """Return what speaks against frames that contain what the best leaves out as noise."""
     number = with_noise(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
     if not number:
         return ()

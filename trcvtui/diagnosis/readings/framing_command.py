@@ -52,14 +52,12 @@ def lines_for(proposal: Proposal, project: Project, name: str, where: str = "fra
 
 
 def _room(decl: InstanceDecl, project: Project, framing: Framing) -> Iterator[str]:
-    """Yield what makes the variable of the data large enough."""
     data = project.data_decl(decl.data or "")
     if data is not None and data.size < framing.size:
         yield f"resize {data.name} ARRAY[0..{framing.size - 1}] OF BYTE"
 
 
 def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> Iterator[str]:
-    """Yield what writes prefix and suffix, into variables that are there or new."""
     pointers = [*decl.pointers, "", ""][:2]
     names = list(pointers)
     for place, mark in enumerate((framing.prefix, framing.suffix)):
@@ -78,7 +76,6 @@ def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool
 
 
 def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
-    """Return whether a variable is more than a mark of this instance: to write it would change others too."""
     others = [each for each in project.instances if each.name != decl.name]
     return name == decl.data or any(name in (each.data, *each.pointers) for each in others)
 

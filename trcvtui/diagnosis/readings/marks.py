@@ -293,7 +293,6 @@ def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[byt
 
 
 def _grown(mark: bytes, bodies: Sequence[bytes]) -> bytes:
-    """Return a mark with all that stands beside it in each; a known one as it is."""
     having = [(body, body.find(mark)) for body in bodies if body.count(mark) == 1]
     before, after = 0, len(mark)
     while after + before < LONGEST_PREFIX:
@@ -312,7 +311,6 @@ def _grown(mark: bytes, bodies: Sequence[bytes]) -> bytes:
 
 
 def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
-    """Return whether what precedes a mark is noise, not data."""
     parts = [body.partition(mark) for body in bodies if body.count(mark) == 1]
     before = [noise for noise, _, _ in parts]
     first, last = _commonest([noise[:1] for noise in before]), _commonest([noise[-1:] for noise in before])
@@ -332,7 +330,6 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
 
 
 def _commonest(values: Sequence[bytes]) -> int:
-    """Return how often the most frequent one is there; empty ones do not count."""
     return max(Counter(filter(None, values)).values(), default=0)
 
 

@@ -96,7 +96,6 @@ def _is_fixed(messages: Sequence[bytes], at: int) -> bool:
 
 
 def _member(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
-    """Return what begins at a place; wide ones lie at even places."""
     if at % 2 == 0 and at + 4 <= size:
         found = _counter(messages, at, 4) or _real(messages, at)
         if found is not None:

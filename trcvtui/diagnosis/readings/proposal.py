@@ -201,7 +201,6 @@ def _borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
 
 
 def _rest(made: Cut) -> list[str]:
-    """Return what is in no frame."""
     rest = []
     bad = (
         [frame for frame in made.frames if frame not in made.good]

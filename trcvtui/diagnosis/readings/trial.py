@@ -102,7 +102,6 @@ class _Run:
         self._asked = framing
 
     def run(self) -> Cut:
-        """Return what the framer makes of it."""
         recording, before = self._recording, 0
         for chunk in recording.chunks if self._framing.timeout_ns else _joined(recording.chunks):
             if len(self._frames) >= self._most:
@@ -260,12 +259,10 @@ def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
 
 
 def _bits_of_order(times: Collection[int]) -> float:
-    """Return what it costs to tell values one by one, each by how often it was seen before."""
     return (lgamma(sum(times) + 1) - sum([lgamma(number) for number in times])) / log(2)
 
 
 def _bits_of_lengths(lengths: Sequence[int]) -> float:
-    """Return what it costs to tell them: nothing each when they are alike."""
     each = log2(max(lengths) - min(lengths) + 1)
     seen = Counter(lengths)
     learned = each * len(seen) + _bits_of_order(seen.values())
@@ -273,7 +270,6 @@ def _bits_of_lengths(lengths: Sequence[int]) -> float:
 
 
 def _aligned(good: Sequence[Placed], pauses: frozenset[int], total: int) -> float:
-    """Return what is saved by telling the pauses by frames."""
     inner = {place for place in pauses if 0 < place < total}
     ends = {frame.end for frame in good} | {frame.start for frame in good}
     ends -= {0, total}
@@ -294,7 +290,6 @@ def _choices(of: int, some: int) -> float:
 
 
 def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes) -> float:
-    """Return what the marks are worth by themselves: known ones, and such as are oddly frequent."""
     number, bits = len(good), 0.0
     if _is_known_end(suffix) and (scale.is_text or len(suffix) > 1):
         bits += min(2.0 * number, MOST_OF_A_MARK)
@@ -308,7 +303,6 @@ def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes
 
 
 def _is_known_end(suffix: bytes) -> bool:
-    """Return whether it is a known end, or the end of a line with another one: CR LF, then NUL."""
     return suffix in KNOWN_ENDS or suffix.lstrip(b"\r\n") in KNOWN_ENDS
 
 

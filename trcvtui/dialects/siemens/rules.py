@@ -346,7 +346,6 @@ def _row(code: int, block: str) -> StatusRow:
 
 
 def _of(row: StatusRow, *also: Condition, by_help: str) -> StatusRow:
-    """Return a row of newer instructions with what the help of these says of its code."""
     causes = (*row.causes[:3], f"switch status_sequence = help: {by_help}")
     manual = f"{row.manual}; STEP 7 help, TSEND_C and TRCV_C before V3.0"
     row = replace(row, also=(*row.also, *also), causes=causes, manual=manual)
@@ -405,7 +404,6 @@ def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _listed(row: StatusRow) -> StatusRow:
-    """Return a row as the table has it: names and certificates are not within reach."""
     if row.code not in _NAMES_AND_TLS:
         return row
     why = row.unreached or _ONLY_TCON_PARAM
@@ -413,7 +411,6 @@ def _listed(row: StatusRow) -> StatusRow:
 
 
 def _kept(row: StatusRow) -> StatusRow | None:
-    """Return what these instructions have of a row of the newer ones."""
     gone = {block for block in row.blocks if (row.code, block) in _OWN or block not in LEGACY_BLOCKS}
     gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)

@@ -231,14 +231,12 @@ class Connection:
         return self.is_up or (self.state is State.CONNECTED and self._reads(claim))
 
     def _reads(self, claim: Claim | None) -> bool:
-        """Return whether this instance receives, or would as soon as it is called."""
         if claim is None:
             return False
         would = self.readers.get(claim.instance)
         return self.receiving.holds(claim) or (would is not None and would(True))
 
     def _others_read(self, asking: Claim | None) -> bool:
-        """Return whether anybody else receives, or would as soon as he is called, whatever the call order."""
         if self.receiving.is_anybodys_but(asking):
             return True
         own = "" if asking is None else asking.instance
@@ -270,7 +268,6 @@ class Connection:
         return None
 
     def _listen_at_once(self, now: int) -> list[tuple[State, StepFault | None]]:
-        """Make the listener; return what the first steps have to tell of it."""
         failed = self._create(now)
         if failed is not None:
             return [(State.ESTABLISHING, failed)]
@@ -392,7 +389,6 @@ class Connection:
         return self.state is not State.CONNECTED or self.incarnation != before
 
     def _is_over(self) -> bool:
-        """Return whether the partner has ended the connection by now, also after the last poll."""
         return self.pending_loss is not None or (self.handle is not None and self._kernel.renew(self.handle))
 
     def _second_client(self, client: Accepted) -> bool:
@@ -474,7 +470,6 @@ class Connection:
         return None if seen is None else self._found(self._loss_of(seen.fault), asking)
 
     def _found(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
-        """Release the connection, or leave that to whoever else still reads."""
         if not self._others_read(asking):
             return self._lose(loss)
         self.pending_loss = loss

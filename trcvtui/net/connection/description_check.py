@@ -447,7 +447,6 @@ def as_param(says: Meaning, has_interface: bool) -> Description | None:
 
 
 def _ends(says: Meaning) -> tuple[bytes, bytes]:
-    """Return what stands for the local and for the remote end: T-selectors, or ports."""
     if says.protocol is Protocol.ISO:
         return says.local_tsap, says.remote_tsap
     local, remote = says.local_port.to_bytes(2, "big"), says.remote_port.to_bytes(2, "big")

@@ -170,7 +170,6 @@ class SetUp:
         return StepFault(stage, fault, self._hint(fault, local))
 
     def _may_take_another_port(self, fault: Fault) -> bool:
-        """Return whether somebody else has the free port that this CONNECT had before."""
         is_kept = not self.config.local.port and self._kept_port
         return bool(is_kept) and fault.error == "EADDRINUSE" and not fault.injected
 
@@ -178,7 +177,6 @@ class SetUp:
         return self._kernel.set_reuse(handle)
 
     def _hint(self, fault: Fault, local: Endpoint) -> str:
-        """Return what a person can do about a port of which only some users are let in."""
         if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
             return ""
         return f"{local} is not for every user: IsoPort sets another"

@@ -170,7 +170,6 @@ class TpktReader:
         return found
 
     def _too_large(self, begin: int, size: int) -> str:
-        """Return what is wrong with a TPKT larger than agreed; its header is enough to know."""
         tpdu = size - TPKT_HEADER
         if self.agreed is None or tpdu <= self.agreed:
             return ""
@@ -528,7 +527,6 @@ class IsoOnTcp:
                 self._pass_over(code)
 
     def _cannot_agree(self, asked: Connect) -> None:
-        """End it; who has asked for a connection is told by a DR."""
         if asked.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
             self._output += encode(Disconnect(asked.source_ref, 0, Refusal.NEGOTIATION_FAILED))
         self._end("EPROTO", asked.unfit)
@@ -573,7 +571,6 @@ class IsoOnTcp:
         self._whole = self._pieces = self._empty_pieces = 0
 
     def _endless(self) -> str:
-        """Return in words how the message is longer than any that may come."""
         cap = self._settings.cap
         if self._whole > CAPS * cap:
             return f"a message of more than {CAPS * cap} bytes"

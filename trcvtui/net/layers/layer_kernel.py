@@ -132,7 +132,6 @@ class LayerKernel:
                 stream.fail()
 
     def _in_turn(self) -> list[SharedListener]:
-        """Return the listeners, another one first in each scan: one scan may have one handshake for all."""
         listeners = list(dict.fromkeys(self._listeners.values()))
         first = self._work.scan % len(listeners) if listeners else 0
         return listeners[first:] + listeners[:first]
@@ -145,7 +144,6 @@ class LayerKernel:
         )
 
     def _tell(self, handle: Handle, stream: LayeredStream) -> None:
-        """Tell what was passed over, and why the session has ended."""
         owner, partner = self._owners.get(handle, ""), str(stream.peer)
         for remark in stream.session.take_remarks():
             self._told(LayerNote(owner, IGNORED, partner, remark))
@@ -413,7 +411,6 @@ class LayerKernel:
         return None if self._forget(handle) else self.inner.close(handle)
 
     def _forget(self, handle: Handle) -> bool:
-        """Forget the handle; return whether its socket stays: others still listen on it."""
         stream = self._streams.get(handle)
         if stream is not None and not stream.has_failed:
             self._tell(handle, stream)

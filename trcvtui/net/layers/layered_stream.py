@@ -84,7 +84,6 @@ class LayeredStream:
         return True
 
     def _read(self) -> bool:
-        """Read one piece from the stack; return whether there was one, and the stream goes on."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, WouldBlock):
             return False
@@ -395,7 +394,6 @@ class SharedListener:
         self._drop(client, why, asked, for_all=not named)
 
     def _hand_over(self, client: LayeredStream, member: PortMember) -> None:
-        """Let a client whose handshake is over wait for its CONNECT; without room it stays where it is."""
         if not self._is_full(member):
             self.clients.remove(client)
             member.ready.append(client)

@@ -243,7 +243,6 @@ class Tls:
     # -- the library ----------------------------------------------------------------------------------------
 
     def _go_on(self, most: int) -> int:
-        """Take the next step of the handshake, or read at most so many records; return the units."""
         units = 0
         if not self.is_up:
             self._shake_hands()
@@ -341,7 +340,6 @@ def _context(
 
 
 def _no_password() -> str:
-    """Answer for a person at a terminal, who is not asked."""
     return ""
 
 

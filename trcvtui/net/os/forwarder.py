@@ -257,7 +257,6 @@ class Forwarder:
         self.at(time.monotonic_ns() + TICK_NS, self.tell_time)
 
     def _tell_figures(self) -> None:
-        """Tell who gives orders what the stack says of the ends, where it is not what it was."""
         for route in self.routes:
             talks = islice(reversed(route.talks.items()), MOST_FIGURES) if route.has_stack else ()
             for number, talk in talks:
@@ -295,7 +294,6 @@ class Forwarder:
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
-        """Tell an event to all."""
         if self._lookers:
             head = EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data))
             for looker in self._lookers:

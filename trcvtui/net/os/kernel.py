@@ -135,7 +135,6 @@ class OsKernel:
         return bool(mask & GONE) or (not RDHUP and self._peeks_the_end(handle, sock))
 
     def _look(self, handle: int, mask: int) -> int:
-        """Return the events of one handle now."""
         seen = look_at({handle: mask | RDHUP}) if handle in self._sockets else []
         return seen[0][1] if seen else 0
 
@@ -327,7 +326,6 @@ class OsKernel:
         return KernelLoss(fault, self.unread(handle))
 
     def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
-        """Return whether an error is pending or the next recv would find FIN (systems without RDHUP)."""
         if handle in self._told:
             return True
         try:

@@ -114,7 +114,6 @@ def _make_bridge(name: str) -> None:
 
 
 def _add_address(label: str, address: str, mask: str) -> None:
-    """Give an address to the interface whose name the label begins with."""
     for request, what in ((SIOCSIFADDR, address), (SIOCSIFNETMASK, mask)):
         _request(request, label, struct.pack(SOCKET_ADDRESS, socket.AF_INET, socket.inet_aton(what)))
     _set_up(label.partition(":")[0], up=True)
@@ -265,7 +264,6 @@ def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
 
 
 def _broadcast(address: str, item: _IfAddrs) -> str:
-    """Return the broadcast address that the interface tells, else that of its network."""
     told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
     if told in (None, ANY_ADDRESS):
         told = broadcast_of(address, _ipv4(item.netmask) or "")

@@ -86,7 +86,6 @@ def fault_of(call: str, problem: BaseException) -> Fault:
 
 
 def _chain(problem: BaseException | None) -> Iterator[BaseException]:
-    """Return a problem and those that it was raised after."""
     while problem is not None:
         yield problem
         problem = problem.__cause__ or problem.__context__
@@ -152,7 +151,6 @@ class OsSerialPort:
         return None
 
     def _made(self) -> Any:
-        """Return the port, which the thread opens."""
         s = self._settings
         return self._serial.serial_for_url(
             s.port,

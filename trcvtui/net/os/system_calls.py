@@ -250,7 +250,6 @@ def _state_of(sock: socket.socket) -> bytes:
 
 
 def _peek_at_datagrams(sock: socket.socket, skip: int) -> Unread:
-    """Return the datagrams that no look has told yet: with SO_PEEK_OFF each look gives the next."""
     found: list[WaitingMessage] = []
     dropped = 0
     if sys.platform == "linux":
@@ -317,7 +316,6 @@ def end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
 
 
 def _ask(sock: socket.socket, request: int) -> int:
-    """Return the int that an ioctl answers."""
     (number,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), request, b"\0\0\0\0"))
     return int(number)
 

@@ -257,7 +257,6 @@ class _NoConnection:
     has_ends = False
 
     def is_on_its_way(self, end: TapEnd) -> bool:
-        """Return that nobody knows."""
         return False
 
     def pass_fin(self, lane: TapLane) -> None:
@@ -355,7 +354,6 @@ class SerialTalk(_NoConnection):
         return lambda view: os.readv(end.fd, [view])
 
     def _pass_lines(self) -> None:
-        """Let each end see in its CTS the RTS of the other, where the driver has such lines."""
         try:
             for one, other in (self._ports, self._ports[::-1]):
                 if other.rts != (cts := one.cts):
@@ -411,7 +409,6 @@ class SerialTalk(_NoConnection):
 
 
 def _said(place: TapPlace, near: Sequence[Any]) -> bytes:
-    """Return what an OPEN says: who came, and to whom he is brought."""
     return f"{place.kind}|{near[0]}|{near[1]}|{place.address}|{place.port}".encode()
 
 

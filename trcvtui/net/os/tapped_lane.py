@@ -51,9 +51,7 @@ class TapLoop(Protocol):
 
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
-    ) -> None:
-        """Tell an event to all."""
-        ...
+    ) -> None: ...
 
     def say(self, line: str) -> object:
         """Say a line to the user."""
@@ -70,9 +68,7 @@ class Talk(Protocol):
     loop: TapLoop
     has_ends: bool  # FIN and RST
 
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        """Tell an event of it."""
-        ...
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None: ...
 
     def sender(self, end: TapEnd) -> Callable[[Any], int]:
         """Return what sends to an end."""
@@ -130,7 +126,6 @@ class TapEnd:
             self.writes.flush()
 
     def _look(self) -> None:
-        """Find out what happened to who is not read."""
         if not isinstance(self.port, socket.socket):
             self.reads.talk.ended(self.reads)
             return

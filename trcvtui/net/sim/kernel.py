@@ -88,7 +88,6 @@ class DatagramWire:
         return target.take_back() if target is not None else []
 
     def _socket_at(self, end: Endpoint) -> SimDatagrams | None:
-        """Return who gets it: the socket of that very address, else one of all; the newest of several."""
         holders = self._bound.get(end.port, []) if self.wire.owns(end.address) else []
         for address in (end.address, ANY_ADDRESS):
             for socket in reversed(holders):
@@ -342,7 +341,6 @@ class SimKernel:
         self._seen.pop(handle, None)
 
     def _note(self, handle: Handle, socket: SimSocket) -> None:
-        """Keep the list of ready handles true after a change."""
         if socket.polled:
             if socket.is_readable:
                 self._ready[handle] = socket

@@ -284,7 +284,6 @@ class SimWire:
         return made
 
     def _refuse(self, client: SimStream) -> None:
-        """Answer a SYN with RST in the name of the machine."""
         if self._latency:
             self.at(self.now + self._latency, lambda: self._refusal_arrives(client))
         else:

@@ -426,7 +426,6 @@ class SimStream:
         self._wire.syn(self)
 
     def _syn_wait(self) -> int:
-        """Return the time to the next SYN, or to the end where a user timeout comes first."""
         wait, limit = SYN_WAITS[self._syns], self.tuning.user_timeout
         return min(wait, max(0, limit - sum(SYN_WAITS[: self._syns]))) if limit else wait
 
@@ -540,7 +539,6 @@ class SimStream:
     # -- what is carried -----------------------------------------------------------------------------
 
     def _carry(self, flags: int = Flag.NONE) -> None:
-        """Tell what has arrived and how much room is left; PROBE makes the partner do the same."""
         self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer(), b"", flags))
 
     def acknowledge(self) -> None:
@@ -560,7 +558,6 @@ class SimStream:
     # -- timers --------------------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        """Keep the retransmission clock running while anything is unacknowledged or held back."""
         if self._retry_ticket is None and self._out.is_waiting and self.phase is StreamPhase.OPEN:
             if self._retry.due is None:
                 self._retry.start(self._wire.now)

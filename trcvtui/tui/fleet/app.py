@@ -237,7 +237,6 @@ class FleetScreen(Screen[None]):
         self.app.push_screen(FleetHelpScreen())
 
     async def on_key_clicked(self, message: KeyClicked) -> None:
-        """Do what the key does."""
         await self.run_action(message.action)
 
     def on_fleet_entry_opened(self, message: FleetEntryOpened) -> None:
@@ -300,7 +299,6 @@ class FleetApp(TerminalApp):
         self._read_on()
 
     def _read_on(self) -> None:
-        """While what the broker has retained comes, look again and again; it lives as long as the screen."""
         is_reading = self._reader.is_up and not self._reader.is_complete
         if is_reading != self._is_reading:
             self._is_reading = is_reading

@@ -112,7 +112,6 @@ class FleetCard(TextView):
         return [*rows, *self._told("", plain(status.text), style)]
 
     def _events(self) -> list[tuple[str, KeptEvent]]:
-        """Return the events of all instances, the newest first."""
         instances = self._line.instances.values()
         kept = [(event, each.name) for each in instances for event in each.log.kept]
         return [(name, event) for event, name in sorted(kept, reverse=True)]
@@ -139,7 +138,6 @@ class FleetCard(TextView):
 
 
 def _missing(events: int) -> list[Part]:
-    """Return what is said of events that have not come."""
     return [(f"{count(events, 'event is', 'events are')} missing ", "warn")] if events else []
 
 

@@ -127,7 +127,6 @@ class FleetTable(LineView, inherit_bindings=False):
         return len(self.entries) or len(self.nothing)
 
     def row_at(self, y: int) -> Row:
-        """Return one row."""
         if not self.entries:
             return row((self.nothing[y], "dim")) if y < len(self.nothing) else EMPTY
         if y >= len(self.entries):
@@ -223,7 +222,6 @@ class FleetTable(LineView, inherit_bindings=False):
 
 
 def _place_of(entry: Entry | None, entries: Sequence[Entry]) -> int | None:
-    """Return where a line, or the head of a group, stands now."""
     if isinstance(entry, FleetGroup):
         name = entry.name
         found = (y for y, each in enumerate(entries) if isinstance(each, FleetGroup) and each.name == name)

@@ -101,7 +101,6 @@ class AddScreen(FormDialog[str]):
         self.set_focus(self._fields[0])
 
     async def _lay_out(self) -> None:
-        """Put the fields of the kind there."""
         specs = self._specs(self._project())
         self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
         self.query_one("#form").border_title = plain(self._heading())
@@ -111,7 +110,6 @@ class AddScreen(FormDialog[str]):
         self._judge()
 
     def _specs(self, project: Project) -> list[AddField]:
-        """Return the fields, what stands in them at first with them."""
         name = AddField("name", "a name of its own", first=first_name(self.kind, project))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -130,7 +128,6 @@ class AddScreen(FormDialog[str]):
         return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
     def _judge(self) -> None:
-        """Show the command, or what is wrong with it and in which field."""
         fault = fault_of(self.line, self._project()) if self.line else ""
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
@@ -139,7 +136,6 @@ class AddScreen(FormDialog[str]):
         self._line.set_class(bool(fault), "-bad")
 
     def _said(self) -> list[str]:
-        """Return the command, and what it would do beside what can be seen in it."""
         made = said_before(self.line, self._project())
         return [f"▸ {self.line}{made and f' · {made}'}"]
 
@@ -167,7 +163,6 @@ class AddScreen(FormDialog[str]):
             self.set_focus(block)
 
     def _asks_otherwise(self, field: ChoiceField, project: Project) -> bool:
-        """Return whether the block that has just been chosen has other fields."""
         if field.key != "block" or field.value not in project.dialect.blocks:
             return False
         before, self._block = self._block, field.value
@@ -224,6 +219,5 @@ class ChangeScreen(AddScreen):
         return set_line(self._part, self._now, texts, self._project())
 
     def _said(self) -> list[str]:
-        """Return the command, and below it what it changes and who begins anew."""
         line = self.line
         return [f"▸ {line}", said_before(line, self._project())] if line else ["nothing is changed yet"]

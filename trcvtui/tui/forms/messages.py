@@ -201,7 +201,6 @@ class UdtForm(FormDialog[str]):
         return fault_of(f"peer {self._peer} send udt {payload}", self._project)
 
     def _judge(self) -> None:
-        """Mark the members whose value would not be taken, and show the payload or the first mistake."""
         faults = [self._fault(self._payload([field.written])) for field in self._fields]
         for field, fault in zip(self._fields, faults, strict=True):
             field.set_class(bool(fault), "-bad")

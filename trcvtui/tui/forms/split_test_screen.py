@@ -110,7 +110,6 @@ class TrialTable(LineView):
 
 
 def _judged(trial: TrialSnapshot) -> Part:
-    """Return sign and style of how the trial stands."""
     if trial.state == "running":
         return "▶ ", "busy"
     if trial.problem:

@@ -153,7 +153,6 @@ def twin_of(ours: Layout, theirs: Layout) -> PairedNode:
 
 
 def _pair(type_: Type, ours: Node, theirs: Node, known: Known) -> PairedNode:
-    """Return the pair of two nodes: one, however many members have that type."""
     key = id(type_), id(ours), id(theirs)
     if key not in known:
         known[key] = PairedNode(type_, ours, theirs, known)
@@ -310,7 +309,6 @@ class FoldTree:
         return pair.count * self._each(pair) + more
 
     def _element_start(self, pair: PairedNode, fold: _Fold | None, number: int) -> int:
-        """Return how many rows stand before an element of an open array."""
         each, touched = self._each(pair), fold.below if fold is not None else {}
         more = sum(
             self._rows(pair.element, touched[n]) + any(pair.gaps) - each for n in touched if n < number
@@ -318,7 +316,6 @@ class FoldTree:
         return number * each + more
 
     def _element_at(self, pair: PairedNode, fold: _Fold | None, y: int) -> tuple[int, int]:
-        """Return the element that row y of an open array belongs to, and the row in it."""
         each, done, start = self._each(pair), 0, 0
         for number in sorted(fold.below) if fold is not None else ():
             before = (number - done) * each
@@ -333,7 +330,6 @@ class FoldTree:
     # -- row number to row --------------------------------------------------------------------------
 
     def row(self, y: int) -> TreeRow:
-        """Return row y."""
         whole = (Place(0, self.root.ours.size), Place(0, self.root.theirs.size))
         at = TreeRow((), self.name, self.root, *whole, 0)
         fold: _Fold | None = self._top

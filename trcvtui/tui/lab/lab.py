@@ -147,7 +147,6 @@ class LabBytes:
         return f"DATA {plain(declared.name)} has never been written: these are the bytes of the running job"
 
     def _is_written(self) -> bool:
-        """Return whether a job has ended that received into DATA of the selected instance."""
         snapshot, instance = self._view_model.snapshot, self._view_model.instance
         if snapshot is None or instance is None:
             return False
@@ -173,7 +172,6 @@ class LabBytes:
 
     @property
     def content(self) -> bytes:
-        """Return the bytes."""
         match self.source:
             case "data":
                 return self._view_model.data
@@ -425,7 +423,6 @@ class Lab:
             return None
 
     def rules(self, side: str) -> LayoutRules:
-        """Return the rules of one side."""
         own, profile = self._view_model.project.layout, self.profiles[side]
         if profile.layout == own.name:  # with what else the project says of it
             base = replace(own, byte_order=profile.byte_order)

@@ -176,7 +176,6 @@ class LabHex(HexView):
         return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
 
     def _signs(self, start: int, stop: int) -> dict[int, str]:
-        """Return the signs of padding in a row."""
         key = start, stop, self._lab.revision
         if key not in self._gaps:
             if len(self._gaps) > MOST_KEPT:
@@ -300,7 +299,6 @@ class FitList(LineView):
 
 
 def _broken(line: str, width: int) -> list[str]:
-    """Return a line of source in pieces that fit; what is yanked is not broken."""
     if len(line) <= width:
         return [line]
     inner = " " * min(width // 2, len(line) - len(line.lstrip()) + 4)

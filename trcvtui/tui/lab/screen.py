@@ -140,7 +140,6 @@ def layouts_of(lab: Lab, side: str) -> Choice:
 
 
 def bytes_of(lab: Lab) -> Choice:
-    """Return the bytes that there are."""
     rows = [(name, ABOUT[name]) for name in SOURCES]
     return Choice("Bytes", rows, lab.bytes.source, f"{UDT} bytes {{}}", is_bytes=True)
 
@@ -413,7 +412,6 @@ class LabScreen(SideScreen[None]):
             self.show()
 
     def _ask_constants(self) -> None:
-        """Ask once for each set of unknown constants."""
         names = self.lab.files.unknown_constants
         if not names or names == self.lab.asked_for:
             return

@@ -36,11 +36,9 @@ class LabHead(LineView, can_focus=False):
         self._half = 40
 
     def row_count(self) -> int:
-        """Return 3."""
         return 3
 
     def row_at(self, y: int) -> Row:
-        """Return one of them."""
         if y == 0:
             return self._what()
         return self._side(OURS, "oES") if y == 1 else self._side(THEIRS, "pes") if y == 2 else EMPTY
@@ -179,7 +177,6 @@ class LabTree(LineView):
         return tree.row_count if tree is not None else 0
 
     def _look(self, top: int) -> None:
-        """Find the rows in view, and decode their leaves, neighbours together."""
         tree, content = self._lab.tree, self._lab.bytes.content
         known = self._lab.revision, self._folds, content, top, self.size.height
         if known == self._shown:
@@ -206,7 +203,6 @@ class LabTree(LineView):
             self._cells[side, number] = LeafCell(leaf_type_text(layout, leaf), text, value is not None)
 
     def row_at(self, y: int) -> Row:
-        """Return one row."""
         if y not in self._rows:
             self._look(self.scroll_offset.y)
         found = self._rows.get(y)
@@ -349,7 +345,6 @@ class LabTree(LineView):
 
 
 def _runs(leaves: list[int]) -> list[tuple[int, int]]:
-    """Return neighbours as start and stop."""
     runs: list[tuple[int, int]] = []
     for leaf in leaves:
         if runs and runs[-1][1] == leaf:

@@ -94,7 +94,6 @@ def _label(text: str) -> Part:
 
 
 def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
-    """Return parts after a label, the last one below them where the line has no room for it."""
     whole = [_label(label), *parts]
     if sum(len(text) for text, _ in whole) <= width or len(parts) < 2:
         return [row(*whole)]
@@ -103,7 +102,6 @@ def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
 
 
 def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
-    """Return the fill of the ComBuffer, and what had no room in it."""
     buffer = view_model.snapshot.combuffer(instance.connect) if view_model.snapshot is not None else None
     if buffer is None:
         return row(_label("queue"), (plain(instance.connect), "strong"))
@@ -215,7 +213,6 @@ class LineFeed(LineView):
         return len(self.names) + 2 if self.names else 0
 
     def row_at(self, y: int) -> Row:
-        """Return one line."""
         names = self.names
         if y < len(names):
             return self._line(names[y])

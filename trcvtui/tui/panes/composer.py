@@ -121,7 +121,6 @@ class SplitsLine(LineView):
     # -- what stands there --------------------------------------------------------------------------
 
     def row_count(self) -> int:
-        """Return 1."""
         return 1
 
     def row_at(self, y: int) -> Row:
@@ -328,7 +327,6 @@ class Composer(Vertical):
             self.split_row.draw(b"", Splits())
 
     def _split(self, cuts: Splits) -> None:
-        """Write the cuts into the fields, which are what is sent."""
         for (name, _), option in zip(OPTIONS, self._options, strict=True):
             if name in ("split", "gap"):
                 option.value = cuts.split if name == "split" else cuts.gap

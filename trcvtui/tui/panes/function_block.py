@@ -313,7 +313,6 @@ class FunctionBlock(LineView):
         return self._below(y - drawing.height - 2)
 
     def _box(self) -> int:
-        """Return the width of the left half: no value is ever cut."""
         values = (len(self._value_text(pin)) for pin in self.drawing().inputs if not pin.is_bool)
         tight = self._is_tight()
         return max(TIGHT_BOX if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
@@ -331,17 +330,14 @@ class FunctionBlock(LineView):
         return TIGHT_JOINTS if self._is_tight() else JOINTS
 
     def _lead(self) -> int:
-        """Return the columns of a letter."""
         return 2 if self._is_tight() else 3
 
     def _is_tight(self) -> bool:
-        """Return whether the names leave no room for the usual drawing."""
         drawing = self.drawing()
         needed = drawing.name_width + drawing.label_width + IN_BOX + OUT_BOX + 9
         return 0 < self.line_width < needed
 
     def _value_text(self, pin: DrawnPin) -> str:
-        """Return what stands at a pin that is no BOOL."""
         instance = self._view_model.instance
         if pin.is_wired:
             return wired_value(pin.name, instance) if instance is not None else ""

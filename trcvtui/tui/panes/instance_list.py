@@ -96,7 +96,6 @@ class InstanceList(LineView):
         super().show()
 
     def row_at(self, y: int) -> Row:
-        """Return one instance."""
         if y < len(self._listed):
             return self._row(self._listed[y], self._columns)
         if self._words:

@@ -56,7 +56,6 @@ class PeerList(LineView):
         return max(1, len(self._view_model.project.peers))
 
     def row_at(self, y: int) -> Row:
-        """Return one peer."""
         peers = self._view_model.peers
         if not self._view_model.project.peers:
             return row(("no peer in this project: the partner is a real device", "dim"))
@@ -253,7 +252,6 @@ class PeerPanel(Vertical):
             await self.composer.prepare()
 
     async def _begin_to_speak(self) -> None:
-        """Put the composer there for the first peer that a project has got."""
         await self.mount(self.composer, self._buttons, self._notes)
         await self.prepare()
 
@@ -315,7 +313,6 @@ class PeerPanel(Vertical):
         self.border_subtitle = self._told(*self._preview)
 
     def _told(self, sign: str, text: str) -> Content:
-        """Return the command, or what is wrong with it, as it stands in the lower border."""
         style = "$error" if sign.startswith("✗") else "$text-muted"
         return Content.assemble((sign + _shortened(plain(text), max(16, self.size.width - 6)), style))
 
@@ -361,7 +358,6 @@ class PeerPanel(Vertical):
         return self.composer.try_line(instance) if instance else ""
 
     def _try_splits(self, peer: PeerSnapshot) -> None:
-        """Try every split of the message and open the table; without a message, the table of the last one."""
         trial = self._view_model.picture.trial if self._view_model.picture else None
         line = self._try_line(peer)
         if line and (trial is None or trial.state != "running"):
@@ -488,6 +484,5 @@ class PeerPanel(Vertical):
 
 
 def _shortened(text: str, width: int) -> str:
-    """Return a command in so many characters: its beginning, and its end with the options."""
     tail = width // 2
     return text if len(text) <= width else f"{clip(text, width - tail)}{text[-tail:]}"

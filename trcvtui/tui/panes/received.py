@@ -57,7 +57,6 @@ class JobLine(OneLine):
         )  # fmt: skip
 
     def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
-        """Return how the frame stands that has no end yet; without one, what the newest frame is made of."""
         if instance.outputs.busy:
             full, empty = bar(instance.have, framer.size, BAR)
             told: list[Part] = [
@@ -319,7 +318,6 @@ class Received(Vertical):
     # -- the past ----------------------------------------------------------------------------------------
 
     def _take_past(self, instance: InstanceSnapshot) -> None:
-        """Take what has come of the stream, and ask for what is in view next."""
         known = instance.connect, self._view_model.bench
         if known != self._known:
             self._known, self.past_job, self._job_here = known, None, None
@@ -542,7 +540,6 @@ class Received(Vertical):
             self.job.display = rows > 0
 
     def _stand_together(self) -> None:
-        """Where both fit, the job stands right under DATA, one blank line between."""
         rows = max(1, self.data.row_count())
         wanted = rows if rows + 2 + self._job_rows <= self.size.height else None
         if wanted != self._data_rows:

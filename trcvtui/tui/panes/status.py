@@ -58,7 +58,6 @@ class StatusHistory(LineView):
         super().show()
 
     def _measure(self, known: int) -> None:
-        """Widen the columns for the edges that have come since this one."""
         fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
         looks = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
         for edge in looks.values():
@@ -76,11 +75,9 @@ class StatusHistory(LineView):
 
     @property
     def _word(self) -> int:
-        """Return how wide code and condition are in a pane of this width."""
         return min(self._longest, len(status_word(0)) + 1 + self._condition_width())
 
     def _condition_width(self) -> int:
-        """Return how wide a condition may be: the reason has the greater part of the line."""
         return max(LEAST_CONDITION, min(MOST_CONDITION, self.line_width - 65))
 
     def row_count(self) -> int:
@@ -98,7 +95,6 @@ class StatusHistory(LineView):
         return row(*self._edge(line, line.event), style=style)
 
     def _widths(self) -> tuple[int, int]:
-        """Return the widths of scan and time, as wide as the newest edge needs."""
         newest = self._edges[0] if self._edges else None
         if newest is None:
             return 5, 7
@@ -111,7 +107,6 @@ class StatusHistory(LineView):
         return row((f" {'scan':>{scan}}  {'t in s':>{time}}  {outputs}  {why}", "dim"))
 
     def _room(self) -> int:
-        """Return how many characters the reason may have."""
         return self.line_width - sum(self._widths()) - self._word - self._lamp - 9
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
@@ -264,7 +259,6 @@ class StatusCard(LineView):
         return self._rows_for(instance, when, told, self._lamps(instance), self._warnings(instance))
 
     def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
-        """Return what will go wrong with the framing of a block on a ComBuffer."""
         if instance.framer is None or self._view_model.snapshot is None:
             return ()
         from trcvtui.diagnosis.serial import warnings_of  # read when the first framer is here
@@ -321,7 +315,6 @@ class StatusCard(LineView):
         return rows
 
     def _expected(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
-        """Return, until the first connection is up, that an EN_R before it does no harm."""
         link = self._view_model.connection
         if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
             return []
@@ -336,7 +329,6 @@ class StatusCard(LineView):
         return [WARNING] if found is not None and found.is_unsafe else []
 
     def _paragraph(self, label: str, texts: Sequence[str], *styles: str) -> list[Row]:
-        """Return the rows of some sentences, a style for each; the last style is that of the rest."""
         rows: list[Row] = []
         if len(label) >= LABEL and texts:
             rows, label = [row((label, "label"))], ""
@@ -352,7 +344,6 @@ class StatusCard(LineView):
         return rows
 
     def _sentence(self, text: str) -> str:
-        """Return a sentence that begins large and ends with a full stop; a pin of now is named by its key."""
         text = PIN_COMMAND.sub(self._key_of, text)
         first = A_WORD.match(text)
         if first is not None and first.group() not in self._names():

@@ -170,7 +170,6 @@ def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
 
 
 def _figures(way: WaySnapshot, is_roomy: bool) -> list[Part]:
-    """Return what the stack of a tap says of who receives."""
     if way.round_trip_ns is None or way.window is None:
         return []
     window = f"window {way.window} " if is_roomy and way.window else ""

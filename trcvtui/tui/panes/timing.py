@@ -135,7 +135,6 @@ def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[Drawn]:
 
 
 def _with_codes(names: Sequence[str]) -> list[list[str]]:
-    """Return the names of rows, each with that of the codes that belong to it."""
     found = list[list[str]]()
     for name in names:
         if name == CODES and found:
@@ -334,7 +333,6 @@ class Timing(LineView):
         return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
 
     def _lane(self) -> PinWaveform | None:
-        """Return the lane of the chosen row."""
         shown = self._rows[self._chosen] if self._rows else None
         return lane_of(*shown) if shown is not None and shown.name else None
 

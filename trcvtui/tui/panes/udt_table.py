@@ -214,6 +214,5 @@ class UdtTable(LineView):
 
 
 def _split(path: str, before: str) -> tuple[str, str]:
-    """Return the part of a path that the row above has too, up to its last dot, and the rest."""
     dot = path.rfind(".") + 1
     return (path[:dot], path[dot:]) if dot and before.startswith(path[:dot]) else ("", path)

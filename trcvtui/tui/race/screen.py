@@ -241,7 +241,6 @@ class RaceScreen(SideScreen[None]):
         return race_parts(race, self._taken.hidden)
 
     def _take(self, run: RaceRun) -> None:
-        """Show a race that is over; one that could not be leaves the one before standing."""
         if run.race is None:
             self.run = self._taken if self._taken is not None and self._taken.race is not None else None
             if self.run is not None and self.run.race is not None:

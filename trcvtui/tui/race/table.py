@@ -33,7 +33,6 @@ TITLED: Final = 46  # columns from which on the words of the STATUS stand beside
 
 
 def column_width(width: int, dialects: int) -> int:
-    """Return the columns that each dialect has."""
     return max(8, (width - SCANS - SIGN) // max(1, dialects))
 
 
@@ -59,7 +58,6 @@ def row_parts(row: ScanRow, raced: InstanceRace, width: int) -> list[Part]:
 
 
 def scans_of(row: ScanRow) -> str:
-    """Return `3` or `3-7`."""
     return str(row.scan) if row.scans == 1 else f"{row.scan}-{row.scan + row.scans - 1}"
 
 
@@ -108,7 +106,6 @@ def _status_style(shown: Shown) -> str:
 
 
 def _cut(parts: list[Part], width: int) -> Iterator[Part]:
-    """Yield the parts in exactly so many columns, the last one of them a blank."""
     left = width - 1
     for text, style in parts:
         if left > 0:
@@ -158,7 +155,6 @@ class RaceHead(LineView, can_focus=False):
         self.show()
 
     def row_count(self) -> int:
-        """Return 2."""
         return 2
 
     def row_at(self, y: int) -> Row:

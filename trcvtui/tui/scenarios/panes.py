@@ -118,7 +118,6 @@ class ScenarioListModel:
             self.chosen = listed[max(0, min(len(listed) - 1, here + files))]
 
     def _keep_a_choice(self) -> bool:
-        """Choose the first file where the chosen one is no longer listed; return whether that helped."""
         listed = self.listed()
         if self.chosen in listed:
             return False
@@ -234,7 +233,6 @@ class ScenarioList(LineView, inherit_bindings=False):
 
 
 def _block(said: ScenarioFile | None) -> str:
-    """Return the first block of a scenario, and how many others it has."""
     first, *more = (said.blocks if said else ()) or ("",)
     count = f" +{len(more)}" if more else ""
     return clip(first, BLOCK - 1 - len(count)) + count
@@ -373,7 +371,6 @@ class ScenarioText(TextView, inherit_bindings=False):
         return rows
 
     def _follow(self, played: PlayerSnapshot | None) -> None:
-        """Keep the step that runs or comes next in view; a reader who scrolls away is left in peace."""
         if played is None or (played.path, played.current) == self._followed or not played.steps:
             return
         self._followed = played.path, played.current

@@ -153,7 +153,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show_keys()
 
     def _begin_or_end(self, plays: bool) -> None:
-        """Show the panes of a play while there is one; of another bench nothing is pointed at any more."""
         if self._bench != self._view_model.bench:
             self._bench = self._view_model.bench
             self.follow_selected()
@@ -285,7 +284,6 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.outcome.say(f"enter loads it anew on {WORDS_OF[self._kernel]}")
 
     def _is_live_bench(self) -> bool:
-        """Return whether the opened project runs on real sockets: what ends it is asked for first."""
         picture = self._view_model.live
         return picture is not None and picture.player is None and picture.kernel == LIVE
 
@@ -307,7 +305,6 @@ class ScenariosScreen(SideScreen[Path | None]):
             self._load()
 
     def _load(self) -> None:
-        """Load the chosen scenario, as it stands in its file now."""
         path, self._trouble = self._model.chosen, ""
         said = self._model.read(path) if path is not None else None
         if path is None or said is None:
@@ -353,7 +350,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.send(f"scenario {words}")
 
     def _refuse(self, line: str) -> None:
-        """Say where a pane's line is for: there is no prompt here."""
         self._complain("no prompt here: v shows all panes, with the scenario on them")
 
     def _complain(self, text: str) -> None:
@@ -388,7 +384,6 @@ class ScenariosScreen(SideScreen[Path | None]):
 
 
 def _outcome(player: PlayerSnapshot) -> tuple[str, str]:
-    """Return how the play stands, and the style to say it in."""
     failed, steps = player.failed, player.steps
     if player.finished:
         if not failed:

@@ -183,7 +183,6 @@ class ViewModel:
         self._show(picture)
 
     def _asks_again(self, picture: BenchUpdate) -> bool:
-        """Return whether a picture lacks lines that the next one, asked for after the thaw, will bring."""
         self._thawing -= 1 if self._thawing else 0
         return bool(self._thawing and picture.lines_skipped)
 
@@ -208,7 +207,6 @@ class ViewModel:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
 
     def _take_index(self, lines: Sequence[Line]) -> None:
-        """Let the index read lines; after an exception it stays empty: what it says would be a guess."""
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
         self._containment.serve(INDEX, partial(self.stream_index.take, stamped))
         if INDEX in self._containment.out:
@@ -223,7 +221,6 @@ class ViewModel:
         return report_of(error, self.project, [*self.lines], None)
 
     def _take_waves(self, picture: BenchUpdate) -> None:
-        """Take what is new of the pins; a frozen view has them up to its own scan, whenever it asks."""
         interval_ns = picture.snapshot.interval_ns
         if self.is_frozen and self.snapshot is not None:
             self.waves.take_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
@@ -254,7 +251,6 @@ class ViewModel:
         self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
 
     def _select(self) -> None:
-        """Have an instance selected that is there: in a frozen view one of those that it shows."""
         shown = self.instances if self.is_frozen else self.project.instances
         self.selected = _one_of(self.selected, [instance.name for instance in shown])
 
@@ -383,7 +379,6 @@ class ViewModel:
         return {each.name: each.local for each in known if not each.active and each.state != "closed"}
 
     def _index(self) -> Index:
-        """Return what is in the newest snapshot by name; made once a picture."""
         if self._indexed.snapshot is not self.snapshot:
             self._indexed = index_of(self.snapshot)
         return self._indexed

@@ -47,7 +47,6 @@ class ListDialog(Dialog[Answered], Generic[Answered]):
         self.shown = shown
 
     def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
         yield self.shown
 
 
@@ -99,7 +98,6 @@ class ChoiceList(LineView, inherit_bindings=False):
         return len(self.listed)
 
     def row_at(self, y: int) -> Row:
-        """Return one choice."""
         name, about = self.listed[y]
         chosen = y == self.cursor
         return row(

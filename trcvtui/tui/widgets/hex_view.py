@@ -89,7 +89,6 @@ CLASSES: Final = (NULL, PRINTABLE, SPACE, CONTROL, HIGH)
 
 
 def byte_class(byte: int) -> str:
-    """Return the class of a byte 0..255."""
     if byte == 0:
         return NULL
     if byte in b" \t\n\r\x0b\x0c":

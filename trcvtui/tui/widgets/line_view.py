@@ -185,7 +185,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     # -- selecting text by mouse --------------------------------------------------------------------
 
     def _with_selection(self, strip: Strip, number: int) -> Strip:
-        """Return the line with its selected characters reversed: seen in every theme and without colours."""
         span = self.text_selection.get_span(number) if self.text_selection is not None else None
         if span is None:
             return strip

@@ -56,7 +56,6 @@ class ButtonLine(LineView):
         return max((line for _, line, _, _ in self._places()), default=0) + 1
 
     def _places(self) -> list[tuple[int, int, int, int]]:
-        """Return index, line, first column and width of each button."""
         places, line, left = [], 0, 0
         for index, (letter, label) in enumerate(self._labels()):
             width = len(letter) + len(label) + (3 if letter else 2)
@@ -273,7 +272,6 @@ class TabLine(OneLine):
         return row(*parts)
 
     def _shown(self) -> list[tuple[int, str]]:
-        """Return the tabs with their names; where these do not fit, the open ones alone have them."""
         whole = sum(len(name) + 5 for _, name in self._tabs) - 1
         fits = whole <= self.line_width or not self.line_width
         return [(digit, name if fits or digit in self._open else "") for digit, name in self._tabs]
@@ -370,7 +368,6 @@ class HeaderLine(WordLine):
         return pieces
 
     def _frozen(self) -> list[HeaderWord]:
-        """Say loudly that what is shown is not what is now."""
         view_model = self._view_model
         if not view_model.is_frozen or view_model.picture is None:
             return []

@@ -42,7 +42,6 @@ class FullScreen(Screen[Result], Generic[Result]):
         self.action_pane(message.digit)
 
     async def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Do what the key does."""
         await self.run_action(message.action)
 
     def action_help(self) -> None:

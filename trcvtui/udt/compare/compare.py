@@ -53,7 +53,6 @@ class _Pairing:
         self._same: dict[tuple[int, int], bool] = {}
 
     def runs(self, ours: Node, theirs: Node, a: int, b: int) -> Iterator[Run]:
-        """Yield the runs of two nodes whose first leaves have the numbers a and b."""
         if self.same(ours, theirs):
             yield Run(a, b, ours.leaves)
         elif isinstance(ours, PlacedStruct) and isinstance(theirs, PlacedStruct):
@@ -92,7 +91,6 @@ class _Pairing:
                 yield Run(None, b + number * their.leaves, their.leaves)
 
     def same(self, ours: Node, theirs: Node) -> bool:
-        """Return whether both have the same leaf paths in the same order."""
         key = id(ours), id(theirs)
         if key not in self._same:
             self._same[key] = self._are_same(ours, theirs)
@@ -110,7 +108,6 @@ class _Pairing:
 
 
 def _members(node: PlacedStruct, first: int) -> Iterator[tuple[str, tuple[int, Node]]]:
-    """Yield the members by name, each with the number of its first leaf."""
     return ((one.name.casefold(), (one.first, one.node)) for one in node.flat(first=first))
 
 
@@ -157,7 +154,6 @@ class _DifferenceWalk:
     def apart(
         self, a: Node, b: Node, path: str, at: tuple[int, int], bits: tuple[int, int]
     ) -> Iterator[Apart]:
-        """Yield what differs in two nodes at these two offsets."""
         if not a.leaves or (at[0] == at[1] and bits[0] == bits[1] and self.alike(a, b)):
             return
         if isinstance(a, PlacedLeaf) and isinstance(b, PlacedLeaf):
@@ -190,7 +186,6 @@ class _DifferenceWalk:
             yield Apart(path, form_text(a.type, self.a), form_text(b.type, self.b), is_place=False)
 
     def alike(self, a: Node, b: Node) -> bool:
-        """Return whether all below lies alike relative to the nodes, and is stored alike."""
         key = id(a), id(b)
         if key not in self._alike:
             self._alike[key] = self._are_alike(a, b)

@@ -285,7 +285,6 @@ class _Reading:
         return True
 
     def judge_members(self) -> bool:
-        """Judge every member that is looked at; return whether the cause changes anything."""
         look, changes, has_changed = self.look, self.cause.of_member, not self.cause.of_member
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
@@ -413,7 +412,6 @@ class _Reading:
 
     @cached_property
     def values(self) -> object:
-        """Return a value that is equal for readings that find the same at the same places of a message."""
         size, front, rules = self.look.layout.size, self.cause.front, self.look.layout.rules
         members = []
         for member, parts in self.read:
@@ -444,7 +442,6 @@ class _Reading:
         return member.leaf.path or self.look.layout.name
 
     def reasons(self) -> tuple[Reason, ...]:
-        """Return every reason in words, the weightiest first."""
         look = self.look
         said: list[tuple[float, Reason | _Says]] = [(one.points, one) for one in self.others + self.steps]
         said += [(one.points, one) for one in self.said]
@@ -470,7 +467,6 @@ class _Reading:
 
 
 def _is_number(member: _Member) -> bool:
-    """Return whether a swap of members changes it: no text, no date digit by digit."""
     return not isinstance(member.leaf.type, StringType) and not member.leaf.coding.code.endswith("s")
 
 

@@ -378,7 +378,6 @@ USUAL: Final = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0
 
 
 def _letter(code: int) -> float:
-    """Return the logarithm of how likely a character is."""
     if code in USUAL:
         return LETTERS[0]
     if code < 0x7F:

@@ -215,7 +215,6 @@ class _Raw(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Return the words, with the part of the member that they speak of."""
         return f"{self.path}{self.inner}: {self.why}" if self.inner else self.why
 
 
@@ -260,7 +259,6 @@ class _Rebuild:
                 return found
 
     def once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
-        """Return the STRUCT rebuilt, and tell for this path what became raw in it."""
         if id(type_) not in self._built:
             self._built[id(type_)] = self.built(type_, node, path)
         built = self._built[id(type_)]
@@ -295,7 +293,6 @@ class _Rebuild:
         return found
 
     def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
-        """Return the members of a STRUCT, their paths told from its own begin."""
         limit = node.size & -node.size or 1  # no multiple of more is the size: no member may be aligned to it
         fill = self.filling(type_, node, max(limit, self.rules.struct_floor))
         for name, offset, bit, child, inner in _members(type_, node):
@@ -322,7 +319,6 @@ class _Rebuild:
         return Filling(self.placing, cap, {one.name.casefold() for one in node.flat()}, limit)
 
     def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
-        """Return the type as it was where nothing had to change."""
         members = tuple(fill.members)
         is_old = type_.base is None and self.pack is None and len(members) == len(type_.members)
         if is_old and all(new.type is old.type for new, old in zip(members, type_.members, strict=True)):

@@ -171,11 +171,9 @@ class _Swapping:
         return Struct(f"{type_.name}_swapped" if type_.name else "", members, base, type_.pack)
 
     def stored(self, type_: Type) -> Elementary | None:
-        """Return the stored type of a value that is neither a text nor an address."""
         return self.rules.stored(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
 
     def number(self, type_: Type) -> Elementary | None:
-        """Return the stored type of what is turned round as one number."""
         row = self.stored(type_)
         if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is ValueKind.ADDRESS:
             return None
@@ -193,7 +191,6 @@ class _Swapping:
                 return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
 
     def statements(self, type_: Type, at: _At) -> Iterator[str]:
-        """Yield the lines that fill the target."""
         _, to, of, path, _, indent = at
         row = self.number(type_)
         if self.is_bytes(type_) and _has_name(type_):
@@ -249,12 +246,10 @@ class _Swapping:
         return f"SWAP{row.size}({value})"
 
     def named(self, path: str) -> str:
-        """Return a path as the language writes a local variable."""
         return f"#{path}" if self.language == "scl" else path
 
 
 def _has_name(type_: Type) -> bool:
-    """Return whether a variable of the type can be assigned as a whole: both sides name the same type."""
     match type_:
         case Array(element=element):
             return _has_name(element)

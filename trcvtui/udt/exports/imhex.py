@@ -123,7 +123,6 @@ class _ImhexWriter:
         return self.add("bitfield", name, [*lines, *rest])
 
     def add(self, kind: str, name: str, lines: list[str], base: str = "") -> str:
-        """Return the name of a type with these lines; the same lines are the same type."""
         key = "\n".join([kind + base, *lines])
         if key not in self.written:
             self.written[key] = self.taken(name)
@@ -131,7 +130,6 @@ class _ImhexWriter:
         return self.written[key]
 
     def declaration(self, own: str, type_: Type, node: Node) -> tuple[str, str, str]:
-        """Return type, brackets after the name, and a comment of one member."""
         if isinstance(type_, Array) and isinstance(node, PlacedArray):
             doc = f"ARRAY{bounds_text(type_)} OF {type_text(type_.element)}"
             if node.is_bits:
@@ -150,7 +148,6 @@ class _ImhexWriter:
         return self.add("struct", f"{own}_element", lines)
 
     def one(self, type_: Type, node: Node) -> tuple[str, str, str]:
-        """Return type, brackets and a comment of one value."""
         if isinstance(type_, Struct | Union):
             return self.names[type_], "", ""
         assert isinstance(node, PlacedLeaf)
@@ -186,7 +183,6 @@ class _ImhexWriter:
 
 
 def _notes(own: str, word: str, doc: str) -> str:
-    """Return the attributes that keep a name which had to become another word, and a comment."""
     notes = [] if not own or own == word else [f"name({quoted(own)})"]
     notes += [f"comment({quoted(doc)})"] if doc else []
     return f" [[{', '.join(notes)}]]" if notes else ""

@@ -78,7 +78,6 @@ class _KsyWriter:
         self.further: dict[str, Lines] = {}
 
     def lines(self) -> Lines:
-        """Return the file; the types come last, when it is known which are needed."""
         root = self.layout.root
         for type_, _ in structs_of(self.layout.type, root):
             is_main = type_ is self.layout.type
@@ -161,7 +160,6 @@ class _KsyWriter:
         return [*attribute, *_repeat(node.count)], f"{doc}, {more}" if more else doc
 
     def one(self, type_: Type, node: Node, size: int | None = None) -> tuple[Lines, str]:
-        """Return type and size of one value, and what there is to say about it."""
         if isinstance(type_, Struct | Union):
             return [f"type: {self.names[type_]}", f"size: {size or node.size}"], ""
         assert isinstance(node, PlacedLeaf)
@@ -200,7 +198,6 @@ class _KsyWriter:
         )  # fmt: skip
 
     def add(self, name: str, lines: Lines) -> str:
-        """Return the name of a type with these lines; the same lines are the same type."""
         known = next((name for name, found in self.further.items() if found == lines), None)
         if known is None:
             known = self.taken(name)

@@ -98,7 +98,6 @@ class _LuaWriter:
         self.taken_types, self.taken_values = NameScope(ascii_word), NameScope(ascii_word)
 
     def structs(self) -> list[str]:
-        """Return a function for each structure: its members, their fields below a path."""
         return [self.struct(type_, node) for type_, node in structs_of(self.layout.type, self.layout.root)]
 
     def struct_name(self, type_: Struct | Union) -> str:
@@ -116,7 +115,6 @@ class _LuaWriter:
         return "\n".join([*lines, "  }", "end", ""])
 
     def node(self, type_: Type, node: Node, at: int, name: str | None, path: str, bit: int) -> str:
-        """Return the Lua of one node; a name of nil is shown without a branch of its own."""
         shown = "nil" if name is None else quoted(name)
         place = f"{at}, {node.size}, {shown}"
         match type_, node:
@@ -150,7 +148,6 @@ class _LuaWriter:
         return f'leaf({place}, field("{kind}", {path}, {quoted(name)}{more}){read})'
 
     def form(self, node: PlacedLeaf) -> tuple[str, str, str]:
-        """Return the kind of ProtoField, its further arguments, and what reads a text value."""
         if isinstance(node.type, StringType):
             return "string", "", self.reads_text(node.type)
         row = self.rules.stored(node.type)
@@ -183,7 +180,6 @@ class _LuaWriter:
         return f"{self.uses(CLOCKS[row.kind])}({quoted(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
 
     def uses(self, reader: str) -> str:
-        """Return the name of a reader that from now on is part of the dissector."""
         if reader not in self.readers:
             self.readers.add(reader)
             for needed in _parts()[reader].calls:

@@ -126,7 +126,6 @@ def _ended(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
 
 
 def _end(raw: bytes, unit: int) -> int:
-    """Return where the first NUL stands, or the end."""
     if unit == 1:
         end = raw.find(0)
     else:
@@ -406,7 +405,6 @@ def _literal(row: Elementary, _: LayoutRules) -> Coding:
 
 
 def _date(row: Elementary, rules: LayoutRules) -> Coding:
-    """Return DATE; a literal has whole days, the rest of a finer count is told after it and taken back."""
     a_day = DAY // row.unit_ns
 
     def to_value(count: int) -> str:
@@ -419,7 +417,6 @@ def _date(row: Elementary, rules: LayoutRules) -> Coding:
 def _written(
     row: Elementary, to_value: Callable[[int], str], count_of: Callable[[str], int | None]
 ) -> Coding:
-    """Return a count that is written as a literal."""
     low, high = row.limits
 
     def to_raw(value: object) -> int:

@@ -211,7 +211,6 @@ def same_layouts(
 
 
 def _beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
-    """Return the rules with our size of a pointer and, in our own layout, our room of a STRING."""
     if own is None:
         return rules
     even = own.string_even if own.name == rules.name else rules.string_even

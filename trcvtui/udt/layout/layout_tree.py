@@ -146,7 +146,6 @@ class PlacedArray:
 
 
 def _step(name: str) -> str:
-    """Return the name as a path has it: in quotes where it could be taken for several steps."""
     return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
 
 
@@ -302,7 +301,6 @@ def gaps(node: Node) -> Iterator[tuple[int, int]]:
 
 
 def _common_gaps(node: PlacedUnion) -> Iterator[tuple[int, int]]:
-    """Yield the gaps that all members of a union have in common."""
     common: Iterator[tuple[int, int]] = iter([(0, node.size)] if node.size else [])
     for member in node.nodes:
         common = _both(common, chain(gaps(member), [(member.size, node.size)]))
@@ -310,7 +308,6 @@ def _common_gaps(node: PlacedUnion) -> Iterator[tuple[int, int]]:
 
 
 def _both(some: Iterator[tuple[int, int]], others: Iterator[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Yield what two rows of intervals, both in order, have in common."""
     one, other = next(some, None), next(others, None)
     while one and other:
         first, last = max(one[0], other[0]), min(one[1], other[1])

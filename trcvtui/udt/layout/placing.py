@@ -242,7 +242,6 @@ class Filling:
             raise Unreachable(path, f"a UNION of {size} bytes cannot be reached under {self.rules.name}")
 
     def _fill_to(self, offset: int, step: int, path: str) -> None:
-        """Add padding until a member with that step comes to lie at the offset."""
         kept = len(self.members), self.end, self.bits, self._pads, self.align
         while self.end <= offset and _up(self.end, step) < offset:
             if not self._pad_once(offset):

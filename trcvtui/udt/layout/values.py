@@ -86,7 +86,6 @@ class _Stream(Generic[_M]):
                     yield at + place, before, one
 
     def made_of(self, element: Node, bit: int = 0) -> list[tuple[int, _M]]:
-        """Return what is made of an element; the path of its leaves begins after the index."""
         make, self.make = self.make, lambda leaf: make(leaf._replace(path=leaf.path[1:]))
         rows = self.few(element, "]", 0, bit)
         self.make = make
@@ -258,7 +257,6 @@ def _is_loose(leaf: Leaf, value: Value) -> bool:
 
 
 def _order(leaf: Leaf) -> int:
-    """Return a number: STRING before WSTRING, which has more ways to say a full text; BOOL last."""
     return (2 if leaf.type.wide else 1) if isinstance(leaf.type, StringType) else 3
 
 

@@ -47,7 +47,6 @@ class TypeFormat(NamedTuple):
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
-    """Return what an export declares; its own headers say whether comments nest."""
     said = re.findall(_NESTED, text)
     nests = "No" not in said or "Yes" in said
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))

@@ -73,7 +73,6 @@ class _Reader:
     # -- declarations ------------------------------------------------------------------------------------
 
     def outer(self, node: Any) -> None:
-        """Read an outer declaration: a typedef, a STRUCT, UNION or enumeration with a tag, a constant."""
         kind = type(node).__name__
         if isinstance(node, ast.Declaration):
             self.types.append(node)
@@ -102,7 +101,6 @@ class _Reader:
             self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
 
     def tagged(self, node: Any) -> None:
-        """Declare a STRUCT, UNION or enumeration under its tag; values of an enumeration are constants."""
         if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
             return
         if node.name:
@@ -112,7 +110,6 @@ class _Reader:
             self.enum(node)
 
     def declare(self, name: str, node: Any, read: Callable[[], ast.Spec]) -> ast.Spec | None:
-        """Keep one declaration with what is wrong in it, and what is worth a note."""
         self.problems, self.notes = [], {}
         spec: ast.Spec | None = None
         try:
@@ -136,7 +133,6 @@ class _Reader:
         raise mistake(self.where(node), "a function", "a type with a size")
 
     def inner(self, node: Any, depth: int) -> ast.Spec:
-        """Return a type by name, or one written in place."""
         if depth > ast.MOST_NESTED:
             raise mistake(self.where(node), "a type nested deeper", f"at most {ast.MOST_NESTED} levels")
         kind = type(node).__name__
@@ -163,7 +159,6 @@ class _Reader:
         return ast.Reference(C_TYPES.get(name, name), self.where(node))
 
     def struct(self, node: Any, depth: int) -> ast.StructSpec:
-        """Return a STRUCT or UNION; a bad member is noted and left out."""
         place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
         members: list[ast.MemberSpec] = []
         for at, member in enumerate(node.decls or ()):
@@ -204,7 +199,6 @@ class _Reader:
         return ast.ArraySpec(tuple(bounds), element)
 
     def last_index(self, node: Any) -> ast.Number:
-        """Return the last index of an array: the number in its brackets less one."""
         where = self.where(node)
         if node.dim is None:
             raise mistake(where, "an array without a length", "[N]")
@@ -221,7 +215,6 @@ class _Reader:
         return length - 1
 
     def enum(self, node: Any) -> ast.EnumSpec:
-        """Return an enumeration; its values become constants."""
         self.notes["an enum is taken as 4 bytes"] = None
         values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
@@ -239,7 +232,6 @@ def _is_definition(node: Any) -> bool:
 
 
 def _target(node: Any) -> str:
-    """Return what a pointer points to, in a word."""
     while type(node).__name__ in ("TypeDecl", "PtrDecl", "ArrayDecl"):
         node = node.type
     names = getattr(node, "names", None)

@@ -200,7 +200,6 @@ def _is_flat(text: str) -> bool:
 
 
 def _statements(text: str) -> Iterator[tuple[int, int]]:
-    """Yield where each outer declaration begins and ends; functions are left out."""
     depth, begin, is_function = 0, _begin(text, 0), False
     for found in re.finditer("[{};]", text):
         if found.group() == "{":
@@ -221,13 +220,11 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
 
 
 def _begin(text: str, place: int) -> int:
-    """Return where the next word or sign stands."""
     found = re.compile(r"\S").search(text, place)
     return found.start() if found else len(text)
 
 
 def _name_of(text: str) -> str | None:
-    """Return the name that a declaration gives its type, as far as one can see it."""
     found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.match(r"\s*typedef\b", text) else None
     found = found or re.search(r"\b(?:struct|union|enum)\s+([A-Za-z_]\w*)", text)
     return found.group(1) if found and found.group(1) not in KEYWORDS else None

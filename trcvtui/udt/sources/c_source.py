@@ -110,7 +110,6 @@ class CSource:
         return _SKIPPED.sub(blank, text)
 
     def _lines(self, text: str) -> list[str]:
-        """Return the lines with directives carried out; a line of a directive is left empty."""
         ready: list[str] = []
         lines = text.split("\n")
         at = 0
@@ -242,7 +241,6 @@ class CSource:
     # -- attributes --------------------------------------------------------------------------------------
 
     def _attributes(self, text: str) -> str:
-        """Return the text without attributes; note which STRUCT is packed, refuse what else moves members."""
         pairs = _brace_pairs(text)
 
         def blank(found: re.Match[str]) -> str:
@@ -262,7 +260,6 @@ class CSource:
 
 
 def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
-    """Return the brace of the STRUCT that an attribute belongs to: right after it, or before its head."""
     if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
         return pairs.get(text.rindex("}", 0, begin))
     ahead = _HEAD.match(text, end)
@@ -270,7 +267,6 @@ def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | Non
 
 
 def _brace_pairs(text: str) -> dict[int, int]:
-    """Return, for every closing brace, where its opening one stands."""
     opened: list[int] = []
     pairs: dict[int, int] = {}
     for found in re.finditer("[{}]", text):

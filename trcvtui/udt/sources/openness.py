@@ -66,7 +66,6 @@ def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.
 
 
 def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> ast.Spec:
-    """Return the type that a Datatype names, a STRUCT with the members below the member."""
     text = text.strip()
     if array := _ARRAY.fullmatch(text):
         inner = _type(array.group(2), member, deeper(depth, member), problems)
@@ -87,7 +86,6 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> as
 
 
 def _bounds(text: str, member: Element) -> tuple[tuple[ast.Number, ast.Number], ...]:
-    """Return the bounds of `0..3, 1..2`."""
     ranges = text.split(",")
     if len(ranges) > ast.MOST_DIMENSIONS:
         raise mistake(member.where, f"{len(ranges)} dimensions", f"at most {ast.MOST_DIMENSIONS}")

@@ -39,7 +39,6 @@ def read_plcopen(root: Element) -> ast.Declarations:
 
 
 def _declarations(element: Element) -> Iterator[ast.Declaration]:
-    """Yield the type of an element; more only if its ST text declares more."""
     name = element.needed("name")
     plain = _plain_text(element)
     if plain is not None:
@@ -98,7 +97,6 @@ def _pack(element: Element) -> int | None:
 
 
 def _constants(list_: Element) -> ast.Declarations:
-    """Return the constants of one list of global variables."""
     plain = _plain_text(list_)
     if plain is not None:
         return qualified(read_inside(plain), list_.get("name"))
@@ -118,14 +116,12 @@ class _TypeWalk:
         self.problems: list[Problem] = []
 
     def base(self, element: Element, depth: int) -> ast.Spec:
-        """Return the type in the <baseType> of an element."""
         inner = element.at("baseType")
         if inner is None:
             raise mistake(element.where, f"<{element.name}> without a type", "<baseType>")
         return self.type(inner, depth)
 
     def type(self, element: Element, depth: int) -> ast.Spec:
-        """Return the type in a <type> or <baseType>."""
         inner = _inner(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")

@@ -240,7 +240,6 @@ class Parser(SpecParser):
 
 
 def _block_ends(tokens: list[StToken]) -> dict[str, list[int]]:
-    """Return where each END_ word stands."""
     ends: dict[str, list[int]] = {}
     for at, token in enumerate(tokens):
         if token.upper.startswith("END_"):

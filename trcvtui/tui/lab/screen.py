@@ -31,7 +31,7 @@ from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit import reason_lines
-from trcvtui.udt.exports import EXPORTS
+from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.sources import formats_text
 
@@ -467,17 +467,16 @@ class LabScreen(SideScreen[None]):
         """Take our layout in the language of another tool."""
         from trcvtui.tui.clipboard_and_files import take
 
-        row = EXPORTS[name]
         layout, text = self.lab.layout(OURS), ""
         self._trouble, self._told = "nothing is there to export", ""
         try:
-            text = row.write(layout, None) if layout is not None else ""
+            text = export(layout, name) if layout is not None else ""
         except UserError as refused:
             self._trouble = refused.lines()[0]
         if not text:
             self.show()
             return
-        form = Format(row.name, row.title, _nothing, row.extension)
+        form = Format(name, LANGUAGES[name], _nothing, f".{name}")
         self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, is_wrong=True)))
 
     def _tell(self, text: str, is_wrong: bool = False) -> None:
@@ -492,5 +491,5 @@ class LabScreen(SideScreen[None]):
         """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
             yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
-        for name, export in EXPORTS.items():
-            yield f"Export ours: {export.title}", export.extension, f"export('{name}')"
+        for name, title in LANGUAGES.items():
+            yield f"Export ours: {title}", f".{name}", f"export('{name}')"

@@ -74,9 +74,6 @@ COMMANDS: Final = (
 )
 
 
-MOST_ROWS: Final = 70_000
-
-
 def _nothing(of: Subject) -> str:
     return ""
 
@@ -98,12 +95,14 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
 
 
 def _compared(lab: Lab) -> str:
-    from trcvtui.udt.compare.compare import Count, compare_text  # read when first asked for
+    from trcvtui.udt.compare.compare import compare_text  # read when first asked for
 
     comparison = lab.comparison()
-    if comparison is None or comparison.row_count > MOST_ROWS:
+    if comparison is None:
         return ""
-    return "".join(f"{line}\n" for line in compare_text(comparison, lab.bytes.content, Count()))
+    content = lab.bytes.content
+    rows = list(comparison.rows(content))
+    return "".join(f"{line}\n" for line in compare_text(comparison, rows, content))
 
 
 def _ranking(lab: Lab) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
+from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import (
     ELEMENTARY,
@@ -159,7 +159,7 @@ def test_doubling_forty_times_is_refused_without_walking_it() -> None:
     type_ = struct_of("BYTE")
     for _ in range(40):
         type_ = Struct("S", (Member("a", type_), Member("b", type_)))
-    with pytest.raises(UserError, match=f"at most {MOST_BYTES} bytes"):
+    with pytest.raises(UserError, match=f"at most {MOST_LEAVES} elements"):
         lay_out(type_, rules_for())
 
 

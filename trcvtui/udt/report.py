@@ -139,12 +139,16 @@ def _notes(layout: Layout) -> list[str]:
 
 def in_columns(rows: Iterable[Row], sides: str) -> Iterator[str]:
     """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
-    columns = [tuple(map(one_line, column)) for column in zip(*rows, strict=True)]
+    columns = [_printable(column) for column in zip(*rows, strict=True)]
     padded = [
         map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
         for side, column in zip(sides, columns, strict=True)
     ]
     return map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
+
+
+def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
+    return column if "".join(column).isprintable() else tuple(map(one_line, column))
 
 
 def json_lines(record: object) -> str:

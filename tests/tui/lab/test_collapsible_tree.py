@@ -85,7 +85,8 @@ def test_a_leaf_in_a_closed_branch_is_shown_by_opening_what_is_around_it(
     tree = tree_of(sides)
     leaf = sides[0].number_of("long[200].b")
     assert tree.rows[tree.row_of_leaf(leaf)].name == "long", "closed: the branch stands for it"
-    found = tree.rows[tree.row_of_leaf(leaf, opens=True)]
+    y = tree.row_of_leaf(leaf, opens=True)
+    found = tree.rows[y]
     assert (found.name, found.leaf) == ("b", leaf)
 
 

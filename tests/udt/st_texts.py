@@ -5,13 +5,7 @@ from __future__ import annotations
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import (
-    ELEMENTARY,
-    Struct,
-    Type,
-    Union,
-    type_text,
-)
+from trcvtui.udt.types import ELEMENTARY, Struct, Type, Union, type_text
 
 INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
 

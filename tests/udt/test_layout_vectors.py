@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.udt.answers import show_json, show_text
+from tests.udt.answers import show_json
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
+from trcvtui.udt.report import show_text
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import decode_text, read_file, read_text
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, StringType, Struct, Subrange, Type, type_text
+from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Subrange, Type, type_text
 
 DATA = Path(__file__).parent / "data"
 SAMPLES = sorted(path for path in DATA.glob("*.st") if path.name != "twincat.st")  # that one has FB instances
@@ -23,17 +24,6 @@ def members_of(types: TypeSet, name: str) -> dict[str, Type]:
     type_ = types.named(name)
     assert isinstance(type_, Struct)
     return {member.name: member.type for member in type_.members}
-
-
-def member(text: str) -> Type:
-    """Return the type of the only member of a STRUCT with this text."""
-    types = types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE")
-    (type_,) = members_of(types, "T").values()
-    return type_
-
-
-def problems(text: str) -> list[str]:
-    return [str(problem) for problem in types_of(text, "f.st").problems]
 
 
 def test_a_whole_file_as_an_engineer_writes_it() -> None:
@@ -100,31 +90,6 @@ def test_types_of_a_member(text: str, expected: Type) -> None:
 
 
 @pytest.mark.parametrize(
-    "initial",
-    [
-        "5",
-        "-16#FF",
-        "'it$'s ; END_STRUCT'",
-        '"wide; END_TYPE"',
-        "T#1d2h_3m",
-        "TOD#12:30:15.250",
-        "DT#2024-01-31-12:30:15",
-        "(a := 1, b := (c := 2))",
-        "[1, 2, 3(4)]",
-        "1, 2, 3",
-        "Mode#Run",
-        "GVL.limit + F(x)",
-        "REAL#1.5E-3",
-        "5 (* ; *) // ; END_TYPE",
-    ],
-)
-def test_an_initial_value_is_skipped(initial: str) -> None:
-    types = types_of(f"TYPE T : STRUCT a : INT := {initial}\n; b : REAL := {initial}\n; END_STRUCT END_TYPE")
-    assert types.problems == ()
-    assert members_of(types, "T") == {"a": ELEMENTARY["INT"], "b": ELEMENTARY["REAL"]}
-
-
-@pytest.mark.parametrize(
     "gap",
     [
         " ",
@@ -140,6 +105,12 @@ def test_an_initial_value_is_skipped(initial: str) -> None:
         "{don't}",
         "{two\nlines}",
         "\u00a0",
+        "{attribute 'x' := 'y'}",
+        '{attribute addProperty Name "a } b"}',
+        "{attribute 'pytmc' := '\n    pv: A;\n    field: } INVALID ;\n    io: i;\n'}",
+        "{attribute 'text' := 'the valve's state'}",
+        '{\n  S7_Access := "ReadOnly := External";\n  S7_Visibility := "Hidden"\n}',
+        "{attribute wpf [Container(Layout.Tabs)]}",
     ],
 )
 def test_comments_and_pragmas_may_stand_anywhere(gap: str) -> None:
@@ -155,22 +126,6 @@ def test_a_comment_that_nests_by_accident_ends_at_its_first_end() -> None:
     )
     assert types.names() == ["A", "B", "C"]
     assert types.problems == ()
-
-
-@pytest.mark.parametrize(
-    ("text", "base", "values"),
-    [
-        ("(A, B, C)", "INT", [("A", 0), ("B", 1), ("C", 2)]),
-        ("(A := 5, B, C := 2,)", "INT", [("A", 5), ("B", 6), ("C", 2)]),
-        ("(A := 16#10, B := -1) DINT := B", "DINT", [("A", 16), ("B", -1)]),
-        ("UINT (A := UINT#1, B := 2)", "UINT", [("A", 1), ("B", 2)]),
-        ("(A, B := A + (3, 4), C, D := 9)", "INT", [("A", 0), ("B", None), ("C", None), ("D", 9)]),
-    ],
-)
-def test_enumerations(text: str, base: str, values: list[tuple[str, int | None]]) -> None:
-    type_ = types_of(f"TYPE E : {text}; END_TYPE").named("E")
-    assert isinstance(type_, Enumeration)
-    assert (type_.name, type_.base.name, list(type_.values)) == ("E", base, values)
 
 
 def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> None:
@@ -247,11 +202,11 @@ def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
     ],
 )
 def test_every_error_has_its_place_and_what_was_expected(text: str, line: str) -> None:
-    assert line in problems(text)
+    assert line in lines(text)
 
 
 def test_all_mistakes_of_a_file_are_found_in_reading_order() -> None:
-    assert [line.partition(" ")[0] for line in problems((DATA / "one_bad.st").read_text())] == [
+    assert [line.partition(" ")[0] for line in lines((DATA / "one_bad.st").read_text())] == [
         "f.st:6:7:",
         "f.st:8:9:",
     ]
@@ -295,8 +250,8 @@ def test_a_missing_end_type_hides_nothing() -> None:
 def test_nesting_ends_at_its_limit_with_a_line() -> None:
     deep = f"TYPE T : {'ARRAY[0..0] OF ' * MOST_NESTED}INT; END_TYPE"
     expected = f"expected at most {MOST_NESTED} levels of STRUCT and ARRAY"
-    assert problems(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
-    assert not problems(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
+    assert lines(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
+    assert not lines(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
 
 
 @pytest.mark.slow

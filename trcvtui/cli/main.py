@@ -592,13 +592,13 @@ def _st(args: SimpleNamespace) -> int:
 def _udt_show(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
-    return _print_lines(command.show(_with_examples(args)))
+    return _print(command.show(_with_examples(args)))
 
 
 def _udt_decode(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
-    return _print_lines(command.decode(_with_examples(args)))
+    return _print(command.decode(_with_examples(args)))
 
 
 def _udt_encode(args: SimpleNamespace) -> int:
@@ -617,8 +617,8 @@ def _udt_export(args: SimpleNamespace) -> int:
 def _udt_compare(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
-    lines, is_equal = command.compare(_with_examples(args))
-    _print_lines(lines)
+    text, is_equal = command.compare(_with_examples(args))
+    _print(text)
     return GOOD if is_equal else FAILED
 
 

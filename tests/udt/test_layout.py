@@ -65,18 +65,6 @@ def test_the_table_of_the_baosky_reference(members: tuple[str, ...], expected: l
     assert [placed(lay_out(struct_of(*members), LAYOUTS[name])) for name in names] == expected
 
 
-@pytest.mark.parametrize("name", ["baosky", "baosky-slot4", "natural8"])
-def test_elements_of_an_array_are_tight_under_every_reading(name: str) -> None:
-    layout = lay_out(struct_of("ARRAY[0..2] OF BYTE", "WORD"), LAYOUTS[name])
-    assert placed(layout) == (8, [0, 1, 2, 4])
-
-
-def test_packed_has_no_gap_at_all() -> None:
-    layout = lay_out(struct_of("BYTE", "LREAL", "WSTRING[1]", "INT"), LAYOUTS["packed"])
-    assert placed(layout) == (17, [0, 1, 9, 15])
-    assert layout.padding() == []
-
-
 @pytest.mark.parametrize(
     ("text", "size"),
     [
@@ -208,14 +196,6 @@ def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
     for place in range(-1, layout.size + 2):
         of_byte = [covered[place, bit] for bit in range(8) if (place, bit) in covered]
         assert layout.leaf_at(place) == min(of_byte, default=None)
-
-
-@pytest.mark.slow
-@given(layouts(), st.integers(-5, 40), st.integers(-5, 40))
-def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: int) -> None:
-    stop = start + count
-    expected = layout.leaves()[max(start, 0) : max(stop, 0)]
-    assert layout.leaves(start, stop) == expected
 
 
 PLAIN = [row for row in ROWS if row.kind is not ValueKind.BOOL and len(row.code) == 1]

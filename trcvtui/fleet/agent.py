@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
 from types import FrameType
@@ -24,7 +25,6 @@ from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.project import Project, TapDecl
 from trcvtui.recording.files import RecordTo
-from trcvtui.records import dataclass
 
 if TYPE_CHECKING:
     from trcvtui.line.tap_command import TapInBackground

@@ -13,12 +13,12 @@ import ssl
 import threading
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.fleet.topics import MOST_BYTES
-from trcvtui.records import NamedTuple, dataclass, field
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client

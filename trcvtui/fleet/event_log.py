@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage
-from trcvtui.records import NamedTuple
 
 MOST_RUNS: Final = 4  # of an agent, that are told apart
 MOST_GAPS: Final = 32  # of a run

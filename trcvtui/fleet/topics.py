@@ -9,11 +9,11 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, Final, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 from urllib.parse import quote, unquote
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.records import NamedTuple, dataclass
 
 ROOT: Final = "trcvtui/v1"
 MOST_BYTES: Final = 1 << 18  # of one message; a connection tells the broker so, too

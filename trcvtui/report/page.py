@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from html import escape
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from trcvtui import __version__
 from trcvtui.diagnosis.advice import Advice, because
@@ -19,7 +19,6 @@ from trcvtui.errors import one_line
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.keys import entry_of, kind_name
 from trcvtui.project.project import DataDecl
-from trcvtui.records import NamedTuple
 from trcvtui.report.run_notes import (
     BUSY,
     DONE,

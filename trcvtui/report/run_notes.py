@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Final, Generic, TypeVar, cast
+from typing import Final, Generic, NamedTuple, TypeVar, cast
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
@@ -26,7 +26,6 @@ from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
-from trcvtui.records import NamedTuple
 
 T = TypeVar("T")
 K = TypeVar("K")

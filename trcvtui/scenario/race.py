@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from hashlib import blake2s
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
@@ -29,7 +30,6 @@ from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.scenario.recorded_session import partners_left_out
 from trcvtui.scenario.scenario import Scenario, load_scenario
 from trcvtui.scenario.step_runner import StepRunner

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -13,7 +14,6 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.records import dataclass
 from trcvtui.tui.formatting import clip, count, moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog

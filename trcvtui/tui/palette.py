@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from inspect import isawaitable
-from typing import Final
+from typing import Final, NamedTuple
 
 from textual.actions import parse
 from textual.app import SystemCommand
@@ -18,7 +18,6 @@ from textual.widget import Widget
 
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen

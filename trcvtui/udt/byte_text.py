@@ -9,10 +9,10 @@ import re
 import struct
 from binascii import hexlify
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.records import dataclass
 
 # A line is a template of fixed columns, filled in pieces of eight characters: three for eight bytes, two for
 # the text. Eight lines are a whole number of such pieces, so in every eighth line a piece has the same place,

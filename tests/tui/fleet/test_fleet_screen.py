@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
 from trcvtui import clock
 from trcvtui.fleet.broker import Broker, Came, Connected, Lost
 from trcvtui.fleet.topics import StatusMessage
-from trcvtui.records import replace
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
 from trcvtui.tui.widgets.line_view import Row

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import (
     Node,

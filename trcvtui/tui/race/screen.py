@@ -8,6 +8,7 @@ from __future__ import annotations
 import signal
 from asyncio import sleep
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +21,6 @@ from textual.containers import Vertical
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
-from trcvtui.records import replace
 from trcvtui.scenario.race import DIALECT_NAMES, InstanceRace, Race, ScanRow, race_file
 from trcvtui.scenario.recorded_session import marked_scan
 from trcvtui.scenario.scenario import load_scenario

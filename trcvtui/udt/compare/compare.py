@@ -9,10 +9,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import islice, product
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, index_text

@@ -7,10 +7,9 @@ ask the rows.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout
 
 PORTS: Final = range(1, 65_536)

@@ -6,10 +6,11 @@ Rule: two profiles are one when every leaf lies at the same place and is stored 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.records import NamedTuple, dataclass, field, replace
 from trcvtui.udt.layout.codec import Codec, Page, codec_of, page_of
 from trcvtui.udt.layout.layout_tree import (
     Leaf,

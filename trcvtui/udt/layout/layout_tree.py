@@ -11,8 +11,8 @@ import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import chain
+from typing import NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.coding import Coding
 from trcvtui.udt.types import Array, LeafType
 

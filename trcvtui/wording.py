@@ -1,11 +1,18 @@
-"""What sentences say: ages, counts, sizes."""
+"""What sentences say: ages, counts, sizes; tables as text."""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Iterable, Iterator
+from itertools import islice, repeat
+from typing import Final, TypeVar
+
+from trcvtui.errors import one_line
+
+_T = TypeVar("_T")
 
 SECOND: Final = 1_000_000_000
 IN_SECONDS: Final = 120  # shorter times are told in seconds alone
+PAGE: Final = 1024  # rows of a table that are aligned at a time
 
 
 def age(ns: int) -> str:
@@ -59,3 +66,29 @@ def utc_text(ns: int) -> str:
     except OverflowError:  # a file may claim any time
         return f"{ns} ns after 1970-01-01T00:00:00Z"
     return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
+    waiting = iter(rows)
+    while page := list(islice(waiting, size)):
+        yield page
+
+
+def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
+    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped.
+
+    A page is aligned at a time: in a table of more than PAGE rows a column may grow wider further down.
+    """
+    widths = [0] * len(sides)
+    for page in pages(rows):
+        columns = [_printable(column) for column in zip(*page, strict=True)]
+        widths = [max(width, *map(len, column)) for width, column in zip(widths, columns, strict=True)]
+        padded = [
+            map(str.rjust if side == "r" else str.ljust, column, repeat(width))
+            for side, column, width in zip(sides, columns, widths, strict=True)
+        ]
+        yield from map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
+
+
+def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
+    return column if "".join(column).isprintable() else tuple(map(one_line, column))

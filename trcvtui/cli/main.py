@@ -100,7 +100,7 @@ def _print(text: str) -> int:
 
 
 def _print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.udt.layout.values import pages
+    from trcvtui.wording import pages
 
     for page in pages(lines):
         _print("\n".join(page))
@@ -224,7 +224,9 @@ def _scenario(args: SimpleNamespace) -> int:
 
     out = None if args.out is None else Path(args.out)
     files = [_path(file) for file in args.files]
-    return run_files(files, args.kernel, args.format, out, args.set, args.netns, _record_to(args))
+    return run_files(
+        files, args.kernel, args.format, out, args.set, args.netns, _record_to(args), args.dialect
+    )
 
 
 def _record_to(args: SimpleNamespace) -> RecordTo | None:
@@ -359,12 +361,6 @@ def _report(args: SimpleNamespace) -> int:
     project = None if args.project is None else _path(args.project)
     shadows = project, args.plc, args.dialect
     return report_file(_path(args.file), Path(args.out), not args.no_payload, shadows)
-
-
-def _race(args: SimpleNamespace) -> int:
-    from trcvtui.scenario.race import run_race
-
-    return _print(run_race(_path(args.file), args.dialect, args.format))
 
 
 def _conversations(args: SimpleNamespace) -> int:
@@ -748,6 +744,9 @@ def _add_scenario(parser: ArgumentRows) -> None:
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"
     )
+    parser.add_argument(
+        "--dialect", metavar="NAME", action="append", default=[], help="twice or more: side by side in these"
+    )
     _add_record(parser, "FILE|DIR")
 
 
@@ -848,16 +847,6 @@ def _add_report(parser: ArgumentRows) -> None:
     parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
     parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
     _add_shadows(parser)
-
-
-def _add_race(parser: ArgumentRows) -> None:
-    parser.set_defaults(command=_race)
-    parser.last_words = _dialect_names
-    parser.add_argument("file", metavar="FILE.toml")
-    parser.add_argument(
-        "--dialect", metavar="NAME", action="append", default=[], help="each one that takes part"
-    )
-    parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
 def _add_conversations(parser: ArgumentRows) -> None:
@@ -973,7 +962,6 @@ GROUPS: Final[dict[str, dict[str, Row]]] = {
         "examples": ("projects and stories to try", "", _add_examples),
         "serve": ("the screen in a browser", "bench.toml --port 8000", _add_serve),
         "scenario": ("a test without a screen", "test.toml --format junit", _add_scenario),
-        "race": ("a test through several dialects", "test.toml", _add_race),
         "record": ("keep what a bench does", "bench.toml --out runs", _add_record_command),
         "replay": ("a recording again, step by step", "run.pcapng", _add_replay),
         "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", _add_recording),

@@ -448,23 +448,6 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
 
 
-def marked_scan(about: str) -> int:
-    """Return after which scan a session was marked, as its text says; 0: it was not."""
-    _, mark, after = about.partition(MARKED)
-    number = after.partition(".")[0]
-    return int(number) if mark and number.isdecimal() else 0
-
-
-def partners_left_out(about: str) -> str:
-    """Return who took part in a session and can not be replayed, as its text says; "": nobody."""
-    _, mark, after = about.partition(OUTSIDE)
-    who, _, where = after.partition("): nothing is expected on ")
-    if not mark:
-        return ""
-    told = f"{who} was a partner outside the bench and is not replayed"
-    return f"{told}: nobody calls or sends in its place on {where.partition('.')[0]}"
-
-
 def _project(own: Path, folder: Path, before: str | None) -> str:
     inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
     if before is None and not inside:

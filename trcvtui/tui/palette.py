@@ -20,7 +20,7 @@ from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
-from trcvtui.tui.main import RACE, MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -276,11 +276,6 @@ def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
-    yield SystemCommand(
-        "Dialect race",
-        "the session since the mark through several dialects · key D",
-        partial(bench.submit, RACE),
-    )
     for title, about, action in (
         ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
         ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import chain, islice, repeat
+from itertools import chain, islice
 from typing import Final
 
 from trcvtui.errors import one_line
@@ -15,8 +15,9 @@ from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import PlacedLeaf
 from trcvtui.udt.layout.value_text import NO_DATA, special_text, text_of
-from trcvtui.udt.layout.values import encode, pages, stream, values_of
+from trcvtui.udt.layout.values import encode, stream, values_of
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
+from trcvtui.wording import in_columns
 
 Row = tuple[str, ...]
 
@@ -152,26 +153,6 @@ def _extent(have: int, size: int) -> str:
 def _notes(layout: Layout) -> list[str]:
     names = unverified(layout)
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
-
-
-def in_columns(rows: Iterable[Row], sides: str) -> Iterator[str]:
-    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped.
-
-    A page is aligned at a time: in a table of more than PAGE rows a column may grow wider further down.
-    """
-    widths = [0] * len(sides)
-    for page in pages(rows):
-        columns = [_printable(column) for column in zip(*page, strict=True)]
-        widths = [max(width, *map(len, column)) for width, column in zip(widths, columns, strict=True)]
-        padded = [
-            map(str.rjust if side == "r" else str.ljust, column, repeat(width))
-            for side, column, width in zip(sides, columns, widths, strict=True)
-        ]
-        yield from map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
-
-
-def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
-    return column if "".join(column).isprintable() else tuple(map(one_line, column))
 
 
 # -- JSON, in the form of `json.dumps(..., indent=2)` --------------------------------------------------------

@@ -17,8 +17,9 @@ from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, index_text
 from trcvtui.udt.layout.value_text import NO_DATA, form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf, decode_leaves
-from trcvtui.udt.report import in_columns, json_head, json_many, json_text, json_value, leaf_type_text
+from trcvtui.udt.report import json_head, json_many, json_text, json_value, leaf_type_text
 from trcvtui.udt.types import StringType
+from trcvtui.wording import in_columns
 
 
 class Run(NamedTuple):

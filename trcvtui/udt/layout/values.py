@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import chain, islice, product, repeat
+from itertools import chain, product, repeat
 from operator import itemgetter
 from typing import Final, Generic, TypeVar
 
@@ -30,7 +30,7 @@ from trcvtui.udt.layout.layout_tree import (
 from trcvtui.udt.types import StringType
 
 FEW: Final = 256  # leaves that are made one by one
-PAGE: Final = 1024  # elements that are decoded, rows that are aligned at once
+PAGE: Final = 1024  # elements that are decoded at once
 MOST_AT_ONCE: Final = 16 * PAGE  # leaves that are decoded in one go
 CODECS_KEPT: Final = 32
 
@@ -153,12 +153,6 @@ class _Values:
         if len(part) == node.size:
             return codec.read(part)
         return present(walk(node, "", 0, 0, node.leaves), codec.read_filled(part), len(part))
-
-
-def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
-    waiting = iter(rows)
-    while page := list(islice(waiting, size)):
-        yield page
 
 
 def decode(layout: Layout, data: Data) -> Values:

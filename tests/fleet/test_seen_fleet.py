@@ -14,8 +14,8 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import reader, seen_fleet
 from trcvtui.fleet.broker import (
-    Came,
     Connected,
+    IncomingMessage,
     Lost,
     SubscriptionRefused,
 )
@@ -274,14 +274,13 @@ def test_an_agent_that_does_not_come_back_with_its_broker_is_offline() -> None:
 
 def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None:
     broker = FakeBroker()
-    broker.tell(
-        Connected(), broker.message("s/a/state", ONLINE), Came("trcvtui/v1/s/a/L/figures", b"{", False)
-    )
+    wrong = IncomingMessage("trcvtui/v1/s/a/L/figures", b"{", False)
+    broker.tell(Connected(), broker.message("s/a/state", ONLINE), wrong)
     assert (
         broker.reader.told
         == "broker, trcvtui/v1/s/a/L/figures: found no JSON, expected a message of an agent"
     )
-    broker.tell(*(Came(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
+    broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
     assert broker.reader.refused == 1001 and "no JSON" in broker.reader.told
     broker.tell(SubscriptionRefused("it lets us not read"), seconds=TELL_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
@@ -329,8 +328,10 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
     broker.tell(
         Connected(), broker.message("s/a/state", ONLINE), broker.message("s/a/good/figures", figures())
     )
-    broker.tell(*(Came(f"trcvtui/v1/s/{name}/{kind}", payload, False) for name, kind, payload in came))
-    broker.tell(*(Came(name, payload, False) for name, _, payload in came), seconds=2)
+    topics = [f"trcvtui/v1/s/{name}/{kind}" for name, kind, _ in came]
+    for names in (topics, [name for name, _, _ in came]):
+        some = zip(names, came, strict=True)
+        broker.tell(*(IncomingMessage(name, payload, False) for name, (_, _, payload) in some), seconds=2)
     assert "good" in broker.names
     assert broker.reader.told.isprintable() and len(broker.reader.told) < 900
 

@@ -31,7 +31,7 @@ EVENT = EventMessage(
 )
 SCHEMAS = [made.schema() for made in MESSAGES.values()]
 ALL: list[FleetMessage] = [
-    StateMessage("online", AT, "0.1.0"),
+    StateMessage("online", AT, "0.1.0", "pc-7"),
     StatusMessage(AT, "7006", "receiving", True, False, False, 7, 1, 12, 24, 0.5),
     EVENT,
     FiguresMessage(AT, "connected", 120.5, 0, 60, 2),

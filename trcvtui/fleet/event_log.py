@@ -27,6 +27,8 @@ class KeptEvent(NamedTuple):
     status: str
     title: str
     text: str
+    file: str  # of the recording, on the machine of the agent
+    scan: int | None
 
 
 class _RunSeqs:
@@ -119,4 +121,8 @@ def _kept(event: EventMessage, boot: str, seq: int) -> KeptEvent:
     title = str(cause.get("cause") or " ".join(str(each) for each in names if each) or event.kind)
     peer = cause.get("peer")
     told = f"{text} ({peer})" if peer and str(peer) not in text else text
-    return KeptEvent(event.t, seq, boot, event.kind, event.status or "", title, told)
+    scan = cause.get("scan")
+    return KeptEvent(
+        event.t, seq, boot, event.kind, event.status or "", title, told,
+        str(cause.get("file") or ""), scan if isinstance(scan, int) else None,
+    )  # fmt: skip

@@ -9,13 +9,18 @@ from __future__ import annotations
 
 from collections import deque
 from fnmatch import fnmatchcase
-from pathlib import Path
 from typing import Final
 
 from trcvtui import clock
 from trcvtui.errors import UserError
-from trcvtui.fleet.broker import BrokerConnection, Came, Connected, Lost, Subscribed, SubscriptionRefused
-from trcvtui.fleet.fetch import Fetch, request_topic
+from trcvtui.fleet.broker import (
+    BrokerConnection,
+    Connected,
+    IncomingMessage,
+    Lost,
+    Subscribed,
+    SubscriptionRefused,
+)
 from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, Topic, encoded, read, topic_of
 
@@ -55,7 +60,7 @@ class FleetReader:
         self.refused = 0  # messages
         self.told = ""  # the newest line on one of them
         self._told_at = -TELL_NS
-        self._waiting: dict[object, Came] = {}
+        self._waiting: dict[object, IncomingMessage] = {}
         self._waiting_bytes = self._numbers = self._dropped = 0
         self._topics: dict[str, Topic] = {}
         self._connections = 0  # so far
@@ -65,7 +70,6 @@ class FleetReader:
         self._last: deque[FleetAgent] = deque()
         self._underway: dict[int, FleetAgent | None] = {}  # subscriptions; None: the first of two of an agent
         self._settling: deque[tuple[int, FleetAgent]] = deque()
-        self.fetch: Fetch | None = None  # the newest recording that was asked for
 
     @property
     def is_complete(self) -> bool:
@@ -77,9 +81,7 @@ class FleetReader:
         """Hear what has come, and look at it for at most so long."""
         for news in self._connection.news():
             match news:
-                case Came(topic, payload) if self.fetch is not None and topic == self.fetch.topic:
-                    self.fetch.take(payload, now)
-                case Came():
+                case IncomingMessage():
                     self._wait(news, now)
                 case Connected():
                     self.is_up, self.why = True, ""
@@ -98,8 +100,6 @@ class FleetReader:
             self.refused += self._connection.dropped - self._dropped
             self._dropped = self._connection.dropped
             self._tell(TOO_MANY, now)
-        if self.fetch is not None:
-            self.fetch.look(now)
         self._look(now, wall, now + most_ns)
         self._ask()
         while self._settling and now >= self._settling[0][0] and not self._waiting:
@@ -112,14 +112,6 @@ class FleetReader:
             self._again_at = now + AGAIN_NS
             self._ask_again()
 
-    def ask_recording(self, agent: FleetAgent, minutes: float, folder: Path, now: int) -> None:
-        """Ask an agent for its newest recording, unless one is on its way."""
-        if self.fetch is not None and not self.fetch.is_over:
-            return
-        self.fetch = fetch = Fetch(agent.site, agent.name, folder, now)
-        self._connection.subscribe(((fetch.topic, 1),))
-        self._connection.publish(request_topic(agent.site, agent.name), fetch.request(minutes))
-
     def _lost(self, why: str) -> None:
         self.is_up, self.why, self._miss_at = False, why, None
         for each in (self._first, self._last, self._underway, self._settling):
@@ -127,7 +119,7 @@ class FleetReader:
 
     # -- messages ----------------------------------------------------------------------------------------
 
-    def _wait(self, came: Came, now: int) -> None:
+    def _wait(self, came: IncomingMessage, now: int) -> None:
         key: object = came.topic
         if came.topic.endswith("/event"):
             self._numbers += 1
@@ -152,7 +144,7 @@ class FleetReader:
             if clock.now_ns() > until:
                 return
 
-    def _take(self, came: Came, wall: float) -> None:
+    def _take(self, came: IncomingMessage, wall: float) -> None:
         topic = self._topics.get(came.topic)
         if topic is None:
             topic = topic_of(came.topic)

@@ -233,7 +233,7 @@ class SeenFleet:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
-                agent.state, agent.since = StateMessage("offline", wall, agent.state.version), wall
+                agent.state, agent.since = agent.state.offline(wall), wall
                 self._changed.update(agent.lines.values())
                 self.version += 1
 

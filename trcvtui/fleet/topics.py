@@ -132,10 +132,16 @@ class StateMessage(FleetMessage):
         MessageKey("state", "state", "state"),
         TIME,
         MessageKey("version", "version", "text"),
+        MessageKey("host", "host", "text"),
     )
     state: str
     t: float
     version: str
+    host: str
+
+    def offline(self, t: float) -> StateMessage:
+        """Return what its last will would have told."""
+        return StateMessage("offline", t, self.version, self.host)
 
 
 @dataclass(frozen=True, slots=True)

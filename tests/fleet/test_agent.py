@@ -67,9 +67,9 @@ class FakeConnection(BrokerConnection):
         self.waiting: list[News] = []
         self.sent: list[tuple[str, bytes, bool]] = []
 
-    def news(self) -> list[News]:
+    def news(self) -> Iterator[News]:
         taken, self.waiting = self.waiting, []
-        return taken
+        return iter(taken)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
         self.sent.append((topic, payload, is_retained))

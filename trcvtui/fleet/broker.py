@@ -304,7 +304,7 @@ class BrokerConnection:
         client.on_connect = self._on_connect
         client.on_disconnect = self._on_disconnect
         client.on_message = lambda _, __, message: self._append(
-            IncomingMessage(message.topic, message.payload, message.retain)
+            IncomingMessage(message.topic, bytes(message.payload), message.retain)
         )
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe

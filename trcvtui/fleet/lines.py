@@ -46,8 +46,7 @@ class SeenInstance:
     ) -> EventMessage:
         """Return a new event with the next number."""
         self.count += 1
-        plain = {"id": f"{boot}-{self.count}", "t": at, "kind": kind, "STATUS": status, "cause": cause}
-        made = EventMessage.from_plain(plain, "an event of ours")
+        made = EventMessage(f"{boot}-{self.count}", at, kind, status, cause)
         self.recent.append(made)
         return made
 

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from textual.pilot import Pilot
 
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
@@ -15,7 +16,6 @@ from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
 from trcvtui import clock
 from trcvtui.fleet.broker import Broker, Connected, IncomingMessage, Lost
 from trcvtui.fleet.topics import StatusMessage
-from trcvtui.records import replace
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
 from trcvtui.tui.widgets.line_view import Row
@@ -202,7 +202,7 @@ async def test_a_card_shows_what_comes_meanwhile_and_what_is_missing() -> None:
 
 async def test_a_card_tells_on_which_machine_in_which_file_and_at_which_scan_to_look() -> None:
     async with on_fleet() as screen:
-        place = {"text": "reset", "scan": 812, "file": "/var/runs/line/line-0003.pcapng"}
+        place: dict[str, object] = {"text": "reset", "scan": 812, "file": "/var/runs/line/line-0003.pcapng"}
         came = replace(event(9), t=NOW, cause=place)
         await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/event", came))
         await screen.press("down", "enter")

@@ -41,10 +41,10 @@ class PlantBroker:
         self._news: list[News] = [Connected(), *_messages()]
         self._taken = self.dropped = 0
 
-    def news(self) -> list[News]:
+    def news(self) -> Iterator[News]:
         """Return what has come."""
         news, self._news = self._news, []
-        return news
+        return iter(news)
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         """Take it: all is there."""

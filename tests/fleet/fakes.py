@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import cast
 
 from trcvtui.fleet.broker import BrokerConnection, IncomingMessage, News, Subscribed
@@ -52,21 +53,21 @@ class FakeBroker:
     def __init__(self, pattern: str = "*") -> None:
         self.dropped = 0
         self.asked: list[tuple[str, ...]] = []
-        self._news: list[News] = []
+        self.waiting: list[News] = []
         self._taken = 0
         self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
         self.now, self.wall = 0, NOW
 
-    def news(self) -> list[News]:
-        news, self._news = self._news, []
-        return news
+    def news(self) -> Iterator[News]:
+        while self.waiting:
+            yield self.waiting.pop(0)
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
         return len(self.asked)
 
     def tell(self, *news: News, seconds: float = 0.0) -> None:
-        self._news += news
+        self.waiting += news
         self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
         self.reader.turn(self.now, self.wall, 1 << 62)
 

@@ -165,16 +165,16 @@ class FleetScreen(Screen[None]):
         if is_old or version != self._shown:
             self._shown = version
             self._aged_at = now if is_old else self._aged_at
-            self.order(is_old)
+            self.order()
         else:
             self.table.show()
         self.tell()
         return True
 
-    def order(self, is_old: bool = False) -> None:
+    def order(self) -> None:
         """Make the list."""
         wall = self.wall()
-        ordered = self._reader.fleet.ordered(wall, is_old)
+        ordered = self._reader.fleet.ordered(wall)
         self.head.shown = ordered
         lines = filtered(ordered, self._typed) if self._typed else ordered
         entries: list[Entry] = grouped(lines, self._by, self._opened, wall) if self._by else [*lines]

@@ -1,8 +1,8 @@
 """Events of one instance as a reader keeps them: the newest, each once, and how many are missing.
 
 An event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. What lies between two
-numbers is missing until `recent` or a late message brings it. Of a run MOST_SEQS numbers are known one by one;
-what lies below them counts as known.
+numbers is missing until `recent` or a late message brings it. Of a run MOST_SEQS numbers are known one by
+one; what lies below them counts as known.
 """
 
 from __future__ import annotations

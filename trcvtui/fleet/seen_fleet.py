@@ -145,10 +145,8 @@ class FleetLine:
         state = self.figures.state if self.figures is not None else ""
         last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
         names = f"{self.agent.site}/{self.agent.name}/{self.name}"
-        shown = [
-            f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
-        ]
-        return " ".join((names, SHOWN[self.shows], state, last, *shown)).casefold()
+        codes = [each.status.status for each in self.instances.values() if each.status is not None]
+        return " ".join((names, SHOWN[self.shows], state, last, *self.instances, *codes)).casefold()
 
 
 def _badness(instance: FleetInstance) -> tuple[bool, int]:

@@ -288,7 +288,7 @@ def _agent(args: SimpleNamespace) -> int:
     except ValueError as wrong:
         raise mistake("--packets", str(wrong), "a program and its arguments") from None
     settings = AgentSettings(
-        path, args.kernel, args.site, name, broker, page, record, args.with_payload, args.allow_fetch, packets
+        path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
     )
     return run_agent(settings, _load_bench(path))
 
@@ -781,7 +781,6 @@ def _add_agent(parser: ArgumentRows) -> None:
     parser.add_argument("--record", metavar="DIR", help="keep each run: numbered files")
     parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
-    parser.add_argument("--allow-fetch", action="store_true", help="readers may ask for what --record keeps")
     parser.add_argument(
         "--packets", metavar="COMMAND", help='of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
     )

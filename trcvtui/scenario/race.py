@@ -4,7 +4,7 @@ Each dialect has a bench of its own with a simulated network, the same seed and 
 take each step together and let scans pass together: a command reaches all of them in the same scan.
 
 Rule 1: nothing is aligned. A row is one scan; who is later is later.
-Rule 2: `expect` is left edge. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
+Rule 2: `expect` is left out. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
 after the first; in whom it did not hold is noted. A STATUS that says something else there, or nothing, is not
 waited for: 0001 of one vendor is no 0001 of another.
 Rule 3: a step lets a partner send the bytes that it sends in the scenario's own dialect, whatever the layout.

@@ -7,6 +7,7 @@ reading and writing; the page docs/udt.md has to name it.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,6 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.conftest import own_folders as own_folders  # yanks go there
 from tests.tui.lab.test_lab_screen import lab, project
 from trcvtui.project.file import load_project
-from trcvtui.records import replace
 from trcvtui.tui.completion import complete
 from trcvtui.tui.lab.lab import PROFILE_WORDS
 from trcvtui.udt.byte_text import BYTE_FORMS

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
-from trcvtui.records import replace
 from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of

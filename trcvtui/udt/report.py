@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import repeat
 from operator import attrgetter, itemgetter
 from typing import Final
 
@@ -16,6 +15,7 @@ from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
+from trcvtui.wording import in_columns
 
 Row = tuple[str, ...]
 
@@ -135,20 +135,6 @@ def _extent(have: int, size: int) -> str:
 def _notes(layout: Layout) -> list[str]:
     names = unverified(layout)
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
-
-
-def in_columns(rows: Iterable[Row], sides: str) -> Iterator[str]:
-    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
-    columns = [_printable(column) for column in zip(*rows, strict=True)]
-    padded = [
-        map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
-        for side, column in zip(sides, columns, strict=True)
-    ]
-    return map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
-
-
-def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
-    return column if "".join(column).isprintable() else tuple(map(one_line, column))
 
 
 def json_lines(record: object) -> str:

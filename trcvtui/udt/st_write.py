@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
-from trcvtui.records import replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.types import (

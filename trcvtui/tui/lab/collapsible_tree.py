@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from itertools import accumulate
-from typing import Final
+from typing import Final, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion, indices
 from trcvtui.udt.types import Array, Struct, Type, Union, type_text

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
-from trcvtui.records import NamedTuple, replace
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.binding import Binding
@@ -15,7 +15,6 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
-from trcvtui.records import NamedTuple
 from trcvtui.tui import messages
 from trcvtui.tui.copy_formats import Format, Subject
 from trcvtui.tui.formatting import plain

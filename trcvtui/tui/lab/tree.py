@@ -5,12 +5,11 @@ A row that differs has the mark `≠`: in its place, its size, its type or its v
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.binding import Binding
 
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.lab.collapsible_tree import Key, Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab

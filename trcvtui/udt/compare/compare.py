@@ -9,17 +9,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
 from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.report import in_columns, json_text, json_value, leaf_type_text, place_text
+from trcvtui.udt.report import (
+    json_text,
+    json_value,
+    leaf_type_text,
+    place_text,
+)
 from trcvtui.udt.types import StringType
+from trcvtui.wording import in_columns
 
 Pair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.records import NamedTuple, dataclass
 from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.likelihood import (
     CAUSES,

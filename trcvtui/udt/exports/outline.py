@@ -6,9 +6,9 @@ Rule: each STRUCT is written once, however many members have its type, and an ar
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.types import Array, Struct, Type, Union

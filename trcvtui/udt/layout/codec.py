@@ -10,9 +10,8 @@ import struct
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedLeaf, PlacedStruct, PlacedUnion
 

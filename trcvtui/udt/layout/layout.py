@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from array import array
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.records import NamedTuple, dataclass, field, replace
 from trcvtui.udt.layout.codec import Codec, codec_of
 from trcvtui.udt.layout.layout_tree import (
     Leaf,

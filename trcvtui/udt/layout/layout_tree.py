@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.coding import Coding
 from trcvtui.udt.types import Array, LeafType
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.udt.corpus import FULL, OWN, cuts, files, needs_given, of_others
-from tests.udt.xml_writer import bare
+from tests.udt.st_texts import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as hyp
 
-from tests.udt.xml_writer import bare
+from tests.udt.st_texts import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
 from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
@@ -293,3 +295,21 @@ def test_constants_of_global_variables_are_read() -> None:
 def test_each_plcopen_mistake_is_one_line(type_: str, line: str) -> None:
     (found,) = lines_of(plcopen(data_type(type_)))
     assert line in found and found.startswith("F:3:")
+
+
+SAMPLES = (
+    PLCOPEN.format(types=data_type(STRUCT), version="tc6_0200", more=""),
+    OPENNESS.format(
+        '<Member Name="a" Datatype="Array[0..3] of Struct"><Member Name="b"/></Member>'
+    ),
+)
+
+
+@given(hyp.sampled_from(SAMPLES), hyp.data())
+def test_a_sample_with_a_part_left_out_ends_in_types_or_lines(text: str, data: hyp.DataObject) -> None:
+    begin = data.draw(hyp.integers(0, len(text)))
+    end = data.draw(hyp.integers(begin, min(len(text), begin + 60)))
+    try:
+        read_xml_file(text[:begin] + text[end:], "F")
+    except UserError as refused:
+        assert refused.lines()

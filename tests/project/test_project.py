@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import golden
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
@@ -237,36 +238,14 @@ def test_of_a_file_in_an_unknown_dialect_the_dialect_alone_is_wrong() -> None:
     assert caught.value.lines() == ["bench.toml: dialect: found 's7-9000', expected s7-1500"]
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (SMALLEST, "s.toml: scenario: found nothing, expected a table [scenario] with steps"),
-        (f"scenario = 3\n{SMALLEST}", "s.toml: scenario: found 3, expected a table [scenario] with steps"),
-        (
-            SMALLEST + "model = 3",
-            "s.toml: scenario: found nothing, expected a table [scenario] with steps\n"
-            "s.toml: connect C1: model: found an unknown key, expected one of name, ActiveEstablished, "
-            "LocalAddress, LocalPort, RemoteAddress, RemotePort, SendDelayOpt, KeepAliveTimeInterval",
-        ),
-        (
-            'project = "x.toml"\nmodel = "T3"\n[scenario]\n',
-            's.toml: model: found an unknown key beside project = "...", expected one of project, scenario',
-        ),
-        ("project = 1\n[scenario]\n", "s.toml: project: found 1, expected a text in quotes"),
-        (
-            'project = "x.toml"\n[scenario]\n',
-            "x.toml: found No such file or directory, expected a TOML file that can be read",
-        ),
-    ],
-)
-def test_a_mistake_in_the_frame_of_a_scenario(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, line: str
-) -> None:
+def test_a_mistake_in_the_frame_of_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("s.toml").write_text(text)
-    with pytest.raises(UserError) as caught:
+
+    def load(text: str) -> None:
+        Path("s.toml").write_text(text)
         load_scenario_document("s.toml")
-    assert caught.value.lines() == line.split("\n")
+
+    golden.mistakes("frames of scenarios", load)
 
 
 def test_a_project_alone_knows_no_scenario_key() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
+from trcvtui.errors import Problem
 from trcvtui.udt.ast import Declarations, Formula, MemberSpec, Reference
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.type_set import TypeSet, join
@@ -57,3 +58,8 @@ def _bare(value: object) -> object:
         case tuple():
             return tuple(_bare(part) for part in value)
     return value
+
+
+def problems_of(read: Declarations) -> tuple[Problem, ...]:
+    """Return what is wrong in the types, and beside them."""
+    return (*(problem for type_ in read.types for problem in type_.problems), *read.problems)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests import golden
 from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
@@ -152,57 +153,8 @@ def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
     assert members_of(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": ELEMENTARY["REAL"]}
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("TYPE T STRUCT", "f.st:1:8: found 'STRUCT', expected ':'"),
-        ("TYPE T :\n  STRUCT\n\ta INT;\nEND_STRUCT END_TYPE", "f.st:3:4: found 'INT', expected ':'"),
-        ("TYPE T : STRUCT a : INT b : INT; END_STRUCT END_TYPE", "f.st:1:25: found 'b', expected ';'"),
-        ("TYPE T : STRUCT a : INT := 5 b : INT; END_STRUCT END_TYPE", "f.st:1:32: found ':', expected ';'"),
-        ("TYPE T : STRUCT a : ; END_STRUCT END_TYPE", "f.st:1:21: found ';', expected a type"),
-        ("TYPE T : STRUCT a : INT := ; END_STRUCT END_TYPE", "f.st:1:28: found ';', expected a value"),
-        (
-            "TYPE T : STRUCT 5 : INT; END_STRUCT END_TYPE",
-            "f.st:1:17: found '5', expected a member or 'END_STRUCT'",
-        ),
-        (
-            "TYPE T : STRUCT a, : INT; END_STRUCT END_TYPE",
-            "f.st:1:20: found ':', expected the name of a member",
-        ),
-        (
-            "TYPE T : STRUCT a : INT; END_TYPE",
-            "f.st:1:26: found 'END_TYPE', expected a member or 'END_STRUCT'",
-        ),
-        (
-            "TYPE T : STRUCT a : INT;",
-            "f.st:1:25: found the end of the text, expected a member or 'END_STRUCT'",
-        ),
-        ("TYPE T : INT;", "f.st:1:14: found the end of the text, expected 'END_TYPE'"),
-        ("TYPE : INT; END_TYPE", "f.st:1:6: found ':', expected the name of a type or 'END_TYPE'"),
-        ("TYP T : INT; END_TYPE", "f.st:1:1: found 'TYP', expected 'TYPE'"),
-        ("TYPE T : ARRAY[0..] OF INT; END_TYPE", "f.st:1:19: found ']', expected a whole number"),
-        ("TYPE T : ARRAY[0 9] OF INT; END_TYPE", "f.st:1:18: found '9', expected '..'"),
-        ("TYPE T : ARRAY[9..0] OF INT; END_TYPE", "f.st:1:19: found '0', expected a number from 9 upwards"),
-        ("TYPE T : ARRAY[0..1.5] OF INT; END_TYPE", "f.st:1:19: found '1.5', expected a whole number"),
-        ("TYPE T : ARRAY[0..9 OF INT; END_TYPE", "f.st:1:21: found 'OF', expected ']'"),
-        ("TYPE T : ARRAY[0..9] INT; END_TYPE", "f.st:1:22: found 'INT', expected 'OF'"),
-        ("TYPE T : STRING[0]; END_TYPE", "f.st:1:17: found '0', expected a length of 1 or more"),
-        ("TYPE T : STRING[5); END_TYPE", "f.st:1:18: found ')', expected ']'"),
-        ("TYPE T : (A, A); END_TYPE", "f.st:1:14: found 'A', expected each name once in an enumeration"),
-        ("TYPE T : (A B); END_TYPE", "f.st:1:13: found 'B', expected ',' or ')'"),
-        ("TYPE T : (A, B) REAL; END_TYPE", "f.st:1:17: found 'REAL', expected an integer type such as INT"),
-        ("TYPE T : INT; § END_TYPE", "f.st:1:15: found '§', expected the name of a type or 'END_TYPE'"),
-        ("TYPE T : INT; (* END_TYPE", "f.st:1:15: found '(*' without an end, expected '*)'"),
-        ("TYPE T : INT; {a END_TYPE", "f.st:1:15: found '{' without an end, expected '}'"),
-        (
-            "TYPE T : STRUCT a : STRING := 'abc;\nEND_STRUCT END_TYPE",
-            "f.st:1:31: found ''' without an end, expected '''",
-        ),
-        ("\r\n\r\n  TYPE T : Foo; END_TYPE", "f.st:3:12: found 'Foo', expected a known type"),
-    ],
-)
-def test_every_error_has_its_place_and_what_was_expected(text: str, line: str) -> None:
-    assert line in lines(text)
+def test_every_error_has_its_place_and_what_was_expected() -> None:
+    golden.mistakes("types in ST", lambda text: types_of(text, "f.st").problems)
 
 
 def test_all_mistakes_of_a_file_are_found_in_reading_order() -> None:

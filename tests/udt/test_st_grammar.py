@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.udt.st_texts import INT, good, lines, member, members
+from tests.udt.st_texts import INT, good, member, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources.st import read_st
@@ -46,11 +46,6 @@ def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
     a, b = types.named("A"), types.named("B")
     assert isinstance(a, Struct) and isinstance(b, Union)
     assert (a.pack, b.pack) == (None, 2)
-
-
-def test_a_pack_mode_that_no_compiler_takes_is_told() -> None:
-    text = "{attribute 'pack_mode' := '3'} TYPE A : STRUCT x : INT; END_STRUCT END_TYPE"
-    assert lines(text) == ["f.st:1:41: found 'STRUCT', expected pack_mode 0, 1, 2, 4 or 8 instead of '3'"]
 
 
 # -- initial values --------------------------------------------------------------------------------------
@@ -166,43 +161,6 @@ def test_an_access_word_may_stand_before_a_name_and_be_one(word: str) -> None:
     assert good(f"TYPE {word} : INT; END_TYPE").names() == [word]
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (
-            "TYPE T EXTENDS Nope : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:16: found 'Nope', expected a known type",
-        ),
-        (
-            "TYPE T EXTENDS T : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:16: found 'T', which extends this, expected a type that does not extend itself",
-        ),
-        (
-            "TYPE A EXTENDS B : STRUCT END_STRUCT B EXTENDS A : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:48: found 'A', which extends this, expected a type that does not extend itself",
-        ),
-        (
-            "TYPE A : INT; T EXTENDS A : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:25: found 'A', expected a STRUCT to extend",
-        ),
-        (
-            "TYPE A : STRUCT END_STRUCT T EXTENDS A : UNION END_UNION END_TYPE",
-            "f.st:1:38: found 'A', expected a UNION to extend",
-        ),
-        (
-            "TYPE T EXTENDS A : INT; END_TYPE",
-            "f.st:1:20: found 'INT', expected STRUCT or UNION after EXTENDS",
-        ),
-        (
-            "TYPE A : STRUCT x : INT; END_STRUCT T EXTENDS A : STRUCT X : INT; END_STRUCT END_TYPE",
-            "f.st:1:58: found member 'X' a second time, expected a name that its base has not",
-        ),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_extended(text: str, line: str) -> None:
-    assert lines(text) == [line]
-
-
 def test_a_long_chain_of_bases_is_refused_and_its_lower_part_kept() -> None:
     chain = "".join(f"T{n} EXTENDS T{n + 1} : STRUCT m{n} : INT; END_STRUCT " for n in range(3000))
     types = types_of(f"TYPE {chain} T3000 : STRUCT END_STRUCT END_TYPE")
@@ -235,30 +193,6 @@ def test_bounds_and_lengths_are_worked_out(text: str, expected: str) -> None:
     constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
     types = good(f"{constants} TYPE E : (A := 2, B, C); Small : SINT(0..5); T : {text}; END_TYPE")
     assert type_text(types.named("T")) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("ARRAY[MAX..9] OF INT", "f.st:1:16: found 'MAX', which is 10, expected a number up to 9"),
-        (
-            "ARRAY[1..MAX-10] OF INT",
-            "f.st:1:19: found 'MAX-10', which is 0, expected a number from 1 upwards",
-        ),
-        ("STRING[MAX-10]", "f.st:1:17: found 'MAX-10', which is 0, expected a length of 1 or more"),
-        ("ARRAY[0..MAX/0] OF INT", "f.st:1:19: found 'MAX/0', expected no division by zero"),
-        ("SINT(0..200)", "f.st:1:10: found SINT(0..200), expected limits from -128 to 127"),
-        ("BOOL(0..1)", "f.st:1:10: found 'BOOL', expected an integer type such as INT"),
-        ("ARRAY[*] OF INT", "f.st:1:16: found '*', expected a whole number"),
-        (
-            "ARRAY[0..9999999999999999999*9] OF INT",
-            "f.st:1:19: found '9999999999999999999*9', expected a number of at most 64 bits",
-        ),
-    ],
-)
-def test_bounds_that_do_not_work_out(text: str, line: str) -> None:
-    constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
-    assert lines(f"TYPE T : {text}; END_TYPE {constants}") == [line]
 
 
 def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_ones_are_kept() -> None:

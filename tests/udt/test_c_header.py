@@ -11,7 +11,7 @@ import pytest
 
 from tests import golden
 from tests.udt.st_texts import problems_of
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import UserError
 from trcvtui.udt.ast import ArraySpec, Declaration, Declarations, Formula, PointerSpec, Reference, StructSpec
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources.c_header import read_c

@@ -58,6 +58,12 @@ def mistakes(section: str, read: Callable[[str], object]) -> None:
     agree("file_mistakes", section, said)
 
 
+def answers(section: str, read: Callable[[str], Iterable[str]]) -> None:
+    """Let each case of a section of `file_mistakes` be answered; the lines are those of the list."""
+    found = cases("file_mistakes", section)
+    agree("file_mistakes", section, [(f"{kind}: {case}", read(case)) for kind, case in found])
+
+
 def _sections(name: str) -> dict[str, str]:
     path = FOLDER / f"{name}.txt"
     parts = SECTION.split(path.read_text(encoding="utf-8") if path.exists() else "")

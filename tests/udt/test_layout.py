@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests import golden
 from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, lay_out, rules_for
@@ -125,22 +126,8 @@ def test_an_unknown_layout_or_byte_order_is_refused_with_the_known_names() -> No
         rules_for("baosky", "middle")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "ARRAY[0..999999999] OF BYTE",
-        "ARRAY[0..999999999, 0..999999999, 0..999999999] OF LREAL",
-        "ARRAY[0..131072] OF BOOL",
-        "ARRAY[0..60000] OF STRING",
-        "STRING[255]",
-        "WSTRING[255]",
-    ],
-)
-def test_what_is_too_large_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(UserError) as refused:
-        layout_of(text)
-    assert "expected at most" in str(refused.value)
-    assert len(refused.value.lines()) == 1
+def test_what_is_too_large_is_refused_in_one_line() -> None:
+    golden.mistakes("sizes", layout_of)
 
 
 def test_doubling_forty_times_is_refused_without_walking_it() -> None:

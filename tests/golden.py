@@ -58,10 +58,9 @@ def mistakes(section: str, read: Callable[[str], object]) -> None:
     agree("file_mistakes", section, said)
 
 
-def answers(section: str, read: Callable[[str], Iterable[str]]) -> None:
-    """Let each case of a section of `file_mistakes` be answered; the lines are those of the list."""
-    found = cases("file_mistakes", section)
-    agree("file_mistakes", section, [(f"{kind}: {case}", read(case)) for kind, case in found])
+def answers(section: str, read: Callable[[str], Iterable[str]], name: str = "file_mistakes") -> None:
+    """Let each case of a section be answered; the lines are those of the list."""
+    agree(name, section, [(f"{kind}: {case}", read(case)) for kind, case in cases(name, section)])
 
 
 def _sections(name: str) -> dict[str, str]:

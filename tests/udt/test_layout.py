@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests import golden
-from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
+from tests.udt.udt_strategies import bits_of, layout_of, layouts, places_of, struct_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
@@ -94,13 +94,7 @@ def test_sizes_of_the_elementary_types(text: str, size: int) -> None:
 
 def test_a_nested_structure_keeps_its_own_gaps_and_starts_on_four() -> None:
     layout = layout_of("a : BYTE; in : STRUCT x : BYTE; y : INT; z : BYTE; END_STRUCT b : BYTE;")
-    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
-        ("a", 0),
-        ("in.x", 4),
-        ("in.y", 6),
-        ("in.z", 8),
-        ("b", 12),
-    ]
+    assert places_of(layout) == ("a@0 in.x@4 in.y@6 in.z@8 b@12")
     assert layout.padding() == [(1, 3), (5, 1), (9, 3), (13, 3)]
     assert layout.size == 16
 

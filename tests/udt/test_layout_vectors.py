@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.udt.answers import show_json
-from tests.udt.udt_strategies import types_of
+from tests.udt.udt_strategies import places_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
@@ -249,15 +249,7 @@ def test_what_a_type_extends_comes_first_without_a_name_in_front() -> None:
     middle = Struct("Middle", (Member("a", T["BYTE"]),), base)
     type_ = Struct("Top", (Member("b", T["INT"]), Member("in", middle)), middle)
     layout = lay_out(type_, rules_for("codesys-8"))
-    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
-        ("id", 0),
-        ("kind", 4),
-        ("a", 8),
-        ("b", 12),
-        ("in.id", 16),
-        ("in.kind", 20),
-        ("in.a", 24),
-    ]
+    assert places_of(layout) == ("id@0 kind@4 a@8 b@12 in.id@16 in.kind@20 in.a@24")
     assert layout.number_of("Kind") == 1
     assert layout.number_of("in.KIND") == 5
     with pytest.raises(UserError, match="expected a member"):
@@ -271,15 +263,7 @@ def test_members_of_a_union_share_their_bytes() -> None:
     type_ = types.named("S")
     layout = lay_out(type_, rules_for("codesys-8"))
     assert layout.size == 16
-    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
-        ("n", 0),
-        ("u.real", 4),
-        ("u.pair.a", 4),
-        ("u.pair.b", 8),
-        ("u.raw[0]", 4),
-        ("u.raw[1]", 6),
-        ("end", 12),
-    ]
+    assert places_of(layout) == ("n@0 u.real@4 u.pair.a@4 u.pair.b@8 u.raw[0]@4 u.raw[1]@6 end@12")
     assert list(layout.padding()) == [(2, 2), (13, 3)], "the gap in one member is data of another"
     assert [layout.leaf_at(place) for place in (2, 4, 7, 8, 12)] == [None, 1, 1, 3, 6]
     data = bytes.fromhex("0100 EEEE 00509A44 07000000 09 EEEEEE")

@@ -32,36 +32,15 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
     assert types.problems == ()
     assert types.names() == ["Mode", "Speed", "Level", "State", "Telegram", "Point"]
     layout = lay_out(types.named("Telegram"), rules_for())
-    assert [(leaf.path, type_text(leaf.type), leaf.offset) for leaf in layout.leaves()] == [
-        ("id", "DINT", 0),
-        ("a", "LREAL", 4),
-        ("B", "LREAL", 12),
-        ("name", "STRING[20]", 20),
-        ("short", "STRING[5]", 42),
-        ("long", "STRING", 49),
-        ("m[1,-1]", "INT", 132),
-        ("m[1,0]", "INT", 134),
-        ("m[1,1]", "INT", 136),
-        ("m[2,-1]", "INT", 138),
-        ("m[2,0]", "INT", 140),
-        ("m[2,1]", "INT", 142),
-        ("st.x", "BYTE", 144),
-        ("st.mode", "Mode", 146),
-        ("speeds[0][0]", "REAL", 148),
-        ("speeds[0][1]", "REAL", 152),
-        ("speeds[1][0]", "REAL", 156),
-        ("speeds[1][1]", "REAL", 160),
-        ("points[2].x", "REAL", 164),
-        ("points[2].y", "REAL", 168),
-        ("points[2].ok", "BOOL", 172),
-        ("points[3].x", "REAL", 176),
-        ("points[3].y", "REAL", 180),
-        ("points[3].ok", "BOOL", 184),
-        ("t", "TIME", 188),
-        ("at_noon", "TOD", 192),
-        ("level", "INT(0..10)", 196),
-        ("state", "State", 198),
-    ]
+    found = [f"{leaf.path}:{type_text(leaf.type)}@{leaf.offset}" for leaf in layout.leaves()]
+    assert " ".join(found) == (
+        "id:DINT@0 a:LREAL@4 B:LREAL@12 name:STRING[20]@20 short:STRING[5]@42 long:STRING@49 "
+        "m[1,-1]:INT@132 m[1,0]:INT@134 m[1,1]:INT@136 m[2,-1]:INT@138 m[2,0]:INT@140 m[2,1]:INT@142 "
+        "st.x:BYTE@144 st.mode:Mode@146 speeds[0][0]:REAL@148 speeds[0][1]:REAL@152 "
+        "speeds[1][0]:REAL@156 speeds[1][1]:REAL@160 points[2].x:REAL@164 points[2].y:REAL@168 "
+        "points[2].ok:BOOL@172 points[3].x:REAL@176 points[3].y:REAL@180 points[3].ok:BOOL@184 "
+        "t:TIME@188 at_noon:TOD@192 level:INT(0..10)@196 state:State@198"
+    )
     assert layout.size == 200
 
 

@@ -36,7 +36,7 @@ from trcvtui.udt.types import (
 
 CAUSES = ("none", "header", "trailer", "word-swap", "byte-swap", "short", "long")
 FILLS = ("round", "round-16", "zeros", "constant", "ones", "text", "random-numbers", "small", "negative")
-USUAL = (
+USUAL = [
     "REAL",
     "REAL",
     "REAL",
@@ -50,7 +50,7 @@ USUAL = (
     "BOOL",
     "BOOL",
     "BYTE",
-)
+]
 RARE = ("WORD", "DWORD", "USINT", "SINT", "TIME", "DT", "DATE", "TOD", "LINT", "ULINT", "LTIME", "CHAR")
 
 

@@ -13,12 +13,11 @@ from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import decode_text, read_file, read_text
+from trcvtui.udt.sources import read_file, read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Subrange, Type, type_text
 
 DATA = Path(__file__).parent / "data"
-SAMPLES = sorted(path for path in DATA.glob("*.st") if path.name != "twincat.st")  # that one has FB instances
 
 
 def members_of(types: TypeSet, name: str) -> dict[str, Type]:
@@ -183,17 +182,6 @@ def test_nesting_ends_at_its_limit_with_a_line() -> None:
     expected = f"expected at most {MOST_NESTED} levels of STRUCT and ARRAY"
     assert lines(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
     assert not lines(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
-def test_a_file_cut_at_any_byte_gives_types_or_lines(path: Path) -> None:
-    data = path.read_bytes()
-    for end in range(len(data) + 1):
-        types = types_of(decode_text(data[:end]), "cut.st")
-        assert all("\n" not in str(problem) for problem in types.problems)
-        for name in types.names():
-            lay_out(types.named(name), rules_for())
 
 
 WORDS = """TYPE END_TYPE STRUCT END_STRUCT UNION END_UNION ARRAY OF STRING INT a b T 5 16#F POINTER TO REF_TO

@@ -121,10 +121,9 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     fits = ranked(ours.type, messages, ours.name, own=ours.rules)
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
-        import json
+        from trcvtui.udt.report import json_lines
 
-        text = json.dumps(fit_json(fits), indent=2, allow_nan=False)  # ASCII: bytes from a wire stay data
-        return text.replace("\x7f", "\\u007f"), is_sure
+        return json_lines(fit_json(fits)), is_sure
     sizes = " + ".join(f"{len(message)}" for message in messages[:8]) + (
         " + ..." if len(messages) > 8 else ""
     )

@@ -1,4 +1,4 @@
-"""ST text: the grammar row by row, the position in every error, and no text that breaks the reader."""
+"""ST text: the position in every error, no text that breaks the reader, and drawn declarations that come back."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests import golden
+from tests.udt.st_text import Writer, declarations, placeless
 from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.ast import MOST_NESTED
+from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import read_file, read_text
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Subrange, Type, type_text
 
@@ -245,3 +247,14 @@ def test_no_text_breaks_the_reader(text: str) -> None:
 @pytest.mark.timeout(5)
 def test_a_hostile_text_of_50_kilobytes_ends_soon(text: str) -> None:
     assert types_of(text).names() == []
+
+
+@pytest.mark.slow
+@given(declarations(), st.data())
+def test_what_is_written_as_st_text_comes_back_equal(
+    declared: list[Declaration], data: st.DataObject
+) -> None:
+    text = Writer(data.draw).file(declared)
+    read = read_st(text, "f.st")
+    assert read.problems == ()
+    assert [placeless(found) for found in read.types] == [placeless(known) for known in declared]

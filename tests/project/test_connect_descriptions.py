@@ -1,4 +1,4 @@
-"""`[[connect]]` of a dialect with connection descriptions: fields, bytes, mistakes, the view, what is saved."""
+"""`[[connect]]` of a dialect with connection descriptions: fields, bytes, mistakes, view, what is saved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ST text: the position in every error, no text that breaks the reader, and drawn declarations that come back."""
+"""ST text: the position in every error, no text breaks the reader, drawn declarations come back."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ soak: $(READY)
 # file, own and of others, cut at every byte: minutes.
 oracle: $(READY)
 	TRCVTUI_ORACLE=10000 $(BIN)/pytest -s -o timeout=900 tests/udt/test_oracle_gcc.py $(ARGS)
-	TRCVTUI_ORACLE=1 $(BIN)/pytest -n 2 -rs tests/udt/test_corpus_text.py tests/udt/test_corpus_xml.py $(ARGS)
+	TRCVTUI_ORACLE=1 $(BIN)/pytest -n 2 -rs tests/udt/test_corpus.py $(ARGS)
 
 bench: $(COMPARED)
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import trcvtui
-from trcvtui.cli.main import COMMANDS, _arguments, main
+from trcvtui.cli.main import COMMANDS, main, parser_of
 
 TELEGRAM = "TYPE Telegram : STRUCT id : DINT; speed : REAL; flag : BOOL; END_STRUCT END_TYPE\n"
 TWO_TYPES = TELEGRAM + "TYPE Other : STRUCT a : INT; END_STRUCT END_TYPE\n"
@@ -229,13 +229,24 @@ def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_
     _, _, refused = run(capsys, "frob")
     assert re.findall("'([a-z]+)'", refused)[1:] == list(COMMANDS)
     for line in shown:
-        assert _arguments(line.split()).command is not None
+        assert parser_of(line.split()).parse_args(line.split()).command is not None
 
 
 def test_the_help_of_status_names_the_dialects(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = run(capsys, "status", "--help")
     assert (code, err) == (0, "")
     assert "dialects: baosky" in out
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_commands_options_and_files(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys, "completion", shell)
+    assert (code, err) == (0, "")
+    assert {*COMMANDS, "decode", "dialect"} <= {*re.findall("[a-z]+", out)}
+    if shell == "bash":
+        ask = 'COMP_WORDS=(trcvtui scenario --d); COMP_CWORD=2; _shtab_trcvtui; echo "${COMPREPLY[@]}"'
+        done = subprocess.run(["bash", "-c", f"{out}\n{ask}"], capture_output=True, text=True, check=True)
+        assert done.stdout == "--dialect\n"
 
 
 # -- udt ------------------------------------------------------------------------------------------------
@@ -368,7 +379,7 @@ def test_a_full_disk_after_stdout_is_one_line() -> None:
 
 IMPORTED = """
 import sys
-from trcvtui.cli.main import COMMANDS, _arguments, main
+from trcvtui.cli.main import main
 main(sys.argv[1:])
 print(*(name for name in ("textual", "rich", "asyncio", "multiprocessing", "socket") if name in sys.modules))
 """
@@ -399,7 +410,7 @@ def test_the_demo_needs_a_terminal(capfd: pytest.CaptureFixture[str]) -> None:
 STARTED = """
 import os, sys
 import trcvtui.engine.driver as driver
-from trcvtui.cli.main import COMMANDS, _arguments, main
+from trcvtui.cli.main import main
 os.isatty = lambda number: True
 def started(path, kernel, netns=False, read_only=False, record=None):
     print(path.name, kernel, "textual" in sys.modules)

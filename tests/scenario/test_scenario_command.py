@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from tests.scenario.scenarios import CONFIGS
-from trcvtui.cli.main import KERNELS, main
+from trcvtui.cli.main import main
+from trcvtui.cli.options import KERNELS
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 PULSE = "set TRCV_C_1 CONT=1 EN_R=1\nrun 4\nexpect TRCV_C_1 trace 0001 7001 7002 80A1!"

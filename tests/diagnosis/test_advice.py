@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.bench.told import UP, Told
@@ -10,7 +12,6 @@ from trcvtui.diagnosis import advice
 from trcvtui.diagnosis.advice import RULES, Moves, advice_on, rows
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DO
-from trcvtui.records import replace
 
 # situation, instance, the whole of why, what stands in the checks
 SITUATIONS = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,6 @@ from tests.tui.test_snapshots import FRAMES, READABLE, contrast
 from trcvtui.cli.main import main
 from trcvtui.cli.options import LOOKS
 from trcvtui.commands.snapshots import Answer
-from trcvtui.records import replace
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen

@@ -6,13 +6,13 @@ Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenari
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import SplitRow, TrialSnapshot
 from trcvtui.commands.words import PeerSend, TrySplits
-from trcvtui.records import dataclass, field, replace
 from trcvtui.wording import in_columns
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart

@@ -41,7 +41,6 @@ def add_agent(parser: Parser) -> None:
     parser.add_argument("--record", metavar="DIR", type=Path, help="keep each run: numbered files")
     parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
     add_no_secrets(parser)
-    parser.add_argument("--allow-fetch", action="store_true", help="readers may ask for what --record keeps")
     about = 'of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
     parser.add_argument("--packets", metavar="COMMAND", help=about)
     about = "publish the evidence of findings, which may have bytes"
@@ -79,7 +78,7 @@ def _agent(args: Args) -> int:
     except ValueError as wrong:
         raise mistake("--packets", str(wrong), "a program and its arguments") from None
     settings = AgentSettings(
-        path, args.kernel, args.site, name, broker, page, record, args.with_payload, args.allow_fetch, packets
+        path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
     )
     return run_agent(settings, load_bench(path))
 

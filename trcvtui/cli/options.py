@@ -162,8 +162,4 @@ def print_text(text: str) -> int:
 
 
 def print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.wording import pages
-
-    for page in pages(lines):
-        print_text("\n".join(page))
-    return GOOD
+    return print_text("\n".join(lines))

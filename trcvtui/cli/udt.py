@@ -92,12 +92,12 @@ def _encode(args: Args) -> int:
 
 
 def _add_export(parser: Parser) -> None:
-    from trcvtui.udt.exports import EXPORTS
+    from trcvtui.udt.exports import LANGUAGES
 
     _add_type(parser, _export)
-    about = ", ".join(f"{row.name}: {row.title} ({row.extension})" for row in EXPORTS.values())
-    parser.add_argument("--to", metavar="|".join(EXPORTS), required=True, help=about)
-    parser.add_argument("--port", type=int, help="lua: the TCP port; default: by Decode As")
+    about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
+    parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
+    parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
     parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
 
@@ -119,7 +119,7 @@ def _compare(args: Args) -> int:
 
     lines, is_equal = command.compare(args)
     print_lines(lines)
-    return GOOD if is_equal() else FAILED
+    return GOOD if is_equal else FAILED
 
 
 def _add_fit(parser: Parser) -> None:
@@ -165,7 +165,7 @@ COMMANDS = {
     "show": ("members with offset, size, type; padding", _add_show),
     "decode": ("bytes to values, as far as they go", _add_decode),
     "encode": ("values to bytes, as hex on stdout", _add_encode),
-    "export": ("the type for Wireshark, Kaitai or ImHex", _add_export),
+    "export": ("the type for Wireshark", _add_export),
     "compare": ("two layouts side by side; exit 1 where they differ", _add_compare),
     "fit": ("which layout, byte order or other cause fits the bytes; exit 1: not sure", _add_fit),
     "cure": ("the type or the swap code that cures a mismatch", _add_cure),

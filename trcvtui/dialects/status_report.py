@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
-from trcvtui.records import dataclass, replace
 from trcvtui.wording import in_columns
 
 CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)

@@ -8,6 +8,7 @@ Rule 3: a step lets a partner send the bytes that it sends in the scenario's own
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -20,7 +21,6 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 from trcvtui.scenario.report import FollowingJson, JsonLines, Text, Write, json_text
 from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario

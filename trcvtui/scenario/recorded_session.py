@@ -14,6 +14,7 @@ import json
 import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -33,7 +34,6 @@ from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.project.text import with_files_from
-from trcvtui.records import dataclass, replace
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
-from trcvtui.records import NamedTuple
 
 if TYPE_CHECKING:
     from trcvtui.fleet.fleet_list import Entry

@@ -83,7 +83,7 @@ TIMING: Final = (
     ("m", "first and second marker: the distance in scans and ms stands in the title"),
     ("f, esc", "follow or stand; back to now"),
     ("o", "the other instances of this CONNECT, too"),
-    ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
+    ("e", "write a VCD (GTKWave, PulseView)"),
 )
 PEER: Final = (
     ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),

@@ -9,7 +9,7 @@ from pathlib import Path
 from trcvtui.cli.options import (
     GOOD,
     Args,
-    Parser,
+    CommandParser,
     add_commands,
     add_kernel,
     add_netns,
@@ -32,7 +32,7 @@ from trcvtui.paths import given_path
 FORMATS = ("text", "jsonl", "junit")
 
 
-def add_run(parser: Parser) -> None:
+def add_run(parser: CommandParser) -> None:
     parser.set_defaults(command=_run)
     add_project(parser)
     add_kernel(parser)
@@ -46,7 +46,7 @@ def _run(args: Args) -> int:
     return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_to(args))
 
 
-def add_serve(parser: Parser) -> None:
+def add_serve(parser: CommandParser) -> None:
     parser.set_defaults(command=_serve)
     add_project(parser)
     add_kernel(parser)
@@ -65,7 +65,7 @@ def _serve(args: Args) -> int:
     return GOOD
 
 
-def add_examples(parser: Parser) -> None:
+def add_examples(parser: CommandParser) -> None:
     parser.set_defaults(command=_examples)
     parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
 
@@ -79,7 +79,7 @@ def _examples(args: Args) -> int:
     return print_lines(lines)
 
 
-def add_scenario(parser: Parser) -> None:
+def add_scenario(parser: CommandParser) -> None:
     parser.set_defaults(command=_scenario)
     parser.last_words = lambda: f"formats: {', '.join(FORMATS)}; {dialect_names()}"
     parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path)
@@ -104,7 +104,7 @@ def _scenario(args: Args) -> int:
     return run_files(args.files, args.kernel, args.format, out, args.set, args.netns, record, args.dialect)
 
 
-def add_record_command(parser: Parser) -> None:
+def add_record_command(parser: CommandParser) -> None:
     parser.set_defaults(command=_record)
     add_project(parser)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="of the numbered files")
@@ -126,7 +126,7 @@ def _record(args: Args) -> int:
     return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, follow())
 
 
-def add_replay(parser: Parser) -> None:
+def add_replay(parser: CommandParser) -> None:
     parser.set_defaults(command=_replay)
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
@@ -155,7 +155,7 @@ def _replay(args: Args) -> int:
     return replay_file(args.file, args.check, args.format)
 
 
-def add_recording(parser: Parser) -> None:
+def add_recording(parser: CommandParser) -> None:
     rows = {
         "strip": ("a copy to hand on", _add_strip),
         "dissector": ("print what shows the journal in Wireshark (Lua)", _add_dissector),
@@ -163,7 +163,7 @@ def add_recording(parser: Parser) -> None:
     add_commands(parser, rows, required=True)
 
 
-def _add_strip(parser: Parser) -> None:
+def _add_strip(parser: CommandParser) -> None:
     parser.set_defaults(command=_strip)
     parser.add_argument("source", metavar="IN", type=given)
     parser.add_argument("target", metavar="OUT", type=given)
@@ -182,7 +182,7 @@ def _strip(args: Args) -> int:
     return GOOD
 
 
-def _add_dissector(parser: Parser) -> None:
+def _add_dissector(parser: CommandParser) -> None:
     parser.set_defaults(command=_dissector)
 
 

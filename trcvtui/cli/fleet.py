@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trcvtui.cli.options import (
     Args,
-    Parser,
+    CommandParser,
     add_kernel,
     add_no_secrets,
     add_project,
@@ -23,13 +23,13 @@ from trcvtui.errors import mistake
 BROKER = "the broker; user and password: TRCVTUI_MQTT_.."
 
 
-def _add_certificates(parser: Parser) -> None:
+def _add_certificates(parser: CommandParser) -> None:
     parser.add_argument("--mqtt-ca", metavar="FILE", help="who may have signed its certificate (PEM)")
     parser.add_argument("--mqtt-cert", metavar="FILE", help="ours")
     parser.add_argument("--mqtt-key", metavar="FILE", help="of --mqtt-cert")
 
 
-def add_agent(parser: Parser) -> None:
+def add_agent(parser: CommandParser) -> None:
     parser.set_defaults(command=_agent)
     add_project(parser)
     add_kernel(parser)
@@ -83,7 +83,7 @@ def _agent(args: Args) -> int:
     return run_agent(settings, load_bench(path))
 
 
-def add_fleet(parser: Parser) -> None:
+def add_fleet(parser: CommandParser) -> None:
     parser.set_defaults(command=_fleet)
     parser.add_argument("url", metavar="mqtts://HOST", help=BROKER)
     parser.add_argument("--site", metavar="PATTERN", default="*", help='such as "plant*"; default: all')

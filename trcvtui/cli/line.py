@@ -11,7 +11,7 @@ from trcvtui.cli.options import (
     GOOD,
     WRONG_INPUT,
     Args,
-    Parser,
+    CommandParser,
     add_format,
     add_kernel,
     add_plc,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from trcvtui.net.tap import Route
 
 
-def _add_shadows(parser: Parser, plc: str = "guessed") -> None:
+def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
     parser.last_words = dialect_names
     add_project(parser, "whose instances look on")
     add_plc(parser, plc)
@@ -43,7 +43,7 @@ def _add_shadows(parser: Parser, plc: str = "guessed") -> None:
 # -- watch ----------------------------------------------------------------------------------------------
 
 
-def add_watch(parser: Parser) -> None:
+def add_watch(parser: CommandParser) -> None:
     parser.set_defaults(command=_watch)
     about = "pcapng or pcap, also .gz; one capture; - is stdin, as it grows"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
@@ -99,7 +99,7 @@ who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 # -- tap ------------------------------------------------------------------------------------------------
 
 
-def add_tap(parser: Parser) -> None:
+def add_tap(parser: CommandParser) -> None:
     parser.set_defaults(command=_tap)
     places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
     parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
@@ -165,7 +165,7 @@ def _tap_record(path: str | None) -> IO[bytes] | None:
 # -- conversations, doctor, report ----------------------------------------------------------------------
 
 
-def add_conversations(parser: Parser) -> None:
+def add_conversations(parser: CommandParser) -> None:
     parser.set_defaults(command=_conversations)
     about = "pcapng or pcap, also .gz; one capture"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
@@ -185,7 +185,7 @@ def _conversations(args: Args) -> int:
     return print_lines(conversations_of(args.files, args.plc, args.format, known))
 
 
-def add_doctor(parser: Parser) -> None:
+def add_doctor(parser: CommandParser) -> None:
     parser.set_defaults(command=_doctor)
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
@@ -265,7 +265,7 @@ def _run_for(path: Path, args: Args, folder: str) -> list[str]:
     return [str(file) for file in sorted(out.iterdir())]
 
 
-def add_report(parser: Parser) -> None:
+def add_report(parser: CommandParser) -> None:
     parser.set_defaults(command=_report)
     parser.add_argument("file", metavar="FILE", type=given_path, help="a recording or a capture, also .gz")
     about = "a new file, or an older report"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trcvtui.cli.options import (
     Args,
-    Parser,
+    CommandParser,
     add_format,
     add_project,
     dialect_names,
@@ -15,11 +15,12 @@ from trcvtui.cli.udt import add_udt
 from trcvtui.errors import mistake
 
 
-def add_status(parser: Parser) -> None:
+def add_status(parser: CommandParser) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = dialect_names
-    about = "80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
-    parser.add_argument("code", metavar="CODE", nargs="?", help=about)
+    parser.add_argument(
+        "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
+    )
     parser.add_argument("--dialect", metavar="NAME", help="default: the first below; json: all")
     parser.add_argument("--all", action="store_true", help="of all dialects")
     parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
@@ -55,7 +56,7 @@ def _status(args: Args) -> int:
     return print_text(report.as_text(telling, others, asked))
 
 
-def add_st(parser: Parser) -> None:
+def add_st(parser: CommandParser) -> None:
     parser.set_defaults(command=_st)
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
@@ -69,7 +70,7 @@ def _st(args: Args) -> int:
     return print_text(st_text(project, names))
 
 
-def add_completion(parser: Parser) -> None:
+def add_completion(parser: CommandParser) -> None:
     parser.set_defaults(command=_completion)
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
     parser.description = 'Prints what completes `trcvtui` in a shell: eval "$(trcvtui completion bash)"'
@@ -83,7 +84,7 @@ def _completion(args: Args) -> int:
     return print_text(shtab.complete(parser, args.shell))
 
 
-def _prepare(parser: Parser) -> None:
+def _prepare(parser: CommandParser) -> None:
     """Show the commands, which help leaves out, and let what names a file be completed by files."""
     from argparse import _SubParsersAction
 

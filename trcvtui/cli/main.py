@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui import __version__, lane_note
 from trcvtui.cli import bench, fleet, line, look_up
-from trcvtui.cli.options import GOOD, WRONG_INPUT, Args, Parser, add_commands, add_theme
+from trcvtui.cli.options import GOOD, WRONG_INPUT, Args, CommandParser, add_commands, add_theme
 from trcvtui.cli.screen import open_screen
 from trcvtui.errors import UserError
 from trcvtui.paths import demo_path
@@ -72,9 +72,9 @@ def _run_command(given: Sequence[str]) -> int:
         return INTERRUPTED
 
 
-def parser_of(given: Sequence[str]) -> Parser:
+def parser_of(given: Sequence[str]) -> CommandParser:
     """Return the parser of a line, which has the command that the line begins with, or all."""
-    parser = Parser(prog="trcvtui", usage="trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]")
+    parser = CommandParser(prog="trcvtui", usage="trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]")
     parser.description = _overview()
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}{lane_note()}")
     parser.given = given

@@ -41,7 +41,7 @@ class _Help(argparse.HelpFormatter):
         return text if "\n" in text else super()._fill_text(text, width, indent)
 
 
-class Parser(argparse.ArgumentParser):
+class CommandParser(argparse.ArgumentParser):
     """One line for a mistake; the last lines of the help are made when somebody asks for them."""
 
     def __init__(self, **settings: Any) -> None:
@@ -60,11 +60,11 @@ class Parser(argparse.ArgumentParser):
         return super().format_help()
 
 
-Row = tuple[str, Callable[[Parser], None]]  # what a command does; what adds its arguments
+Row = tuple[str, Callable[[CommandParser], None]]  # what a command does; what adds its arguments
 Rows = Mapping[str, Row]
 
 
-def add_commands(parser: Parser, rows: Rows, metavar: str = "WHAT", **settings: Any) -> None:
+def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **settings: Any) -> None:
     """Let the first word be a command; where it was given, it is made alone: each takes a millisecond."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
@@ -77,45 +77,45 @@ def add_commands(parser: Parser, rows: Rows, metavar: str = "WHAT", **settings: 
 # -- options --------------------------------------------------------------------------------------------
 
 
-def add_format(parser: Parser, *names: str, is_text_default: bool = False) -> None:
+def add_format(parser: CommandParser, *names: str, is_text_default: bool = False) -> None:
     default = None if is_text_default else names[0]
     parser.add_argument("--format", choices=names, default=default, help=f"default: {default or 'text'}")
 
 
-def add_kernel(parser: Parser, default: str = "live", of: str = "") -> None:
+def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> None:
     parser.add_argument("--kernel", choices=KERNELS, default=default, help=f"{of}default: {default}")
 
 
-def add_project(parser: Parser, help: str | None = None) -> None:
+def add_project(parser: CommandParser, help: str | None = None) -> None:
     """Add the project: the first word, or with a text an option."""
     parser.add_argument(
         "--project" if help else "project", metavar="PROJECT.toml", type=given_path, help=help
     )
 
 
-def add_plc(parser: Parser, default: str = "guessed") -> None:
+def add_plc(parser: CommandParser, default: str = "guessed") -> None:
     parser.add_argument("--plc", metavar="ADDR[:PORT]", help=f"the PLC end; default: {default}")
 
 
-def add_set(parser: Parser, help: str) -> None:
+def add_set(parser: CommandParser, help: str) -> None:
     parser.add_argument("--set", metavar="PATH=VALUE", action="append", default=[], help=help)
 
 
-def add_theme(parser: Parser, default: str | None = argparse.SUPPRESS) -> None:
+def add_theme(parser: CommandParser, default: str | None = argparse.SUPPRESS) -> None:
     about = "dark, light, ansi or a theme of Textual such as nord; default: dark; "
     about += "ansi where the terminal has 16 colours or fewer"
     parser.add_argument("--theme", choices=LOOKS, metavar="NAME", default=default, help=about)
 
 
-def add_netns(parser: Parser) -> None:
+def add_netns(parser: CommandParser) -> None:
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
 
 
-def add_no_secrets(parser: Parser) -> None:
+def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
 
 
-def add_record(parser: Parser, places: str) -> None:
+def add_record(parser: CommandParser, places: str) -> None:
     parser.add_argument("--record", metavar=places, help="keep the run: pcapng, also for Wireshark")
     parser.add_argument("--overwrite", action="store_true", help="where a recording stands already")
     add_no_secrets(parser)

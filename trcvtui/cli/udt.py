@@ -9,7 +9,7 @@ from trcvtui.cli.options import (
     FAILED,
     GOOD,
     Args,
-    Parser,
+    CommandParser,
     add_commands,
     add_format,
     given,
@@ -20,12 +20,12 @@ from trcvtui.cli.options import (
 BYTES = "HEX|@FILE|-"
 
 
-def add_udt(parser: Parser) -> None:
+def add_udt(parser: CommandParser) -> None:
     add_commands(parser, COMMANDS, required=True)
 
 
 def _add_type(
-    parser: Parser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
+    parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
 ) -> None:
     parser.set_defaults(command=command)
     parser.last_words = _last_words
@@ -56,7 +56,7 @@ def _last_words() -> str:
     return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
-def _add_show(parser: Parser) -> None:
+def _add_show(parser: CommandParser) -> None:
     _add_type(parser, _show, ("text", "json"))
 
 
@@ -66,7 +66,7 @@ def _show(args: Args) -> int:
     return print_lines(command.show(args))
 
 
-def _add_decode(parser: Parser) -> None:
+def _add_decode(parser: CommandParser) -> None:
     _add_type(parser, _decode, ("text", "json", "md", "csv"))
     parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
 
@@ -77,7 +77,7 @@ def _decode(args: Args) -> int:
     return print_lines(command.decode(args))
 
 
-def _add_encode(parser: Parser) -> None:
+def _add_encode(parser: CommandParser) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
     _add_type(parser, _encode, tuple(BYTE_FORMS))
@@ -91,7 +91,7 @@ def _encode(args: Args) -> int:
     return print_text(command.encode(args))
 
 
-def _add_export(parser: Parser) -> None:
+def _add_export(parser: CommandParser) -> None:
     from trcvtui.udt.exports import LANGUAGES
 
     _add_type(parser, _export)
@@ -108,7 +108,7 @@ def _export(args: Args) -> int:
     return print_text(text) if text else GOOD
 
 
-def _add_compare(parser: Parser) -> None:
+def _add_compare(parser: CommandParser) -> None:
     _add_type(parser, _compare, ("text", "json"), twice=True)
     more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
@@ -122,7 +122,7 @@ def _compare(args: Args) -> int:
     return GOOD if is_equal else FAILED
 
 
-def _add_fit(parser: Parser) -> None:
+def _add_fit(parser: CommandParser) -> None:
     _add_type(parser, _fit, ("text", "json"))
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
@@ -142,7 +142,7 @@ def _fit(args: Args) -> int:
     return GOOD if is_sure else FAILED
 
 
-def _add_cure(parser: Parser) -> None:
+def _add_cure(parser: CommandParser) -> None:
     _add_type(parser, _cure, twice=True)
     parser.description = (
         "Prints the type for our side that lies as theirs does, and swap code for the sender where the byte "

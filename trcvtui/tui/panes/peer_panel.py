@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -30,6 +30,7 @@ from trcvtui.tui.peer_commands import (
     receiver_for,
 )
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import ResultScreen, text_rows
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
 
@@ -201,9 +202,8 @@ class PeerNotes(LineView, can_focus=False):
         return rows
 
 
-if TYPE_CHECKING:
-    from trcvtui.tui.forms.split_test_screen import TrialScreen
-
+WAITING: Final = "waits for the engine"
+HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space lets them go on"
 LETTERS = "scfrhzuleadb"
 
 
@@ -233,7 +233,8 @@ class PeerPanel(Vertical):
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._notes = PeerNotes(view_model)
         self._preview = "", ""
-        self._trial: TrialScreen | None = None
+        self._trial: ResultScreen | None = None
+        self._trial_line = ""  # what has begun it
         self._speaks = bool(view_model.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
@@ -292,10 +293,13 @@ class PeerPanel(Vertical):
         self.show_trial()
 
     def show_trial(self) -> None:
-        """Show the table of a trial that is open."""
+        """Show the table of a trial that is open; close it where the engine has refused the trial."""
         if self._trial is not None:
-            self._trial.answered(self._view_model.answers.values())
-            self._trial.show()
+            answers = self._view_model.answers.values()
+            if any(answer.error and answer.line == self._trial_line for answer in answers):
+                self._trial.dismiss(None)  # the prompt says why
+            else:
+                self._trial.show()
 
     def _show_preview(self) -> None:
         button, peer = self._pointed_at(), self._view_model.peer_snapshot
@@ -375,15 +379,22 @@ class PeerPanel(Vertical):
 
     def open_trial(self, line: str = "") -> None:
         """Open the table of the trial that this line has begun."""
-        from trcvtui.tui.forms.split_test_screen import TrialScreen  # read when first asked for
-
-        self._trial = TrialScreen(self._view_model, self._actions.submit, line)
+        self._trial_line = line
+        self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
         self.app.push_screen(self._trial, self._trial_left)
 
-    def _trial_left(self, place: int | None) -> None:
+    def _trial_rows(self, width: int) -> list[Row]:
+        from trcvtui.bench.split_test import trial_text  # read when first asked for
+
+        picture = self._view_model.picture
+        trial = picture.trial if picture is not None else None
+        if trial is None:
+            return [row((WAITING, "dim"))]
+        held = trial.state == "running" and picture is not None and picture.holding
+        return [*([row((HELD, "hold"))] if held else []), *text_rows(trial_text(trial), width)]
+
+    def _trial_left(self, nothing: None) -> None:
         self._trial = None
-        if place:
-            self.composer.cut_at(place)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Show the command that the fields make now."""

@@ -62,7 +62,7 @@ def subject_of(
     lacks = sum(map(len, holes))  # of a capture
     size = count(len(content), "byte") + f" ({lacks} not captured: 00 here)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
-    return Subject(view_model.project, content, declared, edges, plain(title))
+    return Subject(view_model.project, content, declared, edges, title)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ class YankList(LineView, inherit_bindings=False):
     def row_at(self, y: int) -> Row:
         form = FORMATS[y]
         text = self.texts[form.letter]
-        begins = plain(" ".join(text[:200].split())) if text else "nothing there"
+        begins = " ".join(text[:200].split()) if text else "nothing there"
         chosen = y == self.cursor
         return row(
             ("▸ " if chosen else "  ", "key"),

@@ -61,7 +61,7 @@ class PeerList(LineView):
         if not self._view_model.project.peers:
             return row(("no peer in this project: the partner is a real device", "dim"))
         if y >= len(peers):
-            return row((f"  {plain(self._view_model.project.peers[y].name)}", "dim"))
+            return row((f"  {self._view_model.project.peers[y].name}", "dim"))
         return self._row(peers[y])
 
     def _row(self, peer: PeerSnapshot) -> Row:
@@ -69,7 +69,7 @@ class PeerList(LineView):
         style = self.cursor_style(selected)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (pad(clip(plain(peer.name), 12), self._name_width()) + " ", "strong"),
+            (pad(clip(peer.name, 12), self._name_width()) + " ", "strong"),
             (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
             (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
@@ -87,7 +87,7 @@ class PeerList(LineView):
     def _ends(self, peer: PeerSnapshot) -> str:
         roomy = self._roomy()
         width = max((cells(_ends(each, roomy)) for each in self._view_model.peers), default=0)
-        return pad(plain(_ends(peer, roomy)), width) + "  "
+        return pad(_ends(peer, roomy), width) + "  "
 
     def _name_width(self) -> int:
         return min(12, max((cells(peer.name) for peer in self._view_model.peers), default=4))
@@ -185,7 +185,7 @@ class PeerNotes(LineView, can_focus=False):
         trial = self._view_model.picture.trial if self._view_model.picture else None
         if trial is None or trial.peer != peer.name:
             return []
-        text = clip(plain(trial.summary()), self.line_width - 15)
+        text = clip(trial.summary(), self.line_width - 15)
         return [
             row(("every split: ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
         ]
@@ -197,7 +197,7 @@ class PeerNotes(LineView, can_focus=False):
         for number, reply in enumerate(peer.replies, 1):
             missed = f" missed {reply.missed}" if reply.missed else ""
             head, hits = f"reply {number} ", f"{reply.hits:>6}×{missed}  "
-            text = clip(plain(reply.rule), self.line_width - len(head) - len(hits))
+            text = clip(reply.rule, self.line_width - len(head) - len(hits))
             rows.append(row((head, "label"), (hits, "on" if reply.hits else "dim"), (text, "")))
         return rows
 
@@ -265,11 +265,7 @@ class PeerPanel(Vertical):
 
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
-        name = (
-            plain(self._view_model.peer)
-            if self._view_model.peer or not self.lines.names
-            else self.lines.chosen
-        )
+        name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.chosen
         kind = "Peer" if self.first is self.peers else "Line"
         title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
         if title != self._title or not self.border_title:
@@ -373,7 +369,7 @@ class PeerPanel(Vertical):
 
     def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
         if self.composer.text.strip():
-            self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
+            self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {peer.name} talks to")
         else:
             self.composer.ask_for_payload("split")
 

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.tui.formatting import clip, pad, plain, wrapped
+from trcvtui.tui.formatting import clip, pad, wrapped
 from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
@@ -140,8 +140,8 @@ class ChoiceList(LineView, inherit_bindings=False):
         return row(
             ("▸ " if chosen else "  ", "key"),
             ("● " if name == self.now else "  ", "on"),
-            (pad(clip(plain(name), NAME - 1), NAME), "strong" if chosen else ""),
-            (clip(plain(about), max(8, self.line_width - NAME - 4)), "dim"),
+            (pad(clip(name, NAME - 1), NAME), "strong" if chosen else ""),
+            (clip(about, max(8, self.line_width - NAME - 4)), "dim"),
             style="cursor" if chosen else "",
         )
 
@@ -188,7 +188,7 @@ class ChoiceScreen(ListDialog[str | None]):
 
     def _narrow(self, typed: str) -> None:
         self._list.narrow(typed)
-        self._list.set_title(None, self._title, f"{plain(typed)}…" if typed else "↑↓ enter")
+        self._list.set_title(None, self._title, f"{typed}…" if typed else "↑↓ enter")
 
     def action_back(self) -> None:
         """Take the last letter back."""

@@ -75,7 +75,6 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             "lab",
             "udt open /etc/passwd",
             "scenarios",
-            "race",
             "export timing vcd",
             "save project",
             "",

@@ -11,14 +11,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.table import pin_named, shown_by
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.records import NamedTuple
 
 LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
 CODES: Final = "codes"

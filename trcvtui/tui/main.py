@@ -128,7 +128,7 @@ if TYPE_CHECKING:
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
-SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
+SCENARIOS: Final = "scenarios"  # the line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
 PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))

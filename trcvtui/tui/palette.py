@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from inspect import isawaitable
-from typing import Final
+from typing import Final, NamedTuple
 
 from textual.actions import parse
 from textual.app import SystemCommand
@@ -18,9 +18,8 @@ from textual.widget import Widget
 
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
-from trcvtui.records import NamedTuple
 from trcvtui.tui.forms.fields import TITLES
-from trcvtui.tui.main import RACE, MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -269,11 +268,6 @@ def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
-    yield SystemCommand(
-        "Dialect race",
-        "the session since the mark through several dialects · key D",
-        partial(bench.submit, RACE),
-    )
     for title, about, action in (
         ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
         ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
@@ -23,7 +23,6 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -7,7 +7,7 @@ partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Final, NamedTuple, Self
 
 from rich.segment import Segment
 from rich.style import Style
@@ -20,7 +20,6 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells, plain
 from trcvtui.tui.widgets.theme import composed
 

@@ -91,7 +91,7 @@ def test_a_scenario_on_real_sockets(path: Path) -> None:
 
 
 def walk(
-    records: list[dict[str, object]], waits: tuple[object, ...]
+    records: list[dict[str, object]], waits: tuple[object, ...] = OF_THE_LINK["baosky"]
 ) -> dict[object, list[tuple[object, ...]]]:
     """Return what each instance showed, in order; what waits for the link counts once."""
     walks: dict[object, list[tuple[object, ...]]] = {}

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
@@ -55,13 +56,11 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    expected_name,
     of_text,
     parse_reference,
     shown,
     whole,
 )
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
 
 if TYPE_CHECKING:
@@ -262,7 +261,7 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     """Return what a structure says of an ADDR, None where it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
-        table.wrong("type", shown(type_name), expected_name(type_name, ADDRESSES, "structure"))
+        table.unknown("type", type_name, ADDRESSES, "structure")
         table.know(*table.rest())
         return None
     raw = table.read("bytes", DB_BYTES)
@@ -408,7 +407,7 @@ def read_written(table: Table, number: int, structures: tuple[str, ...]) -> Writ
     """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
-        table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
+        table.unknown("type", type_name, CONNECTIONS, "structure")
         table.know(*table.rest())
         return None
     raw = table.read("bytes", DB_BYTES)

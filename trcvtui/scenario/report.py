@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import dataclass
 from trcvtui.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure
@@ -285,7 +285,7 @@ def json_text(record: Mapping[str, object]) -> str:
 
 
 def outputs_record(edge: StatusEdge) -> dict[str, object]:
-    """Return the keys of an instance; an output that its block does not have is left edge."""
+    """Return the keys of an instance; an output that its block does not have is left out."""
     record: dict[str, object] = {
         "instance": edge.instance,
         "block": edge.block,

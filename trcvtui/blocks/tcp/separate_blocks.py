@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.conditions import Condition
@@ -20,7 +21,6 @@ from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownConnection
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
-from trcvtui.records import replace
 
 
 class Tcon:
@@ -33,7 +33,7 @@ class Tcon:
         self._part = ConnectionControl(bound.env, bound.connection, bound.claim())
         self._req = False
         self._triggered = False
-        self._is_told = False  # DONE has show_loss for this trigger
+        self._is_told = False  # DONE has told of this trigger
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, 7002, then 7004, with DONE for the first."""
@@ -102,7 +102,7 @@ class Tdiscon:
         return lit(show_disconnect(self._connection, cause), self._script)
 
     def stop(self, reason: str) -> None:
-        """Forget what was still to be show_loss."""
+        """Forget what was still to be shown."""
         self._script.clear()
 
     def detach(self, reason: str) -> None:
@@ -145,10 +145,10 @@ class TReset:
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
-        show_loss = lit(show_reset(self._connection, cause, self._env.rules.course.reset), self._script)
+        shown = lit(show_reset(self._connection, cause, self._env.rules.course.reset), self._script)
         self._script.append(_REBUILDING)
         self._rebuilds = True
-        return show_loss
+        return shown
 
     def _view(self) -> Outcome:
         if self._connection.state is State.CLOSED:
@@ -163,7 +163,7 @@ class TReset:
         return _UP
 
     def stop(self, reason: str) -> None:
-        """Forget what was still to be show_loss."""
+        """Forget what was still to be shown."""
         self._script.clear()
 
     def detach(self, reason: str) -> None:
@@ -190,9 +190,9 @@ class Tsend:
         loss = self._link.lost()
         if loss is not None:
             return self._lost(loss, req_rose)
-        show_loss = self._link.next_shown()
-        if show_loss is not None and not req_rose:
-            return show_loss
+        shown = self._link.next_shown()
+        if shown is not None and not req_rose:
+            return shown
         self._link.is_new(self.job.claim)
         if self._link.is_known():
             return self._send(inputs, req_rose)

@@ -10,11 +10,10 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
-from trcvtui.records import NamedTuple
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st import read_spec, read_st
@@ -221,7 +220,7 @@ def _content(path: Path) -> bytes:
     try:
         data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
-        raise mistake(str(path), reason_of(failed), READABLE) from None
+        raise mistake(str(path), reason_of(failed), READABLE, "file") from None
     if len(data) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes of source text")
     return data

@@ -21,7 +21,6 @@ from trcvtui.commands.counters_and_checksums import (
     as_order,
     in_order,
 )
-from trcvtui.commands.patterns import StreamPattern
 from trcvtui.commands.tokens import (
     MOST_BYTES,
     Payload,
@@ -42,7 +41,6 @@ from trcvtui.commands.words import (
     Contains,
     FieldIs,
     Match,
-    Matches,
     PeerClose,
     PeerConnect,
     PeerListen,
@@ -442,25 +440,6 @@ def _starts(words: Words, project: Project) -> Starts:
     return Starts(payload.content, payload.text)
 
 
-def _matches(words: Words, project: Project) -> Matches:
-    expected = 'a pattern in double quotes such as "id=[0-9]+;"'
-    written = words.next(expected)
-    if len(written) < 3 or written[0] != '"' or written[-1] != '"':
-        raise words.wrong(shown(written), expected)
-    pattern = written[1:-1]
-    try:
-        found = re.compile(pattern.encode())
-    except (re.error, OverflowError, RecursionError) as wrong:
-        raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern") from None
-    if found.search(b"") is not None:
-        raise words.wrong(f"{shown(pattern)}, which fits where nothing is", "a pattern that needs a byte")
-    try:
-        StreamPattern(pattern.encode())
-    except ValueError as wrong:
-        raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern that a stream can be asked for") from None
-    return Matches(pattern)
-
-
 def _field(words: Words, project: Project) -> FieldIs:
     word = words.next("a UDT and a member such as Telegram.id = 7")
     target, equals, value = word.partition("=")
@@ -484,7 +463,6 @@ def _field(words: Words, project: Project) -> FieldIs:
 MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {
     "contains": _contains,
     "starts": _starts,
-    "regex": _matches,
     "field": _field,
 }
 

@@ -19,7 +19,7 @@ from trcvtui.commands.edit import add_line, read_add, read_remove, read_undo
 from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, read_peer_command
 from trcvtui.commands.reader import after, read_create, read_delete, read_download, read_resize
 from trcvtui.commands.tokens import Words, quoted
-from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Matches, Mend, Starts, Step
+from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Mend, Starts, Step
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
@@ -114,8 +114,6 @@ def match_text(match: Match) -> str:
             return f"contains {text or 'hex ' + payload.hex(' ')}"
         case Starts(payload, text):
             return f"starts {text or 'hex ' + payload.hex(' ')}"
-        case Matches(pattern):
-            return f'regex "{pattern}"'
         case FieldIs(type_name, path, value):
             return f"field {type_name}.{path} = {value_text(value)}"
 

@@ -65,7 +65,7 @@ class SimulatedAgent:
 
     def state(self, state: str) -> bytes:
         """Return what it retains of itself."""
-        return StateMessage(state, time.time(), "0").to_json()
+        return StateMessage(state, time.time(), "0", "pc-7").to_json()
 
     def _on_connect(self, *told: object) -> None:
         self.is_begun = True

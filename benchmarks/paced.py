@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import time
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +21,6 @@ from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recorder import recorder_of
-from trcvtui.records import replace
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400

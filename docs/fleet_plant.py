@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, cast
 
 from trcvtui import clock
-from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, News, Subscribed
+from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, News, Subscribed
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
 from trcvtui.fleet.topics import (
@@ -41,10 +41,10 @@ class PlantBroker:
         self._news: list[News] = [Connected(), *_messages()]
         self._taken = self.dropped = 0
 
-    def news(self) -> list[News]:
+    def news(self) -> Iterator[News]:
         """Return what has come."""
         news, self._news = self._news, []
-        return news
+        return iter(news)
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         """Take it: all is there."""
@@ -53,17 +53,17 @@ class PlantBroker:
         return self._taken
 
 
-def _messages() -> Iterator[Came]:
+def _messages() -> Iterator[IncomingMessage]:
     random.seed(4)
     for agent in range(AGENTS):
         site, name = f"plant{agent % 4 + 1}", f"{NAMES[agent % len(NAMES)]}-{agent + 1:02}"
         state = "offline" if agent in OFFLINE else "online"
-        yield _told((site, name, "", ""), StateMessage(state, NOW - 420, "0.1.0"))
+        yield _told((site, name, "", ""), StateMessage(state, NOW - 420, "0.1.0", f"{site}-{name}"))
         for line in range(1, LINES + 1):
             yield from _line((site, name, f"C{line}", f"TRCV_C_{line}"))
 
 
-def _line(place: tuple[str, str, str, str]) -> Iterator[Came]:
+def _line(place: tuple[str, str, str, str]) -> Iterator[IncomingMessage]:
     chance, (code, words, call, errno, text) = random.random(), random.choice(FAULTS)
     errors = 0 if chance < 0.6 else random.randint(1, 30)
     is_bad = bool(errors) and chance > 0.9
@@ -80,8 +80,8 @@ def _line(place: tuple[str, str, str, str]) -> Iterator[Came]:
         yield _told(place, EventMessage(f"b-{number}", t, "error", code, cause))
 
 
-def _told(place: tuple[str, str, str, str], message: FleetMessage) -> Came:
-    return Came(str(Topic(*place, message.KIND)), message.to_json(), True)
+def _told(place: tuple[str, str, str, str], message: FleetMessage) -> IncomingMessage:
+    return IncomingMessage(str(Topic(*place, message.KIND)), message.to_json(), True)
 
 
 async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:

@@ -81,10 +81,6 @@ def keys(*names: str) -> Keys:
 DEMO: Final[Play] = (295,)
 DROPPED: Final[Play] = (960,)
 BUSY: Final[Play] = (312,)  # the demo in the middle of a telegram that comes in pieces
-RACE: Final[Play] = (
-    "set TRCV_C_1 CONT=1 EN_R=1", 4, "peer P1 connect", 3, "peer P1 send hex 01 02 03 04 05 06 07 08", 3,
-    keys("D"),
-)  # fmt: skip
 LAB: Final[Play] = (300, keys("L", "b"), Typed("message"), keys("enter"))  # as it was sent
 SENT: Final[Play] = (
     "set TSEND_C_1 CONT=1",
@@ -194,10 +190,6 @@ SHOWN: Final = (
             MADE_UP, (keys("down", "down", "down", "enter"),), WIDE),
     Picture("fleet-80x24", "The same fleet at 80x24, by cause", ("fleet",),
             MADE_UP, (keys("g", "g"),), SMALL),
-    Picture("race", "`D`: the dialect race: the same pins and bytes through several dialects, scan by scan",
-            ("race",), CONFIGS / "passive.toml", (*RACE, keys("4", "n", "n", "n", "n")), WIDE),
-    Picture("race-80x24", "The dialect race at 80x24", ("race",), CONFIGS / "passive.toml",
-            (*RACE, keys("n", "n", "n")), SMALL),
     Picture("description", "`C` in pane 2: the connection description byte for byte, its flaw at its field",
             ("description",), CONFIGS / "scenarios" / "siemens" / "description-faults.toml",
             (1, keys("2", "C", "right", "right")), SMALL),

@@ -99,7 +99,7 @@ def test_a_second_class_of_a_name_is_told_with_both_places_and_what_to_do(tmp_pa
 
 PARSERS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "rpartition", "split"}
 TOLD = {"detail", "reason", "why", "said", "told", "last_loss"}  # fields that hold a text of ours
-BY_NAME = {"records.py", "c_header.py", "c_parse.py"}  # makes classes; reads pycparser when there is a header
+BY_NAME = {"c_header.py", "c_parse.py"}  # makes classes; reads pycparser when there is a header
 SAID_ONCE = {"advice.py"}  # a pin that the name of a cause says already is not said twice
 PARSED = "parses a text that we have made: give the event a field for it, make the text in the view"
 NAMED = "knows a class by its name: ask with isinstance, or let a table have the classes themselves as keys"

@@ -138,7 +138,6 @@ def test_a_fifo_a_device_and_a_folder_are_refused_at_once(tmp_path: Path) -> Non
         ["udt", "decode", "t.st", "--type", "T", "@PIPE"],
         ["udt", "export", "t.st", "--to", "lua", "--out", "PIPE"],
         ["st", "PIPE"],
-        ["race", "PIPE"],
     ],
     ids=lambda words: " ".join(words),
 )

@@ -27,7 +27,7 @@ def test_every_pane_and_every_screen_is_in_the_gallery() -> None:
     screen = MainScreen(ViewModel(bench_project()), lambda line: None)
     panes = {pane.id for pane in (screen.instances, *screen._panes().values())}
     screens = {path.parent.name for path in (ROOT / "trcvtui" / "tui").glob("*/screen.py")}
-    assert len(panes) == 8 and screens == {"lab", "race", "scenarios"}
+    assert len(panes) == 8 and screens == {"lab", "scenarios"}
     screens |= {"main", "framings", "help", "description", "yank", "fleet"}
     shown = {pane for picture in make_pictures().SHOWN for pane in picture.shows}
     assert (panes | screens) - shown == set(), "draw it in docs/make_pictures.py"

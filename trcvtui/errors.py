@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-
-from trcvtui.records import dataclass
+from dataclasses import dataclass
 
 MOST_SHOWN = 10
 

@@ -1,8 +1,12 @@
-"""What sentences say: ages, counts, sizes."""
+"""What sentences say: ages, counts, sizes; tables as text."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from itertools import repeat
 from typing import Final
+
+from trcvtui.errors import one_line
 
 SECOND: Final = 1_000_000_000
 IN_SECONDS: Final = 120  # shorter times are told in seconds alone
@@ -59,3 +63,17 @@ def utc_text(ns: int) -> str:
     except OverflowError:  # a file may claim any time
         return f"{ns} ns after 1970-01-01T00:00:00Z"
     return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
+    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
+    columns = [_printable(column) for column in zip(*rows, strict=True)]
+    padded = [
+        map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
+        for side, column in zip(sides, columns, strict=True)
+    ]
+    return map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
+
+
+def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
+    return column if "".join(column).isprintable() else tuple(map(one_line, column))

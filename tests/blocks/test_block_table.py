@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -25,7 +26,6 @@ from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_text
 from trcvtui.project.text import with_entries
-from trcvtui.records import replace
 from trcvtui.tui.completion import complete
 from trcvtui.tui.panes.function_block import drawing_of
 

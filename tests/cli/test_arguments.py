@@ -27,7 +27,7 @@ status
 status 7006 --dialect baosky
 status --block TRCV_C 7006
 st a.toml TRCV_C_1
-race a.toml --dialect a --dialect b
+scenario a.toml --dialect a --dialect b
 conversations a.pcapng b.pcap --plc 10.0.0.5:2000 --format json
 recording strip a.pcapng b.pcapng --no-payload --anonymise
 recording dissector

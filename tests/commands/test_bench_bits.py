@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.bench.bench_project import bench_project
@@ -9,7 +11,6 @@ from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import Expect, MemberIs
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.types import ELEMENTARY, Member, Struct
 

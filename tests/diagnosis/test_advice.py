@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -32,7 +33,6 @@ from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.file import read_project
-from trcvtui.records import replace
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.scenario.step_runner import StepRunner
 

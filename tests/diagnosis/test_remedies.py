@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,6 @@ import pytest
 from tests.diagnosis.doctor_cases import FAULTS, built
 from tests.diagnosis.test_doctor import found_in
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.records import replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
 

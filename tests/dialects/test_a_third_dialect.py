@@ -12,7 +12,6 @@ import pytest
 from tests.dialects.nordwind import NORDWIND
 from trcvtui.cli.main import main
 from trcvtui.dialects import DIALECTS
-from trcvtui.scenario.race import race_file, summary
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"
 
@@ -109,18 +108,12 @@ def test_its_codes_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
     assert "16#E002" in told and "The partner is gone" in told
 
 
-def test_it_races_against_baosky(tmp_path: Path) -> None:
-    race = race_file(scenario(tmp_path, RECEIVING), ["nordwind", "baosky"])
-    (raced,) = race.instances
-    assert raced.dialects == ("nordwind", "baosky")
-    assert summary(raced).startswith("first differ in scan 1: 0020 vs 0001; ")
-    kept = [row for row in raced.rows if "RCVD_LEN" in row.differs]  # EN_R fell: one keeps its job
-    assert [shown.rcvd_len for row in kept for shown in row.shown if shown] == [4, 0]
-    gone = [row for row in raced.rows if "ERROR" in row.differs]  # idle, and the partner closes
-    assert [(shown.status, shown.error) for shown in gone[-1].shown if shown] == [
-        (0xE002, True),
-        (0x7002, False),
-    ]
+def test_it_stands_beside_baosky(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ["scenario", str(scenario(tmp_path, RECEIVING)), "--dialect", "nordwind", "--dialect", "baosky"]
+    assert main(argv) == 1
+    where, head, *rows = capsys.readouterr().out.splitlines()
+    assert "first differ in scan 1: 0020 vs 0001" in where and head.split() == ["scan", "nordwind", "baosky"]
+    assert any(row.split()[1:3] == ["≠", "E002"] for row in rows)
 
 
 # -- nothing else names a vendor -----------------------------------------------------------------------------

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.status_report import Explained, as_page, explain, with_scenarios
-from trcvtui.records import replace
 
 
 def page(one: Explained) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -20,7 +21,6 @@ from trcvtui.dialects.status_report import (
 )
 from trcvtui.dialects.twincat.rules import TWINCAT
 from trcvtui.errors import UserError
-from trcvtui.records import replace
 
 BLOCKS = "TCON, TDISCON, TRCV, TRCV_C, TSEND, TSEND_C, T_RESET"
 TCP = replace(BAOSKY, status=STATUS)

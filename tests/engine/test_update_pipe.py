@@ -7,6 +7,7 @@ import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from trcvtui.engine.update_pipe import PARTS_A_PIECE, UpdatePipe
 from trcvtui.history.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.history.records import HistoryRequest
 from trcvtui.project.file import read_project
-from trcvtui.records import replace
 
 FAR_AWAY = 10_000_000_000
 BIG = 60_000

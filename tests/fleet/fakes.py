@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import cast
 
-from trcvtui.fleet.broker import BrokerConnection, Came, News, Subscribed
+from trcvtui.fleet.broker import BrokerConnection, IncomingMessage, News, Subscribed
 from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import SeenFleet
 from trcvtui.fleet.topics import (
@@ -42,7 +43,8 @@ def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> Figure
     return FiguresMessage(t, state, 120.5, 0, 60, errors)
 
 
-ONLINE, OFF = StateMessage("online", NOW, "0.1.0"), StateMessage("offline", NOW + 5, "0.1.0")
+ONLINE = StateMessage("online", NOW, "0.1.0", "pc-7")
+OFF = ONLINE.offline(NOW + 5)
 
 
 class FakeBroker:
@@ -51,31 +53,26 @@ class FakeBroker:
     def __init__(self, pattern: str = "*") -> None:
         self.dropped = 0
         self.asked: list[tuple[str, ...]] = []
-        self.published: list[tuple[str, bytes]] = []
-        self._news: list[News] = []
+        self.waiting: list[News] = []
         self._taken = 0
         self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
         self.now, self.wall = 0, NOW
 
-    def news(self) -> list[News]:
-        news, self._news = self._news, []
-        return news
+    def news(self) -> Iterator[News]:
+        while self.waiting:
+            yield self.waiting.pop(0)
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int:
         self.asked.append(tuple(topic.removeprefix("trcvtui/v1/") for topic, _ in topics))
         return len(self.asked)
 
-    def publish(self, topic: str, payload: bytes) -> int:
-        self.published.append((topic, payload))
-        return len(self.published)
-
     def tell(self, *news: News, seconds: float = 0.0) -> None:
-        self._news += news
+        self.waiting += news
         self.now, self.wall = self.now + int(seconds * SECOND), self.wall + seconds
         self.reader.turn(self.now, self.wall, 1 << 62)
 
-    def message(self, topic: str, message: FleetMessage) -> Came:
-        return Came(f"trcvtui/v1/{topic}", message.to_json(), True)
+    def message(self, topic: str, message: FleetMessage) -> IncomingMessage:
+        return IncomingMessage(f"trcvtui/v1/{topic}", message.to_json(), True)
 
     def take_subscriptions(self) -> None:
         while self._taken < len(self.asked):

@@ -19,7 +19,7 @@ from tests.waiting import until
 from trcvtui.cli.main import main
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import LocalDriver
-from trcvtui.fleet.broker import Broker, BrokerConnection, Came, Connected, Lost, News, Taken
+from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.publisher import EVENT, FIGURES, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
@@ -67,9 +67,9 @@ class FakeConnection(BrokerConnection):
         self.waiting: list[News] = []
         self.sent: list[tuple[str, bytes, bool]] = []
 
-    def news(self) -> list[News]:
+    def news(self) -> Iterator[News]:
         taken, self.waiting = self.waiting, []
-        return taken
+        return iter(taken)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
         self.sent.append((topic, payload, is_retained))
@@ -226,7 +226,7 @@ def reader_of(broker: Mosquitto) -> tuple[BrokerConnection, dict[str, bytes]]:
 
 def state_is(connection: BrokerConnection, heard: dict[str, bytes], wanted: str) -> bool:
     for news in connection.news():
-        if isinstance(news, Came):
+        if isinstance(news, IncomingMessage):
             heard[news.topic] = news.payload
     payload = heard.get("trcvtui/v1/s/n/state", b"")
     message = read(topic_of("trcvtui/v1/s/n/state"), payload)

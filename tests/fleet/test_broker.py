@@ -17,13 +17,13 @@ from trcvtui.fleet import broker as fleet_broker
 from trcvtui.fleet.broker import (
     Broker,
     BrokerConnection,
-    Came,
     Connected,
+    IncomingMessage,
+    LastWill,
     Lost,
     News,
     Subscribed,
     Taken,
-    Will,
     broker_of,
 )
 from trcvtui.fleet.topics import MOST_BYTES
@@ -79,7 +79,7 @@ def test_ports_of_a_url_and_a_password_that_is_in_no_text(tmp_path: Path) -> Non
 @needs_mosquitto
 def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -> None:
     reader = BrokerConnection(Broker("127.0.0.1", broker.port, False), "reader", topics=("a/#",))
-    writer = BrokerConnection(Broker("127.0.0.1", broker.port, False), "writer", Will("a/will", b"gone"))
+    writer = BrokerConnection(Broker("127.0.0.1", broker.port, False), "writer", LastWill("a/will", b"gone"))
     reader.open()
     seen(reader, Connected)
     assert writer.publish("a/b", b"too early") is None
@@ -87,7 +87,7 @@ def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -
     seen(writer, Connected)
     number = writer.publish("a/b", b"1")
     assert Taken(number or 0) in seen(writer, Taken)
-    assert seen(reader, Came)[-1] == Came("a/b", b"1", False)
+    assert seen(reader, IncomingMessage)[-1] == IncomingMessage("a/b", b"1", False)
     writer.close()
     reader.close()
 
@@ -107,10 +107,10 @@ def test_messages_of_all_sizes_arrive_whole_and_in_order_where_much_is_read_at_o
     sizes = [1, 65_535, 3, 200_000, *range(300), MOST_BYTES]
     for number, size in enumerate(sizes):
         assert writer.publish(f"{'ab'[number % 2]}/x", bytes(size)) is not None
-    found: list[Came] = []
+    found: list[IncomingMessage] = []
 
     def have_come() -> bool:
-        found.extend(each for each in reader.news() if isinstance(each, Came))
+        found.extend(each for each in reader.news() if isinstance(each, IncomingMessage))
         return len(found) == len(sizes)
 
     until(have_come)
@@ -121,16 +121,13 @@ def test_messages_of_all_sizes_arrive_whole_and_in_order_where_much_is_read_at_o
 
 
 def test_what_nobody_takes_is_bounded_in_messages_and_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet_broker, "MOST_WAITING", 5)
-    monkeypatch.setattr(fleet_broker, "MOST_WAITING_BYTES", 10)
+    monkeypatch.setattr(fleet_broker, "MOST_WAITING_BYTES", 1000)
     connection = BrokerConnection(Broker("127.0.0.1", 1, False), "reader")
-    for _ in range(8):
-        connection._tell(Came("a", b"", False))
-    assert (len(connection.news()), connection.dropped) == (5, 3)
-    for _ in range(4):
-        connection._tell(Came("a", b"123456", False))
-    connection._tell(Lost("told in any case"))
-    assert (len(connection.news()), connection.dropped) == (3, 5)
+    for kept, dropped in ((2, 6), (3, 12)):
+        for _ in range(8):
+            connection._append(IncomingMessage("a", b"123456", False))
+        assert (len([*connection.news()]), connection.dropped) == (kept, dropped)
+        connection._append(Lost("told in any case"))
 
 
 @needs_mosquitto

@@ -13,7 +13,7 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
 from trcvtui import clock
 from trcvtui.fleet import publisher, reader
-from trcvtui.fleet.broker import Broker, BrokerConnection, Will
+from trcvtui.fleet.broker import Broker, BrokerConnection, LastWill
 from trcvtui.fleet.lines import SeenInstance
 from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.reader import FleetReader, topics_of
@@ -44,7 +44,7 @@ class OneLine:
 
     def __init__(self, broker: Mosquitto, most_queued: int = 20_000) -> None:
         place = Broker("127.0.0.1", broker.port, False)
-        self.connection = BrokerConnection(place, "s/a", Will(self.topic("state"), self.state("offline")))
+        self.connection = BrokerConnection(place, "s/a", LastWill(self.topic("state"), self.state("offline")))
         self.publisher = Publisher(self.connection, DiskQueue(None, most_queued), lambda line: None)
         self.instance = SeenInstance("L", "T")
         self.publisher.retain(self.topic("state"), self.state("online"))
@@ -58,7 +58,7 @@ class OneLine:
         return str(Topic("s", "a", line, instance, kind))
 
     def state(self, state: str) -> bytes:
-        return StateMessage(state, time.time(), "0").to_json()
+        return StateMessage(state, time.time(), "0", "pc-7").to_json()
 
     def fail(self, times: int) -> None:
         """Have ERROR edges."""

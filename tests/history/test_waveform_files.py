@@ -1,9 +1,8 @@
-"""Timing as files: the VCD, read by somebody else's reader, is what the scans were; SVG and text too."""
+"""Timing as files: the VCD, read by somebody else's reader, is what the scans were."""
 
 from __future__ import annotations
 
 import signal
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import cast
 
@@ -16,8 +15,6 @@ from trcvtui.history.pin_waveform import pins_of
 from trcvtui.history.waveform_text import (
     ScanRange,
     free_path,
-    plain_text,
-    svg_text,
     target_folder,
     vcd_text,
     write_waves,
@@ -29,7 +26,6 @@ if hasattr(signal, "SIGPIPE"):
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 INTERVAL = 10_000_000
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 def read_back(text: str) -> dict[str, list[tuple[int, int | None]]]:
@@ -108,60 +104,16 @@ def test_a_vcd_between_two_markers_begins_with_what_the_pins_were() -> None:
     assert told[f"{RECEIVER}.DONE"][-2:] != told[f"{RECEIVER}.DONE"][-1:], "the pulse is inside"
 
 
-def test_the_svg_is_well_formed_and_labels_the_codes() -> None:
-    run = connected()
-    run.say("peer P1 send random 8 seed=1")
-    run.scan(20)
-    run.catch_up()
-    root = ET.fromstring(svg_text([run.wave(), run.wave(SENDER)], ScanRange(10, 30)))
-    words = [element.text for element in root.iter(f"{SVG}text")]
-    for word in (
-        "7006",
-        "TRCV_C_1 DONE",
-        "TSEND_C_1 STATUS",
-        "scan 10 at 90.000 ms  to  scan 30 at 290.000 ms",
-    ):
-        assert word in words
-    done = words.index("TRCV_C_1 DONE")
-    assert done > 0
-    heights = {
-        point.split(",")[1] for line in root.iter(f"{SVG}polyline") for point in line.attrib["points"].split()
-    }
-    assert len(heights) > 10, "levels at both heights of the rows"
-
-
-def test_the_text_draws_the_rows_and_lists_the_edges_with_their_causes() -> None:
-    run = connected()
-    run.say("peer P1 send random 8 seed=1")
-    run.scan(20)
-    run.catch_up()
-    text = plain_text([run.wave()], whole(run), 1)
-    assert text.startswith("scans 1 to 34, 1 scan a column\n")
-    done = next(line for line in text.splitlines() if line.startswith("DONE"))
-    assert done.count("█") == 1 and "watch DONE" in text
-    assert "16#7008 received" in text and "the frame is complete" in text
-
-
-@pytest.mark.slow
-def test_the_text_of_a_long_run_stays_short() -> None:
-    run = random_run(23, 9000)
-    text = plain_text([run.wave()], whole(run), 1)
-    assert "4 scans a column" in text
-    assert len(text.splitlines()) < 4000
-
-
 def test_an_existing_file_is_not_written_over(tmp_path: Path) -> None:
     run = connected()
     run.catch_up()
     path = tmp_path / "a.vcd"
-    assert write_waves(path, "vcd", [run.wave()], whole(run), 1) == path.stat().st_size
+    assert write_waves(path, [run.wave()], whole(run)) == path.stat().st_size
     with pytest.raises(UserError, match="is there already"):
-        write_waves(path, "vcd", [run.wave()], whole(run), 1)
-    assert free_path(tmp_path, "a", "vcd") == tmp_path / "a-2.vcd"
-    with pytest.raises(UserError, match="vcd, svg, text"):
-        write_waves(tmp_path / "b", "png", [run.wave()], whole(run), 1)
+        write_waves(path, [run.wave()], whole(run))
+    assert free_path(tmp_path, "a") == tmp_path / "a-2.vcd"
     with pytest.raises(UserError):
-        write_waves(tmp_path / "none" / "b.vcd", "vcd", [run.wave()], whole(run), 1)
+        write_waves(tmp_path / "none" / "b.vcd", [run.wave()], whole(run))
 
 
 def test_files_go_beside_the_project_but_never_into_the_program(

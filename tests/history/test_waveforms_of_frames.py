@@ -11,7 +11,7 @@ from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.history.pin_waveform import Waveform, WaveformCache, Window
-from trcvtui.history.waveform_text import ScanRange, drawn, plain_text, row_names, svg_text, vcd_text
+from trcvtui.history.waveform_text import ScanRange, drawn, row_names, vcd_text
 from trcvtui.project.file import load_project
 
 INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}
@@ -68,18 +68,3 @@ def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Waveform) -> None:
         pin: ("reg" if bits > 1 else "wire", bits) for pin, bits in (INPUTS | OUTPUTS).items()
     }
     assert "b10111 " in text  # Error 23
-
-
-def test_the_drawing_labels_its_numbers_and_no_pin_that_the_block_does_not_have(wave: Waveform) -> None:
-    drawing = svg_text([wave], ScanRange(1, 23))
-    for label in ("DataReceived", "LenReceiveData", "SizeReceiveData", ">23<", ">16<"):
-        assert label in drawing
-    assert "STATUS" not in drawing and "RCVD_LEN" not in drawing
-
-
-def test_the_text_lists_each_frame_with_its_error_as_a_decimal(wave: Waveform) -> None:
-    text = plain_text([wave], ScanRange(1, 23), 1)
-    assert "LenReceiveData     │0" in text
-    frames = [line for line in text.splitlines() if "DataReceived " in line and "  scan " in line]
-    assert [line.split()[4] for line in frames] == ["0", "0", "23"]
-    assert "16#" not in text

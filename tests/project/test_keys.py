@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,7 +22,6 @@ from trcvtui.project.key_rows import Ask, Key, fixed
 from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of
 from trcvtui.project.project import Project
 from trcvtui.project.tables import of_text
-from trcvtui.records import dataclass, replace
 from trcvtui.tui.completion import complete
 
 ROOT = Path(__file__).parents[2]

@@ -36,7 +36,7 @@ from trcvtui.scenario.scenario import load_bench
 SCENARIOS = CONFIGS / "scenarios"
 SHORT_FRAME = SCENARIOS / "baosky" / "80a6-fin-mid-frame.toml"
 TEXT = "<script>document.title='x'</script>&\u202e\x1b[31m"
-SHOWN = "&lt;script&gt;document.title=&#x27;x&#x27;&lt;/script&gt;&amp;\\u202e\\x1b[31m"
+SHOWN = "&lt;script&gt;document.title=&#39;x&#39;&lt;/script&gt;&amp;\\u202e\\x1b[31m"
 
 
 class Elements(HTMLParser):
@@ -176,7 +176,7 @@ def test_the_lines_of_a_screen_and_its_settings_at_the_end_are_told() -> None:
     _, entries = on_the_screen(CONFIGS / "passive.toml", lines)
     said = plain(told(entries))
     assert "command add connect C9 ActiveEstablished=false LocalPort=2900" in said
-    assert "[[connect]] name = &quot;C9&quot;" in said
+    assert "[[connect]] name = &#34;C9&#34;" in said
     assert "run again from the recording, 10 scans: the same" in said
     at_the_end = said.partition("At the end: 16#7002")[2]
     assert "waiting for any partner since scan 3" in at_the_end, "the bench was looked at after its close"
@@ -317,7 +317,7 @@ def test_no_folder_is_on_the_page_not_in_settings_and_commands_either(
     assert main(["report", str(file), "--out", str(out)]) == 0
     page = out.read_text()
     assert "plc.key" in page and not re.search("Meier|R&amp;D|certificates/", page)
-    assert "add certificate 9 file=&#x27;ca.pem&#x27;" in plain(out.read_text())
+    assert "add certificate 9 file=&#39;ca.pem&#39;" in plain(out.read_text())
 
 
 # -- the command -----------------------------------------------------------------------------------------

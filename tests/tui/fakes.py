@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from trcvtui.blocks.conditions import Condition
@@ -15,7 +16,6 @@ from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 
 HERE = Path(__file__).parent
 MS = 1_000_000

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,7 +14,6 @@ import pytest
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.records import replace
 from trcvtui.tui.doctor import DoctorScreen, FindingList
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,6 @@ from textual import events
 from tests.tui.fakes import FakeDriver, bench_project, picture, receiving
 from tests.tui.looking import SMALL, WIDE, follow, looking, screen_text, typed
 from trcvtui.project.file import load_project
-from trcvtui.records import replace
 from trcvtui.tui.app import BenchApp
 
 

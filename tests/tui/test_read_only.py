@@ -75,8 +75,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             "lab",
             "udt open /etc/passwd",
             "scenarios",
-            "race",
-            "export timing svg",
+            "export timing vcd",
             "save project",
             "",
         ):

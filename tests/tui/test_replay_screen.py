@@ -178,8 +178,8 @@ async def test_what_only_reads_works(tmp_path: Path, monkeypatch: pytest.MonkeyP
     async with on_a_recording() as looker:
         await looker.go("exclamation_mark")
         await looker.press("colon")
-        await looker.type("export timing text out.txt\r")
-        assert (tmp_path / "out.txt").exists()
+        await looker.type("export timing vcd out.vcd\r")
+        assert (tmp_path / "out.vcd").exists()
         await looker.go("y")
         assert "ank" in looker.text
         await looker.go("escape")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from textual.events import MouseDown, MouseMove, MouseUp
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.commands.snapshots import Answer
-from trcvtui.records import replace
 from trcvtui.tui import clipboard_and_files
 
 

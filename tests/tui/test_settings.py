@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,6 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.test_snapshots import FRAMES, READABLE, contrast
 from trcvtui.cli.main import LOOKS, main
 from trcvtui.commands.snapshots import Answer
-from trcvtui.records import replace
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen

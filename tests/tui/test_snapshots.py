@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import unified_diff
 from itertools import zip_longest
 from pathlib import Path
@@ -19,7 +20,6 @@ from rich.style import Style
 from tests.tui.fakes import armed, connecting, picture, received, receiving, story, written
 from tests.tui.looking import SMALL, SNAPSHOTS, UPDATE, WIDE, looking, same_as_snapshot
 from tests.tui.tour import HERE, SIZES, STOPS, THEMES, Seen, Size, tour
-from trcvtui.records import replace
 from trcvtui.scenario import scenario as scenario_files
 
 PULSE = written((880, armed()), (902, received(8)), (903, armed()))

@@ -33,7 +33,6 @@ from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.race.screen import RaceScreen
 from trcvtui.tui.replay import ReplayScreen
 from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
@@ -94,7 +93,6 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     DoctorScreen: lambda looker: DoctorScreen(looker.app.view_model),
     FramingScreen: lambda looker: FramingScreen(looker.app.view_model),
     LabScreen: lambda looker: LabScreen(looker.app.view_model, Lab(looker.app.view_model), lambda line: None),
-    RaceScreen: lambda looker: RaceScreen(looker.app.view_model, lambda line: None, None),
     ScenariosScreen: lambda looker: ScenariosScreen(
         looker.app.view_model, lambda line: None, ScenarioListModel(Found((), False), None)
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,6 @@ from tests.tui.fakes import armed, connecting, edge, picture, received, receivin
 from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import on_a_bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.records import replace
 
 LONG = written((880, armed()), (902, received(65535)), (903, armed()))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar, cast
@@ -35,7 +36,6 @@ from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.project.tables import LEAST_INTERVAL_NS
-from trcvtui.records import replace
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from trcvtui import clock
@@ -14,7 +15,6 @@ from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot
 from trcvtui.commands.words import Doctor
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 from trcvtui.wording import count
 
 if TYPE_CHECKING:

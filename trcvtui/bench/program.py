@@ -6,6 +6,7 @@ Rule: it writes what a program can write, inputs and DATA; whatever else happens
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final, Protocol
 
 from trcvtui.bench.conditions import Watched, found, holds
@@ -13,7 +14,6 @@ from trcvtui.commands import words
 from trcvtui.commands.table import parse_script
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 
 WRITES: Final = (words.Set, words.Pulse, words.Write)
 PASSES: Final = (words.RunScans, words.RunFor, words.Wait)

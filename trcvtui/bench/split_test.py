@@ -6,13 +6,14 @@ Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenari
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import SplitRow, TrialSnapshot
 from trcvtui.commands.words import PeerSend, TrySplits
-from trcvtui.records import dataclass, field, replace
+from trcvtui.wording import in_columns
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
 SETTLE_SCANS: Final = 2  # after the last byte: DONE is over, the next job is armed
@@ -198,9 +199,8 @@ def trial_text(trial: TrialSnapshot) -> str:
     """Return the table as text, a line a row."""
     size = len(trial.payload)
     lines = [f"{trial.peer}: {size} bytes to {trial.instance}, every split · {trial.summary()}"]
-    for row in trial.rows:
-        lines.append(f"{row.span():>9}  {'same   ' if row.same else 'differs'}  {row_text(row)}")
-    return "\n".join(lines) + "\n"
+    rows = [(row.span(), "same" if row.same else "differs", row_text(row)) for row in trial.rows]
+    return "\n".join((*lines, *in_columns(rows, "rll"))) + "\n"
 
 
 class SplitTests:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol
 
@@ -13,7 +14,6 @@ from trcvtui.blocks.table import BlockRow
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim
-from trcvtui.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

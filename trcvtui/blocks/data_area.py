@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, auto
-from typing import Final
-
-from trcvtui.records import NamedTuple
+from typing import Final, NamedTuple
 
 
 class Elements(Enum):

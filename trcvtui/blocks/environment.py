@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.connection.resources import Resources
-from trcvtui.records import NamedTuple, dataclass
 
 
 class BytesArrived(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from enum import Enum, StrEnum
 from operator import attrgetter
 from typing import Any, Final
@@ -10,7 +11,6 @@ from typing import Any, Final
 from trcvtui.blocks import conditions
 from trcvtui.blocks.conditions import Condition
 from trcvtui.net.results import Fault
-from trcvtui.records import dataclass
 
 
 class Why(StrEnum):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
-
-from trcvtui.records import dataclass
 
 PinValue = int  # of a BOOL pin False or True
 

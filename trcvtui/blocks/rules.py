@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final
 
@@ -11,7 +12,6 @@ from trcvtui.blocks.pins import Pin
 from trcvtui.net.connection.config import Policy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.set_up import SetUpStage
-from trcvtui.records import dataclass, field, replace
 
 # The defaults are the plain course; each answer is one row of the questionnaire (`rules.py`).
 

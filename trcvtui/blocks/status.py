@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
-from trcvtui.records import dataclass
 
 _NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 

@@ -6,12 +6,12 @@ A new block is one row here and the class that the row names; a dialect that off
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.records import dataclass
 
 MARKS: Final = ("prefix", "suffix")
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import struct
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture import pcap
-from trcvtui.records import NamedTuple
 
 TCP: Final = 6
 UDP: Final = 17

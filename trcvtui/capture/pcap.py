@@ -10,11 +10,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, open_to_read, reason_of
-from trcvtui.records import NamedTuple
 
 # Link types, as tcpdump.org lists them.
 NULL: Final = 0

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from ipaddress import ip_address
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.reassembly import SENT_END, Conversation, WireDirection
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.results import end_in_words
-from trcvtui.records import NamedTuple
 
 # The first three bytes of MACs, as the IEEE gave them.
 _MACS: Final = {

@@ -13,7 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.packets import (
     TCP,
@@ -27,7 +27,6 @@ from trcvtui.capture.packets import (
     macs_of,
 )  # fmt: skip
 from trcvtui.capture.pcap import ETHERNET, OURS, RTAC_SERIAL, USER0, Packet
-from trcvtui.records import NamedTuple
 
 MOST_CONVERSATIONS: Final = 28_000
 MOST_WAITING: Final = 1 << 20  # of one direction

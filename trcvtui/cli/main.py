@@ -100,11 +100,7 @@ def _print(text: str) -> int:
 
 
 def _print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.udt.layout.values import pages
-
-    for page in pages(lines):
-        _print("\n".join(page))
-    return GOOD
+    return _print("\n".join(lines))
 
 
 def _forget_stdout() -> None:
@@ -224,7 +220,9 @@ def _scenario(args: SimpleNamespace) -> int:
 
     out = None if args.out is None else Path(args.out)
     files = [_path(file) for file in args.files]
-    return run_files(files, args.kernel, args.format, out, args.set, args.netns, _record_to(args))
+    return run_files(
+        files, args.kernel, args.format, out, args.set, args.netns, _record_to(args), args.dialect
+    )
 
 
 def _record_to(args: SimpleNamespace) -> RecordTo | None:
@@ -286,7 +284,7 @@ def _agent(args: SimpleNamespace) -> int:
     except ValueError as wrong:
         raise mistake("--packets", str(wrong), "a program and its arguments") from None
     settings = AgentSettings(
-        path, args.kernel, args.site, name, broker, page, record, args.with_payload, args.allow_fetch, packets
+        path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
     )
     return run_agent(settings, _load_bench(path))
 
@@ -359,12 +357,6 @@ def _report(args: SimpleNamespace) -> int:
     project = None if args.project is None else _path(args.project)
     shadows = project, args.plc, args.dialect
     return report_file(_path(args.file), Path(args.out), not args.no_payload, shadows)
-
-
-def _race(args: SimpleNamespace) -> int:
-    from trcvtui.scenario.race import run_race
-
-    return _print(run_race(_path(args.file), args.dialect, args.format))
 
 
 def _conversations(args: SimpleNamespace) -> int:
@@ -623,7 +615,7 @@ def _udt_compare(args: SimpleNamespace) -> int:
 
     lines, is_equal = command.compare(_with_examples(args))
     _print_lines(lines)
-    return GOOD if is_equal() else FAILED
+    return GOOD if is_equal else FAILED
 
 
 def _udt_fit(args: SimpleNamespace) -> int:
@@ -748,6 +740,9 @@ def _add_scenario(parser: ArgumentRows) -> None:
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"
     )
+    parser.add_argument(
+        "--dialect", metavar="NAME", action="append", default=[], help="twice or more: side by side in these"
+    )
     _add_record(parser, "FILE|DIR")
 
 
@@ -782,7 +777,6 @@ def _add_agent(parser: ArgumentRows) -> None:
     parser.add_argument("--record", metavar="DIR", help="keep each run: numbered files")
     parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
     parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
-    parser.add_argument("--allow-fetch", action="store_true", help="readers may ask for what --record keeps")
     parser.add_argument(
         "--packets", metavar="COMMAND", help='of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
     )
@@ -848,16 +842,6 @@ def _add_report(parser: ArgumentRows) -> None:
     parser.add_argument("--out", metavar="REPORT.html", required=True, help="a new file, or an older report")
     parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
     _add_shadows(parser)
-
-
-def _add_race(parser: ArgumentRows) -> None:
-    parser.set_defaults(command=_race)
-    parser.last_words = _dialect_names
-    parser.add_argument("file", metavar="FILE.toml")
-    parser.add_argument(
-        "--dialect", metavar="NAME", action="append", default=[], help="each one that takes part"
-    )
-    parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
 def _add_conversations(parser: ArgumentRows) -> None:
@@ -973,7 +957,6 @@ GROUPS: Final[dict[str, dict[str, Row]]] = {
         "examples": ("projects and stories to try", "", _add_examples),
         "serve": ("the screen in a browser", "bench.toml --port 8000", _add_serve),
         "scenario": ("a test without a screen", "test.toml --format junit", _add_scenario),
-        "race": ("a test through several dialects", "test.toml", _add_race),
         "record": ("keep what a bench does", "bench.toml --out runs", _add_record_command),
         "replay": ("a recording again, step by step", "run.pcapng", _add_replay),
         "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", _add_recording),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.table import MARKS, block_row
@@ -37,7 +38,6 @@ from trcvtui.commands.words import (
 from trcvtui.errors import UserError
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.records import dataclass
 from trcvtui.udt.layout.layout import Leaf
 from trcvtui.udt.layout.layout_tree import find
 from trcvtui.wording import count

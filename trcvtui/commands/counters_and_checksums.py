@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Final, Literal, cast
 
 from trcvtui.commands.snapshots import CheckTally
-from trcvtui.records import dataclass, field
 
 # A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.records import NamedTuple, dataclass
 
 # A trace comes as runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first
 # atoms can reach are the bits of one number, and each atom moves all of them at once, so no pattern can make

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any, Final, Protocol
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.conditions import read_instance, read_peer
@@ -60,7 +61,6 @@ from trcvtui.commands.words import (
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.project.tables import Kind, expected_name, shown, whole
-from trcvtui.records import NamedTuple, dataclass
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.layout import BYTE_ORDERS, lay_out
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Final, Literal
+from dataclasses import replace
+from typing import Final, Literal, NamedTuple
 
 from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import block_row, known_blocks
@@ -53,7 +54,6 @@ from trcvtui.project.file import WORDS
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier, shown, whole, with_article
-from trcvtui.records import NamedTuple, replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE
 from trcvtui.udt.sources import parse_type

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
-
-from trcvtui.records import dataclass
 
 TAP, ARMED_TAP = "tap", "armed tap"  # the `kernel` of a tap's screen; armed: its keys act without a question
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from trcvtui.blocks.table import block_row, is_time
@@ -23,7 +24,6 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
-from trcvtui.records import dataclass
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.literals import format_time
 

@@ -9,6 +9,7 @@ import random
 import re
 from collections.abc import Callable, Iterable
 from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +19,6 @@ from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
 from trcvtui.project.project import Project
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole
-from trcvtui.records import dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out

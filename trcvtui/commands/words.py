@@ -5,6 +5,7 @@ What a command was resolved from (`text`) is kept for display and saving; equali
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from trcvtui.blocks.pins import PinValue
@@ -25,7 +26,6 @@ from trcvtui.project.project import (
     TapDecl,
     WatchDecl,
 )
-from trcvtui.records import dataclass, field
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout
 

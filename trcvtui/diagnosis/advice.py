@@ -9,8 +9,9 @@ still showed. A block that showed no code of its own for it has none to tell.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from enum import Enum, auto
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
@@ -19,7 +20,6 @@ from trcvtui.diagnosis import job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DO, Tell, says
 from trcvtui.history.records import NOT_BUILT
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.wording import count
 
 INJECTED: Final = "injected fault: "

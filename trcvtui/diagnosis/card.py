@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import Evidence
@@ -11,7 +11,6 @@ from trcvtui.errors import one_line
 from trcvtui.history.records import MessageSpan
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.records import NamedTuple
 from trcvtui.wording import count
 
 if TYPE_CHECKING:  # the screen explains before it knows what a project is

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.sign import Mend
-from trcvtui.records import NamedTuple
 
 
 class CauseWords(NamedTuple):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from statistics import median
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
@@ -29,7 +29,6 @@ from trcvtui.diagnosis.line_facts import (
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Mend, Sign
-from trcvtui.records import NamedTuple
 from trcvtui.wording import count, duration, times
 
 SECOND: Final = 1_000_000_000

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 from trcvtui.project.project import DataDecl
-from trcvtui.records import NamedTuple, dataclass
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
 from trcvtui.udt.types import Elementary, Enumeration, ValueKind

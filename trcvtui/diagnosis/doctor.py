@@ -6,7 +6,7 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
@@ -19,7 +19,6 @@ from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Mend, Sign
 from trcvtui.errors import UserError, one_line
-from trcvtui.records import NamedTuple
 from trcvtui.wording import count, times
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trcvtui.blocks.outcome import Cause
@@ -12,7 +13,6 @@ from trcvtui.history.records import Facts, Moment
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
-from trcvtui.records import dataclass
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
     from trcvtui.project.project import Project

@@ -10,12 +10,11 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING, Final, TypedDict
+from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict
 
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Mend, Sign
-from trcvtui.records import NamedTuple
 from trcvtui.wording import count
 
 if TYPE_CHECKING:

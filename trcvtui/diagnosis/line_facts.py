@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from ipaddress import ip_address
 from math import log
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.packets import NotRead
@@ -27,7 +27,6 @@ from trcvtui.capture.reassembly import (
     distance,
 )
 from trcvtui.errors import Problem
-from trcvtui.records import NamedTuple
 
 MOST_WRITES: Final = 4096  # of one direction
 MOST_WRITES_OF_ALL: Final = 400_000

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from ipaddress import ip_address
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import block_row
@@ -21,7 +22,6 @@ from trcvtui.diagnosis.sign import Mend, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
 from trcvtui.net.results import ANY_ADDRESS, octets
 from trcvtui.project.project import SERIAL
-from trcvtui.records import NamedTuple, replace
 from trcvtui.udt.types import Struct
 
 if TYPE_CHECKING:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import LineFacts
-from trcvtui.records import NamedTuple
 
 if TYPE_CHECKING:
     from trcvtui.blocks.conditions import Condition

@@ -6,6 +6,7 @@ Each rule takes what is known and answers one sentence, or "" where it does not 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -16,7 +17,6 @@ from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.port_hints import port_away, port_hint
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
-from trcvtui.records import dataclass
 from trcvtui.wording import count
 
 

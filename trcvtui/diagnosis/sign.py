@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from trcvtui.diagnosis.line_facts import SaidBytes
-from trcvtui.records import NamedTuple
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.receiver import Receiver

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import StatusRow
 from trcvtui.errors import Problem, UserError
-from trcvtui.records import dataclass, field
 from trcvtui.udt.literals import format_time, parse_time
 
 SwitchValue = str | int | bool

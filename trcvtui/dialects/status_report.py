@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
-from trcvtui.records import dataclass, replace
+from trcvtui.wording import in_columns
 
 CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
 REACH_TEXT: Final = {
@@ -228,14 +229,16 @@ def _card(one: Explained) -> str:
 
 def as_table(found: Iterable[Explained]) -> str:
     """Return one line a row: dialect, code, `!` for ERROR=1, title, blocks."""
-    rows = list(found)
-    name = max(len(one.dialect) for one in rows)
-    title = max(len(one.row.title) for one in rows)
-    return "\n".join(
-        f"{one.dialect:{name}}  {one.row.word} {'!' if one.row.error else ' '}  "
-        f"{one.row.title:{title}}  {' '.join(one.row.blocks)}"
-        for one in rows
+    rows = (
+        (
+            one.dialect,
+            f"{one.row.word} {'!' if one.row.error else ' '}",
+            one.row.title,
+            " ".join(one.row.blocks),
+        )
+        for one in found
     )
+    return "\n".join(in_columns(rows, "llll"))
 
 
 # It reads well on GitHub and as plain text: short lines, no HTML, a blank line around everything.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -36,7 +37,6 @@ from trcvtui.net.results import Endpoint
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
-from trcvtui.records import replace
 from trcvtui.scenario.player import Player, refuse_too_many_steps
 from trcvtui.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.scenario.scenario import load_scenario, start_steps

@@ -13,6 +13,7 @@ import codecs
 import os
 import sys
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -29,7 +30,6 @@ from trcvtui.project.keys import forms_of
 from trcvtui.project.project import Edit, Edits, Project
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
-from trcvtui.records import replace
 from trcvtui.scenario.recorded_session import SUFFIX, target
 from trcvtui.scenario.scenario import check_bench
 from trcvtui.wording import count

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
 
@@ -27,7 +28,6 @@ from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
 from trcvtui.plc.snapshot import BareSnapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
-from trcvtui.records import dataclass
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import StringType
 

@@ -13,6 +13,7 @@ import pickle
 import struct
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import chain, compress, count, islice, starmap
 from multiprocessing.connection import Connection as Channel
 from operator import is_not
@@ -23,7 +24,6 @@ from trcvtui.history.bench_update import BareUpdate, BenchUpdate
 from trcvtui.history.pin_waveform import PinChange, WaveformDelta
 from trcvtui.plc.ledger import WHOLE, Line, Stamped
 from trcvtui.plc.snapshot import made
-from trcvtui.records import replace
 
 LINES_A_PIECE: Final = 32
 PARTS_A_PIECE: Final = 8

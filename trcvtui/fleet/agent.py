@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
 from types import FrameType
@@ -16,15 +17,14 @@ from trcvtui import __version__, clock, paths
 from trcvtui.engine.driver import EngineDriver, EngineStopped
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
-from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, Will
-from trcvtui.fleet.fetch import FetchDesk
+from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import DiskQueue, Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.project import Project, TapDecl
 from trcvtui.recording.files import RecordTo
-from trcvtui.records import dataclass
+from trcvtui.recording.worker_process import newest_in
 
 if TYPE_CHECKING:
     from trcvtui.line.tap_command import TapInBackground
@@ -52,7 +52,6 @@ class AgentSettings:
     page: tuple[str, int] | None
     record: RecordTo | None
     with_payload: bool = False
-    allows_fetch: bool = False
     packets: tuple[str, ...] = ()  # a program that writes them, and its arguments
 
 
@@ -76,7 +75,7 @@ class Agent:
 
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
-        self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label)
+        self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label, self._recorded_in)
         self._engine: EngineDriver | None = None
         self._taps, self._tap = project.taps, None if not project.taps else _new_tap(settings, project.taps)
         self._publisher: Publisher | None = None
@@ -135,17 +134,13 @@ class Agent:
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
-        desk = None
-        if settings.allows_fetch and settings.record is not None:
-            desk = FetchDesk(settings.record.target, settings.site, settings.name, say)
-        topics = () if desk is None else (desk.topic,)
-        connection = BrokerConnection(broker, client_id, Will(topic, self._state("offline")), topics)
+        connection = BrokerConnection(broker, client_id, LastWill(topic, self._state("offline")))
         queue = DiskQueue(queue_path(settings.site, settings.name))
         opened.callback(queue.close)
-        self._publisher = Publisher(connection, queue, say, desk)
+        self._publisher = Publisher(connection, queue, say)
         self._publisher.retain(topic, self._state("online"))
         connection.open()
-        opened.callback(lambda: connection.close(Will(topic, self._state("offline"))))
+        opened.callback(lambda: connection.close(LastWill(topic, self._state("offline"))))
 
     def _turn(self) -> None:
         now = clock.now_ns()
@@ -236,6 +231,15 @@ class Agent:
         )
         engine.request(known)
 
+    def _recorded_in(self) -> str:
+        record = self._settings.record
+        if record is None:
+            return ""
+        try:
+            return "".join(newest_in(record.target.resolve()))
+        except OSError:  # the ring has let a file go meanwhile
+            return ""
+
     def _is_doctor_due(self, now: int) -> bool:
         if now < self._doctor_at:
             return False
@@ -266,7 +270,7 @@ class Agent:
         return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
 
     def _state(self, state: str) -> bytes:
-        return StateMessage(state, _wall(), __version__).to_json()
+        return StateMessage(state, _wall(), __version__, platform.node()).to_json()
 
 
 def _new_tap(settings: AgentSettings, taps: Sequence[TapDecl]) -> TapInBackground:
@@ -282,8 +286,6 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
         raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")
     if project.taps and settings.record is not None:
         raise mistake("--record", "[[tap]] beside it", "a bench: `trcvtui tap --record` keeps what passes")
-    if settings.allows_fetch and (settings.record is None or settings.broker is None):
-        raise mistake("--allow-fetch", "no --record, or no --mqtt", "both: recordings, and who may ask")
     if project.watches and not program:
         raise mistake(f"{where}: [[watch]]", "no packets", '--packets "dumpcap -q -i eth0 -w -"')
     if program and not project.watches:

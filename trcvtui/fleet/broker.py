@@ -1,29 +1,27 @@
 """The way to an MQTT 5 broker: URL, TLS, user and password, one connection that is built again and again.
 
-Rule: paho is touched here and in reading_client.py. Its loop runs in a thread of ours, so that whatever a
-broker sends ends a connection, never the program; each connection has a client of its own, so nothing old is
-sent on a new one.
+Rule: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
+connection, never the program. Each connection has a client of its own: on a new one paho would send old
+messages again, after newer ones.
 """
 
 from __future__ import annotations
 
 import os
-import random
 import ssl
 import threading
 from collections import deque
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.fleet.topics import MOST_BYTES
-from trcvtui.records import NamedTuple, dataclass, field
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
-
-    from trcvtui.fleet.reading_client import ReadingClient
+    from paho.mqtt.properties import Properties
 
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "TRCVTUI_MQTT_PASSWORD_FILE"
@@ -31,8 +29,8 @@ KEEP_ALIVE_S: Final = 30
 CONNECT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
 LOOP_S: Final = 0.2
-MOST_WAITING: Final = 100_000  # messages that nobody has taken yet
-MOST_WAITING_BYTES: Final = 1 << 26
+MOST_WAITING_BYTES: Final = 1 << 26  # of messages that were not taken yet
+MESSAGE_BYTES: Final = 500  # that a message takes beside its payload
 MOST_PASSWORD: Final = 65_536
 OPEN_TO_ALL: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
 
@@ -66,7 +64,7 @@ class Lost(NamedTuple):
     why: str
 
 
-class Came(NamedTuple):
+class IncomingMessage(NamedTuple):
     """A message: `topic` and `payload` as they came, hostile both."""
 
     topic: str
@@ -98,10 +96,10 @@ class PublishRefused(NamedTuple):
     why: str
 
 
-News = Connected | Lost | Came | Taken | Subscribed | SubscriptionRefused | PublishRefused
+News = Connected | Lost | IncomingMessage | Taken | Subscribed | SubscriptionRefused | PublishRefused
 
 
-class Will(NamedTuple):
+class LastWill(NamedTuple):
     """What the broker publishes, retained, when we are gone without a word."""
 
     topic: str
@@ -187,7 +185,7 @@ class BrokerConnection:
     """A connection to a broker that comes back by itself; `news` tells what happened, in order."""
 
     def __init__(
-        self, broker: Broker, client_id: str, will: Will | None = None, topics: tuple[str, ...] = ()
+        self, broker: Broker, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
     ) -> None:
         need_paho()
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
@@ -196,20 +194,23 @@ class BrokerConnection:
         self.dropped = 0  # messages that came faster than they were taken
         self._client: Client | None = None
         self._is_up = False
-        self._chance = random.Random()  # not the process's own: this is another thread
+        self._why = ""  # the connection has ended
         self._ends = threading.Event()
         self._something = threading.Event()
-        self._thread = threading.Thread(target=self._go_on, name="broker", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
     def open(self) -> None:
         """Begin to try."""
         self._thread.start()
 
-    def news(self) -> list[News]:
-        """Return what has happened since the last call."""
+    def news(self) -> Iterator[News]:
+        """Yield what has happened; what is not taken is there next time."""
         self._something.clear()
-        self._waiting_bytes = 0
-        return [self._news.popleft() for _ in range(len(self._news))]
+        while self._news:
+            news = self._news.popleft()
+            if isinstance(news, IncomingMessage):
+                self._waiting_bytes -= len(news.payload) + MESSAGE_BYTES
+            yield news
 
     def wait(self, seconds: float) -> None:
         """Wait until something has happened, at most so long."""
@@ -237,66 +238,49 @@ class BrokerConnection:
             return None
         return number if code == 0 else None
 
-    def close(self, last: Will | None = None) -> None:
+    def close(self, last: LastWill | None = None) -> None:
         """End the connection; `last` is published before, retained."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
         while number is not None and self._is_up:
             self.wait(LOOP_S)
             if any(isinstance(news, Lost) or news == Taken(number) for news in self.news()):
                 break
-        client = self._client
-        if client is not None and self._is_up:
-            client.disconnect()
         self._ends.set()
+        client = self._client
+        if client is not None:
+            client.disconnect()
         if self._thread.is_alive():
             self._thread.join(LOOP_S * 2)
 
     # -- the thread --------------------------------------------------------------------------------------
 
-    def _tell(self, news: News) -> None:
-        if isinstance(news, Came):
-            if len(self._news) >= MOST_WAITING or self._waiting_bytes > MOST_WAITING_BYTES:
+    def _append(self, news: News) -> None:
+        if isinstance(news, IncomingMessage):
+            if self._waiting_bytes > MOST_WAITING_BYTES:
                 self.dropped += 1
                 return
-            self._waiting_bytes += len(news.payload)
+            self._waiting_bytes += len(news.payload) + MESSAGE_BYTES
         self._news.append(news)
         self._something.set()
 
-    def _go_on(self) -> None:
+    def _run(self) -> None:
         pause = LEAST_PAUSE_S
         while not self._ends.is_set():
-            began_up = False
+            self._why = ""
             try:
                 self._client = client = self._new_client()
-                why = self._connect(client)
-                while not why and not self._ends.is_set():
-                    why = _told(client.loop(LOOP_S))
-                    while not why and client.has_more:
-                        why = _told(client.loop_read())
-                    began_up = began_up or self._is_up
-                client.loop_write()  # the DISCONNECT of `close`
-                why = self._why or why
+                client.connect(
+                    self._broker.host, self._broker.port, KEEP_ALIVE_S, properties=_connect_properties()
+                )
+                client.loop_forever(LOOP_S)
             except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
-                why = _in_a_line(failed)
-            self._is_up = False
+                self._why = self._why or _in_a_line(failed)
+            was_up, self._is_up = self._is_up, False
             self._shut()
-            if self._ends.is_set():
-                return
-            self._tell(Lost(f"{self._broker}: {why}"))
-            pause = LEAST_PAUSE_S if began_up else min(MOST_PAUSE_S, pause * 1.5)
-            self._ends.wait(pause * self._chance.uniform(0.8, 1.0) if pause > LEAST_PAUSE_S else pause)
-
-    def _connect(self, client: Client) -> str:
-        from paho.mqtt.packettypes import PacketTypes
-        from paho.mqtt.properties import Properties
-
-        self._why = ""
-        limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-        limits.MaximumPacketSize = MOST_BYTES + 4096
-        broker = self._broker
-        return _told(
-            client.connect(broker.host, broker.port, KEEP_ALIVE_S, clean_start=True, properties=limits)
-        )
+            if not self._ends.is_set():
+                self._append(Lost(f"{self._broker}: {self._why or 'the connection ended'}"))
+                pause = LEAST_PAUSE_S if was_up else min(MOST_PAUSE_S, pause * 1.5)
+                self._ends.wait(pause)
 
     def _shut(self) -> None:
         client, self._client = self._client, None
@@ -304,13 +288,12 @@ class BrokerConnection:
         if held is not None:
             held.close()
 
-    def _new_client(self) -> ReadingClient:
-        from paho.mqtt.client import MQTTv5
+    def _new_client(self) -> Client:
+        from paho.mqtt.client import Client, MQTTv5
         from paho.mqtt.enums import CallbackAPIVersion
 
-        from trcvtui.fleet.reading_client import ReadingClient
-
-        client = ReadingClient(CallbackAPIVersion.VERSION2, self._id, protocol=MQTTv5)
+        api = CallbackAPIVersion.VERSION2
+        client = Client(api, self._id, protocol=MQTTv5, reconnect_on_failure=False)
         client.connect_timeout = CONNECT_S
         if self._broker.has_tls:
             client.tls_set_context(_context(self._broker))
@@ -320,7 +303,9 @@ class BrokerConnection:
             client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
         client.on_connect = self._on_connect
         client.on_disconnect = self._on_disconnect
-        client.on_message = self._on_message
+        client.on_message = lambda _, __, message: self._append(
+            IncomingMessage(message.topic, bytes(message.payload), message.retain)
+        )
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe
         # With it paho leaves writing to the loop's thread. Without it `publish` writes too, and two threads
@@ -331,44 +316,40 @@ class BrokerConnection:
     def _on_connect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
         if reason.is_failure:
             self._why = one_line(f"it refuses: {reason}")
-            return
-        if self._topics:
+        elif self._topics:
             client.subscribe([(topic, 1) for topic in self._topics])
         else:
-            self._stand()
+            self._begin()
 
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
         refused = [reason for reason in reasons if reason.is_failure]
         if refused:
-            self._tell(SubscriptionRefused(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
+            self._append(SubscriptionRefused(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
         if self._is_up:
-            self._tell(Subscribed(number))
+            self._append(Subscribed(number))
         else:
-            self._stand()
+            self._begin()
 
-    def _stand(self) -> None:
+    def _begin(self) -> None:
         self._is_up = True
-        self._tell(Connected())
+        self._append(Connected())
 
     def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
-        self._is_up = False
         self._why = self._why or one_line(f"the connection ended: {reason}")
-
-    def _on_message(self, client: Client, _: Any, message: Any) -> None:
-        self._tell(Came(message.topic, message.payload, message.retain))
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
         if reason is not None and reason.is_failure and reason.value != 0x10:  # 0x10: nobody listens
-            self._tell(PublishRefused(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
-        self._tell(Taken(number))
+            self._append(PublishRefused(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
+        self._append(Taken(number))
 
 
-def _told(code: int) -> str:
-    if code == 0:
-        return ""
-    from paho.mqtt.client import error_string
+def _connect_properties() -> Properties:
+    from paho.mqtt.packettypes import PacketTypes
+    from paho.mqtt.properties import Properties
 
-    return one_line(str(error_string(code)))
+    limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+    limits.MaximumPacketSize = MOST_BYTES + 4096
+    return limits
 
 
 def _in_a_line(failed: Exception) -> str:

@@ -1,20 +1,20 @@
 """Events of one instance as a reader keeps them: the newest, each once, and how many are missing.
 
 An event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. What lies between two
-numbers is missing until `recent` or a late message brings it.
+numbers is missing until `recent` or a late message brings it. Of a run MOST_SEQS numbers are known one by
+one; what lies below them counts as known.
 """
 
 from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage
-from trcvtui.records import NamedTuple
 
 MOST_RUNS: Final = 4  # of an agent, that are told apart
-MOST_GAPS: Final = 32  # of a run
+MOST_SEQS: Final = 1024  # of a run
 
 
 class KeptEvent(NamedTuple):
@@ -27,51 +27,37 @@ class KeptEvent(NamedTuple):
     status: str
     title: str
     text: str
+    file: str  # of the recording, on the machine of the agent
+    scan: int | None
 
 
 class _RunSeqs:
-    """Which numbers of one run have come: all up to `top` but those in `gaps`, and those `before` we looked.
+    """Which numbers of one run have come. From `first` on none may be missing."""
 
-    `lost`: so many were in gaps without room.
-    """
-
-    __slots__ = ("before", "gaps", "lost", "top")
-
-    def __init__(self, top: int) -> None:
-        self.top = top
-        self.before: list[tuple[int, int]] = [(1, top)] if top else []
-        self.gaps: list[tuple[int, int]] = []
-        self.lost = 0
+    def __init__(self, first: int) -> None:
+        self._first, self._top = first, first - 1
+        self._floor = self._counted = 0  # up to which all count as known; how many came from `first` on
+        self._come: set[int] = set()
 
     def take(self, seq: int) -> bool:
-        if seq <= self.top:
-            return _filled(self.gaps, seq) or _filled(self.before, seq)
-        if seq > self.top + 1:
-            self.gaps.append((self.top + 1, seq - 1))
-        self.top = seq
-        if len(self.gaps) > MOST_GAPS:
-            low, high = self.gaps.pop(0)
-            self.lost += high - low + 1
+        """Return whether it is new."""
+        if seq <= self._floor or seq in self._come:
+            return False
+        self._come.add(seq)
+        self._counted += seq >= self._first
+        self._top = max(self._top, seq)
+        if len(self._come) > MOST_SEQS:
+            kept = sorted(self._come)[MOST_SEQS // 2 :]
+            self._floor, self._come = kept[0] - 1, set(kept)
         return True
 
     @property
     def missing(self) -> int:
-        return self.lost + sum(high - low + 1 for low, high in self.gaps)
-
-
-def _filled(gaps: list[tuple[int, int]], seq: int) -> bool:
-    for at, (low, high) in enumerate(gaps):
-        if low <= seq <= high:
-            left = [gap for gap in ((low, seq - 1), (seq + 1, high)) if gap[0] <= gap[1]]
-            gaps[at : at + 1] = left if len(gaps) < MOST_GAPS else left[-1:]
-            return True
-    return False
+        return self._top - self._first + 1 - self._counted
 
 
 class EventLog:
     """What is known of the events of one instance. `kept`: the newest, the oldest first."""
-
-    __slots__ = ("_has_begun", "_lost", "_runs", "kept")
 
     def __init__(self) -> None:
         self.kept: list[KeptEvent] = []
@@ -88,7 +74,7 @@ class EventLog:
         """Return how many events there were that have not come."""
         return self._lost + sum(run.missing for run in self._runs.values())
 
-    def take(self, events: Iterable[EventMessage], most: int = MOST_RECENT) -> list[KeptEvent]:
+    def take(self, events: Iterable[EventMessage]) -> list[KeptEvent]:
         """Take events, the oldest first; return those that are new."""
         fresh = []
         for event in events:
@@ -96,19 +82,19 @@ class EventLog:
             seq = int(number)
             run = self._runs.get(boot)
             if run is None:
-                run = self._begin_run(boot, 0 if self._has_begun else seq - 1)
+                run = self._begin_run(boot, 1 if self._has_begun else seq)
             if not run.take(seq):
                 continue
             kept = _kept(event, boot, seq)
             insort(self.kept, kept)
             fresh.append(kept)
-        del self.kept[: max(0, len(self.kept) - most)]
+        del self.kept[: max(0, len(self.kept) - MOST_RECENT)]
         return fresh
 
-    def _begin_run(self, boot: str, top: int) -> _RunSeqs:
+    def _begin_run(self, boot: str, first: int) -> _RunSeqs:
         if len(self._runs) >= MOST_RUNS:
             self._lost += self._runs.pop(next(iter(self._runs))).missing
-        made = self._runs[boot] = _RunSeqs(top)
+        made = self._runs[boot] = _RunSeqs(first)
         return made
 
 
@@ -119,4 +105,8 @@ def _kept(event: EventMessage, boot: str, seq: int) -> KeptEvent:
     title = str(cause.get("cause") or " ".join(str(each) for each in names if each) or event.kind)
     peer = cause.get("peer")
     told = f"{text} ({peer})" if peer and str(peer) not in text else text
-    return KeptEvent(event.t, seq, boot, event.kind, event.status or "", title, told)
+    scan = cause.get("scan")
+    return KeptEvent(
+        event.t, seq, boot, event.kind, event.status or "", title, told,
+        str(cause.get("file") or ""), scan if isinstance(scan, int) else None,
+    )  # fmt: skip

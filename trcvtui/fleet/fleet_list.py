@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.fleet.seen_fleet import BUCKETS, ERROR, OFFLINE, FleetLine
-from trcvtui.records import NamedTuple
 
 # What can be grouped by: the name on the screen, and whose lines stand together.
 GROUPS: Final[dict[str, Callable[[FleetLine], str]]] = {

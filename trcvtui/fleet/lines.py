@@ -31,14 +31,14 @@ class SeenInstance:
         self._last: tuple[bool, int] = (False, 0)
         self._base = 0, 0
 
-    def edge(self, boot: str, at: float, edge: StatusEdge) -> EventMessage | None:
-        """Return the event of an edge, None: no ERROR has begun with it."""
+    def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
+        """Return the event of an edge, None: no ERROR has begun with it; `place`: where it is recorded."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
         if not is_new:
             return None
-        cause = cause_record(edge.cause, edge.block)
+        cause = cause_record(edge.cause, edge.block) | place
         return self.event(boot, at, "error", f"{edge.outputs.status:04X}", cause)
 
     def event(
@@ -46,8 +46,7 @@ class SeenInstance:
     ) -> EventMessage:
         """Return a new event with the next number."""
         self.count += 1
-        plain = {"id": f"{boot}-{self.count}", "t": at, "kind": kind, "STATUS": status, "cause": cause}
-        made = EventMessage.from_plain(plain, "an event of ours")
+        made = EventMessage(f"{boot}-{self.count}", at, kind, status, cause)
         self.recent.append(made)
         return made
 
@@ -136,8 +135,10 @@ class SeenLine:
 class SeenBench:
     """A bench: its lines and instances by name; `boot` names this run of the agent."""
 
-    def __init__(self, boot: str, label: Callable[[str], str]) -> None:
-        self.boot, self._label = boot, label
+    def __init__(
+        self, boot: str, label: Callable[[str], str], recorded_in: Callable[[], str] = lambda: ""
+    ) -> None:
+        self.boot, self._label, self._recorded_in = boot, label, recorded_in
         self.lines: dict[str, SeenLine] = {}
         self.instances: dict[str, SeenInstance] = {}
         self.seq = 0  # of the ledger, up to which it was read
@@ -166,12 +167,13 @@ class SeenBench:
                 events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
         for each in snapshot.instances:
             self.instances.setdefault(each.name, SeenInstance(each.connect, each.name))
+        file = self._file() if update.lines else {}
         for line in update.lines:
             self.seq = line.seq
             if isinstance(line.event, StatusEdge) and line.event.instance in self.instances:
                 seen = self.instances[line.event.instance]
                 at = round(began + line.t_ns / NS, 3)
-                event = seen.edge(self.boot, at, line.event)
+                event = seen.edge(self.boot, at, line.event, {"scan": line.scan, **file})
                 if event is not None:
                     events.append((seen, event))
                     self._line(seen.line).errors.append(at)
@@ -181,6 +183,10 @@ class SeenBench:
             events,
             moved,
         )
+
+    def _file(self) -> dict[str, object]:
+        file = self._recorded_in()
+        return {"file": file} if file else {}
 
     def came(self) -> tuple[object, ...]:
         """Return what changes where there is something new to be judged."""
@@ -201,7 +207,7 @@ class SeenBench:
                     continue
                 found.add((seen.name, one.cause))
                 if (seen.name, one.cause) not in self._known:
-                    cause = _finding_record(one, with_payload)
+                    cause = _finding_record(one, with_payload) | self._file()
                     yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
         self._known = found
 

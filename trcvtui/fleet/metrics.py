@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from ipaddress import ip_address
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.errors import mistake
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.net.results import end_in_words
-from trcvtui.records import NamedTuple
 
 MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.fleet.broker import BrokerConnection, Came, Connected, Lost, PublishRefused, Taken
-from trcvtui.fleet.fetch import FetchDesk
+from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, PublishRefused, Taken
 
 HOLD_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
@@ -80,14 +79,8 @@ class _Retained:
 class Publisher:
     """Gives the broker what it shall have, as far as it is there. `say` tells the user, a line each."""
 
-    def __init__(
-        self,
-        connection: BrokerConnection,
-        queue: DiskQueue,
-        say: Callable[[str], None],
-        desk: FetchDesk | None = None,
-    ) -> None:
-        self._connection, self._queue, self._say, self._desk = connection, queue, say, desk
+    def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
+        self._connection, self._queue, self._say = connection, queue, say
         self._retained: dict[str, _Retained] = {}
         self._underway: dict[int, int] = {}  # number of the connection: number in the queue, 0: retained
         self._sent_up_to = 0
@@ -131,8 +124,6 @@ class Publisher:
                     self._begin(now)
                 case Lost(why):
                     self._up_at = None
-                    if self._desk is not None:
-                        self._desk.forget()
                     self._tell(f"{why}; what comes is kept, the next try follows")
                 case PublishRefused(why):
                     self._tell(why)
@@ -140,18 +131,11 @@ class Publisher:
                     done = self._underway.pop(number, 0)
                     if done:
                         self._queue.take(done)
-                    elif self._desk is not None:
-                        self._desk.acknowledged(number)
-                case Came():  # nobody gives an agent other orders
-                    if self._desk is not None:
-                        self._desk.hear(*news)
         if self._up_at is None:
             return
         self._send_retained(now)
         if now >= self._up_at + HOLD_NS:
             self._send_queued()
-        if self._desk is not None:
-            self._desk.turn(self._connection.publish)
 
     def _begin(self, now: int) -> None:
         self._up_at, self._sent_up_to = now, 0

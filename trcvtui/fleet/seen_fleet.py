@@ -1,17 +1,15 @@
 """All lines of all sites as a reader knows them: who is there, what each shows, the worst first.
 
-Rule: every number is bounded; what has no room is refused with one line, and the lines that are there go on.
+Rule: what has no room is refused with one line, and the lines that are there go on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.fleet.event_log import EventLog, KeptEvent
 from trcvtui.fleet.topics import (
-    MOST_RECENT,
     EventMessage,
     FiguresMessage,
     FleetMessage,
@@ -21,11 +19,7 @@ from trcvtui.fleet.topics import (
     Topic,
 )
 
-MOST_AGENTS: Final = 5_000
-MOST_LINES: Final = 20_000
-MOST_INSTANCES: Final = 60_000
-MOST_EVENTS: Final = 300_000  # in all; beyond it an instance keeps its newest FEW_EVENTS
-FEW_EVENTS: Final = 8
+MOST_NAMES: Final = 30_000  # of agents, lines and instances together
 HOUR_S: Final = 3600
 BUCKETS: Final = 12  # of the hour, in the sparkline
 BUCKET_S: Final = HOUR_S // BUCKETS
@@ -36,8 +30,6 @@ SHOWN: Final = ("offline", "ERROR", "not connected", "good")
 
 class FleetInstance:
     """One instance of a line: what it shows, its events."""
-
-    __slots__ = ("log", "name", "status")
 
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
@@ -51,8 +43,6 @@ class FleetInstance:
 class FleetAgent:
     """One agent: whether it is there, and its lines by name."""
 
-    __slots__ = ("asked", "asked_again", "has_begun", "is_heard", "lines", "name", "since", "site", "state")
-
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
         self.state: StateMessage | None = None
@@ -60,8 +50,6 @@ class FleetAgent:
         self.lines: dict[str, FleetLine] = {}
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
-        self.asked = 0  # the connection on which its topics were subscribed
-        self.asked_again = 0  # times on this connection
 
     @property
     def is_offline(self) -> bool:
@@ -79,19 +67,6 @@ class FleetAgent:
 class FleetLine:
     """One line. `rank`: lines in its order have the worst first."""
 
-    __slots__ = (
-        "_words",
-        "agent",
-        "errors",
-        "errors_hour",
-        "figures",
-        "instances",
-        "name",
-        "newest_error",
-        "rank",
-        "shows",
-    )
-
     def __init__(self, agent: FleetAgent, name: str) -> None:
         self.agent, self.name = agent, name
         self.figures: FiguresMessage | None = None
@@ -101,7 +76,6 @@ class FleetLine:
         self.errors_hour = 0  # of the last hour, when it was judged
         self.shows = GOOD
         self.rank: tuple[object, ...] = ()
-        self._words = ""
 
     @property
     def worst(self) -> FleetInstance | None:
@@ -164,21 +138,15 @@ class FleetLine:
         names = self.agent.site, self.agent.name, self.name
         self.errors_hour = self.errors_an_hour(wall)
         self.rank = (at, -self.errors_hour, self.shows, *names)
-        self._words = ""
 
     @property
     def words(self) -> str:
         """Return what a filter looks in, small letters."""
-        if not self._words:
-            state = self.figures.state if self.figures is not None else ""
-            names = f"{self.agent.site}/{self.agent.name}/{self.name}"
-            last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
-            shown = (
-                f"{each.name} {each.status.status if each.status else ''}" for each in self.instances.values()
-            )
-            spoken = (names, SHOWN[self.shows], state, last, *shown)
-            self._words = " ".join(spoken).casefold()
-        return self._words
+        state = self.figures.state if self.figures is not None else ""
+        last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
+        names = f"{self.agent.site}/{self.agent.name}/{self.name}"
+        codes = [each.status.status for each in self.instances.values() if each.status is not None]
+        return " ".join((names, SHOWN[self.shows], state, last, *self.instances, *codes)).casefold()
 
 
 def _badness(instance: FleetInstance) -> tuple[bool, int]:
@@ -190,10 +158,8 @@ class SeenFleet:
 
     def __init__(self) -> None:
         self.agents: dict[tuple[str, str], FleetAgent] = {}
-        self.instances = self.events = 0  # that are kept
+        self.names = 0  # of agents, lines and instances
         self.version = 0  # another number: something is shown otherwise
-        self._ordered: list[FleetLine] = []
-        self._changed: set[FleetLine] = set()
 
     # -- messages ----------------------------------------------------------------------------------------
 
@@ -209,10 +175,8 @@ class SeenFleet:
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
             agent.since = message.t if is_retained or message.state == "online" else wall
-            self._changed.update(agent.lines.values())
             return
         line = self._line(agent, topic.line)
-        self._changed.add(line)
         if isinstance(message, FiguresMessage):
             line.figures = message
             return
@@ -227,23 +191,19 @@ class SeenFleet:
     def begin_connection(self) -> None:
         """Take that the broker is there again: what it knows of the agents comes now."""
         for agent in self.agents.values():
-            agent.is_heard, agent.asked_again = False, 0
+            agent.is_heard = False
 
     def miss(self, wall: float) -> None:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
-                agent.state, agent.since = StateMessage("offline", wall, agent.state.version), wall
-                self._changed.update(agent.lines.values())
+                agent.state, agent.since = agent.state.offline(wall), wall
                 self.version += 1
 
     def _take_events(
         self, line: FleetLine, instance: FleetInstance, events: tuple[EventMessage, ...], wall: float
     ) -> None:
-        before = len(instance.log.kept)
-        fresh = instance.log.take(events, MOST_RECENT if self.events < MOST_EVENTS else FEW_EVENTS)
-        self.events += len(instance.log.kept) - before
-        for event in (each for each in fresh if each.kind == "error"):
+        for event in (each for each in instance.log.take(events) if each.kind == "error"):
             if line.newest_error is None or line.newest_error < event:
                 line.newest_error = event
             if event.t > wall - HOUR_S:
@@ -253,79 +213,56 @@ class SeenFleet:
     def _agent(self, topic: Topic) -> FleetAgent:
         found = self.agents.get(topic[:2])
         if found is None:
-            if len(self.agents) >= MOST_AGENTS:
-                raise mistake("fleet", f"one more agent, '{topic.agent}'", f"{MOST_AGENTS} at most")
+            self._make_room("agent", topic.agent)
             found = self.agents[topic[:2]] = FleetAgent(topic.site, topic.agent)
         return found
 
     def _line(self, agent: FleetAgent, name: str) -> FleetLine:
         found = agent.lines.get(name)
         if found is None:
-            if len(self._ordered) >= MOST_LINES:
-                raise mistake("fleet", f"one more line, '{name}'", f"{MOST_LINES} at most")
+            self._make_room("line", name)
             found = agent.lines[name] = FleetLine(agent, name)
-            self._ordered.append(found)
         return found
 
     def _instance(self, line: FleetLine, name: str) -> FleetInstance:
         found = line.instances.get(name)
         if found is None:
-            if self.instances >= MOST_INSTANCES:
-                raise mistake("fleet", f"one more instance, '{name}'", f"{MOST_INSTANCES} at most")
-            self.instances += 1
+            self._make_room("instance", name)
             found = line.instances[name] = FleetInstance(name)
             if line.agent.has_begun:
                 found.log.begin()
         return found
 
+    def _make_room(self, what: str, name: str) -> None:
+        if self.names >= MOST_NAMES:
+            raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
+        self.names += 1
+
     def _forget(self, topic: Topic) -> None:
         agent = self.agents.get(topic[:2])
         line = agent.lines.get(topic.line) if agent is not None else None
         if agent is not None and topic.kind == "state":
-            self._forget_lines(agent, [*agent.lines.values()])
             del self.agents[topic[:2]]
+            self.names -= 1 + sum(1 + len(each.instances) for each in agent.lines.values())
         elif line is not None:
             if topic.kind == "figures":
                 line.figures = None
-            elif topic.kind == "status":
-                self._forget_instance(line, topic.instance)
-            self._changed.add(line)
+            elif topic.kind == "status" and line.instances.pop(topic.instance, None) is not None:
+                self.names -= 1
             if line.figures is None and not line.instances:
-                self._forget_lines(line.agent, [line])
-
-    def _forget_lines(self, agent: FleetAgent, lines: list[FleetLine]) -> None:
-        for line in lines:
-            for name in [*line.instances]:
-                self._forget_instance(line, name)
-            del agent.lines[line.name]
-        gone = set(lines)
-        self._changed -= gone
-        self._ordered = [line for line in self._ordered if line not in gone]
-
-    def _forget_instance(self, line: FleetLine, name: str) -> None:
-        gone = line.instances.pop(name, None)
-        if gone is not None:
-            self.instances -= 1
-            self.events -= len(gone.log.kept)
+                del line.agent.lines[line.name]
+                self.names -= 1
 
     # -- what is shown -----------------------------------------------------------------------------------
 
     @property
-    def lines(self) -> Iterator[FleetLine]:
+    def lines(self) -> list[FleetLine]:
         """Return all lines, in no order."""
-        return iter(self._ordered)
+        return [line for agent in self.agents.values() for line in agent.lines.values()]
 
-    def ordered(self, wall: float, anew: bool = False) -> list[FleetLine]:
-        """Return the lines, the worst first; `anew`: time has passed, errors grow old."""
-        if anew:
-            self._changed.update(line for line in self._ordered if line.errors or line.errors_hour)
-        if self._changed:
-            for line in self._changed:
-                line.judge(wall)
-            self._changed.clear()
-            self._ordered.sort(key=_rank)  # nearly in order: it costs little more than a look at each
-        return self._ordered
-
-
-def _rank(line: FleetLine) -> tuple[object, ...]:
-    return line.rank
+    def ordered(self, wall: float) -> list[FleetLine]:
+        """Return the lines, the worst first."""
+        lines = self.lines
+        for line in lines:
+            line.judge(wall)
+        return sorted(lines, key=lambda line: line.rank)

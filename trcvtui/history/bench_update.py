@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import starmap
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
@@ -25,7 +26,6 @@ from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.net.connection.connection import State
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
-from trcvtui.records import NamedTuple, dataclass, replace
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project

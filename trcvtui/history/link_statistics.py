@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from trcvtui.blocks.conditions import Condition
@@ -30,7 +31,6 @@ from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
-from trcvtui.records import replace
 
 KEPT_ERRORS: Final = 8
 IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.table import block_row, shown_by
 from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
-from trcvtui.records import NamedTuple, dataclass, replace
 
 # -- one pin ----------------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
@@ -36,7 +36,6 @@ from trcvtui.net.events import BytesDropped
 from trcvtui.plc.ledger import WHOLE, Stamped
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple
 
 _STOP = attrgetter("stop")
 _START = attrgetter("position")

@@ -6,10 +6,10 @@ guess it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.outcome import Cause
-from trcvtui.records import dataclass
 
 # -- windows ----------------------------------------------------------------------------------------------
 

@@ -12,13 +12,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
 from trcvtui.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
-from trcvtui.records import NamedTuple
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes

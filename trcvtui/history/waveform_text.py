@@ -1,4 +1,4 @@
-"""Waveforms drawn in characters, and written to files: VCD for GTKWave and PulseView, SVG, plain text.
+"""Waveforms drawn in characters, and written to VCD files for GTKWave and PulseView.
 
 Each sign differs without colour:
 ▁ 0   ▔ 1   █ 1 for one scan   ╱ ╲ one edge inside the column   ┃ a pulse or more inside it   ░ not known
@@ -8,18 +8,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from html import escape
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from trcvtui.blocks.table import block_row, pin_named, shown_by
+from trcvtui.blocks.table import pin_named, shown_by
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
-from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window, pins_of
+from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.records import NamedTuple
 
 LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
 CODES: Final = "codes"
@@ -251,13 +249,6 @@ def _merged(pieces: Iterable[Piece]) -> list[Piece]:
     return [("".join(text for text, _ in run), kind) for kind, run in groupby(pieces, key=lambda p: p[1])]
 
 
-MS: Final = 1_000_000
-LINE: Final = 100  # columns of a line of text
-MOST_COLUMNS: Final = 4000
-MOST_EDGES: Final = 2000  # in a text file
-LABEL: Final = 14
-
-
 class ScanRange(NamedTuple):
     """The scans that go into the file."""
 
@@ -309,158 +300,23 @@ def _vcd_name(instance: str) -> str:
     return "".join(c if c.isalnum() or c == "_" else "_" for c in instance)
 
 
-# -- text -------------------------------------------------------------------------------------------------
-
-
-def plain_text(waves: Sequence[Waveform], span: ScanRange, zoom: int) -> str:
-    """Return the rows of the pane, line after line, then every STATUS edge with its cause."""
-    while (span.last - span.first) // zoom >= MOST_COLUMNS:
-        zoom *= 2
-    names = {wave.instance: row_names(wave) for wave in waves}
-    label = max(LABEL, *(len(name) + 1 for rows in names.values() for name in rows))
-    lines = [f"scans {span.first} to {span.last}, {zoom} scan{'s' * (zoom > 1)} a column", ""]
-    for column in range((span.first - 1) // zoom, (span.last - 1) // zoom + 1, LINE):
-        window = Window(column, min(LINE, (span.last - 1) // zoom + 1 - column), zoom)
-        lines.append(" " * label + _joined(ruler(window, span.last, ())))
-        for wave in waves:
-            if len(waves) > 1:
-                lines.append(wave.instance)
-            lines += [f"{name:<{label}}{_joined(drawn(wave, name, window))}" for name in names[wave.instance]]
-        lines.append("")
-    for wave in waves:
-        lines += [wave.instance, *_edge_lines(wave, span), ""]
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _joined(pieces: Iterable[tuple[str, str]]) -> str:
-    return "".join(text for text, _ in pieces)
-
-
-def _edge_lines(wave: Waveform, span: ScanRange) -> Iterator[str]:
-    lines = wave.edges_in(*span)
-    if len(lines) > MOST_EDGES:
-        yield f"  {len(lines) - MOST_EDGES} older STATUS edges are left out here; a VCD has them all"
-    for line in lines[-MOST_EDGES:]:
-        edge = line.event
-        if isinstance(edge, StatusEdge):
-            lamps = " ".join(pin for pin, value in pins_of(edge) if value and not bits_of(pin))
-            is_number = block_row(edge.block).on_buffer
-            status = f"{edge.outputs.status}" if is_number else f"16#{edge.outputs.status:04X}"
-            shown = f"{status} {edge.condition}"
-            place = f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms"
-            yield f"{place}  {shown:<27} {lamps:<7} {edge.cause.name}"
-
-
-# -- SVG --------------------------------------------------------------------------------------------------
-
-WIDE, ROW, LEFT, HIGH_Y, LOW_Y = 1200, 26, 220, 5, 19
-COLOURS: Final = {"error": "#b3343f", "done": "#2f7d32", "busy": "#1f6f9c"}
-
-
-def svg_text(waves: Sequence[Waveform], span: ScanRange) -> str:
-    """Return the waves as a drawing: exact edges, STATUS as boxes with their codes, times at the foot."""
-    rows = [(wave, name) for wave in waves for name in row_names(wave) if name != CODES]
-    height = 24 + ROW * len(rows) + 24
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + WIDE + 20} {height}" '
-        'font-family="monospace" font-size="12" fill="none">',
-        f'<rect width="{LEFT + WIDE + 20}" height="{height}" fill="#fbfaf7"/>',
-    ]
-    step = WIDE / (span.last - span.first + 1)
-
-    def at(scan: int) -> float:
-        return LEFT + max(0, min(WIDE, (scan - span.first) * step))
-
-    for number, (wave, name) in enumerate(rows):
-        top = 24 + ROW * number
-        label = f"{wave.instance} {name}" if len(waves) > 1 else name
-        parts.append(_words(8, top + 16, label, "#1f2933"))
-        draw = _boxes if bits_of(name.removeprefix(WATCH)) else _levels
-        parts += draw(wave, name, span, at, top)
-    last = waves[0].time_at(min(span.last, waves[0].until_scan))[0] / MS
-    first = waves[0].time_at(span.first)[0] / MS
-    foot = f"scan {span.first} at {first:.3f} ms  to  scan {span.last} at {last:.3f} ms"
-    return "\n".join([*parts, _words(LEFT, height - 8, foot, "#5a6570"), "</svg>", ""])
-
-
-At = Callable[[int], float]
-
-
-def _stretches(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int, int | None]]:
-    for place, (scan, value) in enumerate(zip(lane.scans, lane.values, strict=True)):
-        after = lane.scans[place + 1] if place + 1 < len(lane.scans) else wave.until_scan + 1
-        if after >= span.first and scan <= span.last:
-            yield max(scan, span.first), min(after, span.last + 1), value
-
-
-def _levels(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
-    for is_known, run in groupby(_stretches(lane_of(wave, name), wave, span), key=lambda s: s[2] is not None):
-        points = []
-        for first, after, value in run:
-            y = top + (HIGH_Y if value else LOW_Y)
-            points += [f"{at(first):.2f},{y}", f"{at(after):.2f},{y}"]
-        if is_known:
-            yield f'<polyline points="{" ".join(points)}" stroke="#1f6f9c" stroke-width="1.2"/>'
-
-
-def _boxes(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
-    pin = name.removeprefix(WATCH)
-    for first, after, value in _stretches(lane_of(wave, name), wave, span):
-        if value is None:
-            continue
-        left, width = at(first), max(0.5, at(after) - at(first))
-        colour = _colour(wave, first) if shown_by(name) == "status" else "#5a6570"
-        yield (
-            f'<rect x="{left:.2f}" y="{top + HIGH_Y - 1}" width="{width:.2f}" height="{LOW_Y - HIGH_Y + 2}" '
-            f'stroke="{colour}"/>'
-        )
-        label = value_text(pin, value)
-        if width > 8 * len(label):
-            yield _words(left + 3, top + 16, label, colour)
-
-
-def _colour(wave: Waveform, scan: int) -> str:
-    line = wave.edge_at(scan)
-    edge = line.event if line is not None else None
-    if not isinstance(edge, StatusEdge):
-        return "#5a6570"
-    return COLOURS[edge.outputs.lit or "busy"]
-
-
-def _words(x: float, y: float, text: str, colour: str) -> str:
-    return f'<text x="{x:.2f}" y="{y}" fill="{colour}">{escape(text)}</text>'
-
-
 # -- files ------------------------------------------------------------------------------------------------
 
-FORMATS: Final = {"vcd": ".vcd", "svg": ".svg", "text": ".txt"}
+VCD: Final = "vcd"
 
 
-def known_format(format: str) -> str:
-    """Return the format; raise UserError where there is none of that name."""
-    if format not in FORMATS:
-        raise mistake("export timing", f"'{format}'", ", ".join(FORMATS))
-    return format
-
-
-def free_path(folder: Path, name: str, format: str) -> Path:
-    """Return a path in a folder under which nothing stands yet."""
+def free_path(folder: Path, name: str) -> Path:
+    """Return a path of a VCD in a folder under which nothing stands yet."""
     plain = _vcd_name(name) or "timing"
-    names = (f"{plain}{'' if n == 1 else f'-{n}'}{FORMATS[known_format(format)]}" for n in range(1, 100_000))
+    names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())
 
 
-def write_waves(path: Path, format: str, waves: Sequence[Waveform], span: ScanRange, zoom: int) -> int:
+def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
     """Write a file that is not there yet; return its size; raise UserError where it cannot be written."""
-    known_format(format)
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
-    texts = {
-        "vcd": lambda: vcd_text(waves, span),
-        "svg": lambda: svg_text(waves, span),
-        "text": lambda: plain_text(waves, span, zoom),
-    }
-    payload = texts[format]().encode()
+    payload = vcd_text(waves, span).encode()
     write_file(path, payload, "export timing", is_new=True)
     return len(payload)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.plc_end import fits_nothing
@@ -31,7 +31,6 @@ from trcvtui.project.edit import changing, entry, read_changed, with_edits
 from trcvtui.project.project import Project
 from trcvtui.project.tables import Given, shown
 from trcvtui.recording.seam import Seam
-from trcvtui.records import NamedTuple
 from trcvtui.scenario.scenario import load_bench
 
 MOST_LISTED: Final = 1000  # conversations in the last line

@@ -13,8 +13,9 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.capture.pcap import (
@@ -40,7 +41,6 @@ from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple, replace
 
 LOOK_NS: Final = 40_000_000
 HOLD_NS: Final = 30_000_000

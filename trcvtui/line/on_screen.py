@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
@@ -21,7 +22,6 @@ from trcvtui.engine.driver import EngineDriver
 from trcvtui.line.capture_player import CapturePlayer, Played, plan_capture, planned
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
-from trcvtui.records import replace
 from trcvtui.replay.driver import serve_screen
 from trcvtui.replay.survey import NOTE
 from trcvtui.wording import count

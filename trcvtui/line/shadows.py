@@ -7,9 +7,10 @@ Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Final, TypeVar, cast
+from typing import Final, NamedTuple, TypeVar, cast
 
 from trcvtui.bench.program import read_program
 from trcvtui.blocks.pins import Direction, PinValue
@@ -23,7 +24,6 @@ from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.file import read_project
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project
-from trcvtui.records import NamedTuple, replace
 from trcvtui.scenario.scenario import start_steps
 
 MOST_AD_HOC: Final = 256  # PLC ends with ad-hoc shadows

@@ -11,14 +11,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen, TimeoutExpired
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
 from trcvtui.net.os.tap_ways import AskedWays
 from trcvtui.net.tap import Route, end_text
-from trcvtui.records import NamedTuple
 
 if TYPE_CHECKING:
     from trcvtui.engine.driver import EngineDriver

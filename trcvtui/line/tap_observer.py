@@ -11,6 +11,7 @@ import os
 import struct
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
@@ -48,7 +49,6 @@ from trcvtui.net.tap import (
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import TapDecl, WatchDecl
-from trcvtui.records import replace
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.signals import OF_A_GROUP, leave
 

@@ -11,7 +11,7 @@ import struct
 import sys
 from collections.abc import Iterator
 from ipaddress import IPv6Address, ip_address
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
@@ -28,7 +28,6 @@ from trcvtui.recording.wire import (
     SYN,
     WINDOW,
 )
-from trcvtui.records import NamedTuple
 from trcvtui.signals import OF_A_GROUP, leave
 
 WIRE: Final = 0  # the interface of IP packets; a serial line each from 1 on

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from trcvtui.net.results import Fault
-from trcvtui.records import NamedTuple, dataclass
 
 
 class What(StrEnum):

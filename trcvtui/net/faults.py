@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.errors import mistake
@@ -24,7 +25,6 @@ from trcvtui.net.kernel import (
 )
 from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
 from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
-from trcvtui.records import dataclass, replace
 
 # The errno of a call when the plan names none: what Linux answers.
 DEFAULT_ERROR: Final = {

@@ -9,11 +9,11 @@ The facts that every kernel must share are the contract suite tests/net/contract
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
-from trcvtui.records import dataclass
 
 Handle = NewType("Handle", int)
 

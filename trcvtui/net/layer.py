@@ -7,11 +7,11 @@ Rule: a session never touches a socket and never raises, whatever comes; it hold
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from trcvtui.net.results import Endpoint, Unread
-from trcvtui.records import NamedTuple, dataclass
 
 
 class TlsError(StrEnum):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import errno
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
-
-from trcvtui.records import NamedTuple, dataclass, field
+from typing import Final, NamedTuple
 
 
 class WouldBlock(Enum):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from trcvtui.net.results import Fault
-from trcvtui.records import dataclass
 
 # The calls that a fault plan can make fail, beside those of the network.
 SERIAL_CALLS: Final = ("open", "read", "write")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterator
 from enum import IntEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
 from trcvtui.net.results import end_in_words
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.records import NamedTuple
 
 HERE: Final = "127.0.0.1"
 TO, BACK = 0, 1  # ways: from the end at LISTEN to the end at CONNECT, and back

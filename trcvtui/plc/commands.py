@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from trcvtui.blocks.pins import PinValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
-from trcvtui.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

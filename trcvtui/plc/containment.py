@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.records import NamedTuple
 
 T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
-from trcvtui.records import NamedTuple, dataclass
 
 KEPT_LINES: Final = 20_000
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -66,7 +67,6 @@ from trcvtui.plc.snapshot import (
     made,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.records import replace
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
 
 LEAST: Final = 2  # STEP 7 help: LEN of a TRCV into a STRING, and into a WSTRING

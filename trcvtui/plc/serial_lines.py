@@ -7,6 +7,7 @@ Source of a ComBuffer: `sim` (bench commands), `serial` (port_feed.py; simulated
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -23,7 +24,6 @@ from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
-from trcvtui.records import replace
 
 STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
 CABLE: Final = "cable"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameMarks, Tally
@@ -20,7 +21,6 @@ from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Outputs
-from trcvtui.records import NamedTuple, dataclass, field
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.net.connection.config import AddrParam
 from trcvtui.net.connection.config import ConnectConfig as ConnectConfig
@@ -13,7 +13,6 @@ from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
-from trcvtui.records import NamedTuple
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 

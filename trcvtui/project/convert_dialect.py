@@ -6,6 +6,9 @@ that it cannot describe at all is refused.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, format_value, read_switches
@@ -21,7 +24,6 @@ from trcvtui.project.key_rows import around_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table, expected_name, shown
-from trcvtui.records import NamedTuple, replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
@@ -60,7 +61,6 @@ from trcvtui.project.tables import (
     shown,
     whole,
 )
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
 
 if TYPE_CHECKING:

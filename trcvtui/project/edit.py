@@ -6,7 +6,8 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
@@ -44,7 +45,6 @@ from trcvtui.project.project import (
     Project,
 )
 from trcvtui.project.tables import Given, Table
-from trcvtui.records import NamedTuple, dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ instance or DATA.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,7 +31,6 @@ from trcvtui.project.tables import (
     read_toml,
     shown,
 )
-from trcvtui.records import replace
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, join

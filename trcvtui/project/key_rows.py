@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import known_blocks
@@ -13,7 +14,6 @@ from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.project import Certificates, Declaration, Project
 from trcvtui.project.tables import Kind, Table
-from trcvtui.records import NamedTuple, dataclass, field
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
 

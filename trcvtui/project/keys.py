@@ -8,6 +8,7 @@ Rule 2: a key that would only say its default is left out, except where a reader
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from trcvtui.blocks.pins import Direction, Pin
@@ -103,7 +104,6 @@ from trcvtui.project.tables import (
     shown,
     whole,
 )
-from trcvtui.records import replace
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUTS, LayoutChoice, LayoutRules
 from trcvtui.udt.sources import parse_type

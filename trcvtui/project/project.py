@@ -6,6 +6,7 @@ Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the bl
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +19,6 @@ from trcvtui.net.connection.description_check import meaning
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.records import dataclass, field, replace
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import TypeSet

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 from unicodedata import category
@@ -16,7 +17,6 @@ from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.results import Endpoint, end_in_words
 from trcvtui.net.tap import PLACE, place_of
-from trcvtui.records import dataclass
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_integer, parse_time
 from trcvtui.udt.types import ELEMENTARY

@@ -15,9 +15,10 @@ import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from trcvtui.errors import mistake
 from trcvtui.files import make_folder
@@ -34,7 +35,6 @@ from trcvtui.recording.journal import (
     WireCall,
     entries_of,
 )
-from trcvtui.records import NamedTuple, dataclass
 
 if TYPE_CHECKING:
     from trcvtui.recording.journal import Keyframe

@@ -14,7 +14,7 @@ import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 from trcvtui import __version__
 from trcvtui.errors import UserError, mistake
@@ -24,7 +24,6 @@ from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Faul
 from trcvtui.net.serial_line import OPENING, Opening
 from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
-from trcvtui.records import NamedTuple
 
 VERSION: Final = 2
 MOST_STATE: Final = 64 << 20  # bytes of a state that a reader takes

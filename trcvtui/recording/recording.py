@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from itertools import chain
-from typing import IO, Final
+from typing import IO, Final, NamedTuple
 
 from trcvtui import __version__
 from trcvtui.capture import pcap
@@ -35,7 +35,6 @@ from trcvtui.recording.journal import (
     in_blocks,
 )
 from trcvtui.recording.run_packets import OF_JOURNAL, RunPackets
-from trcvtui.records import NamedTuple
 
 WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
 JOURNAL_NAME: Final = "trcvtui journal"

@@ -12,6 +12,7 @@ import sys
 from array import array
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinMethodType, FunctionType, MappingProxyType, MethodType, ModuleType
@@ -81,10 +82,20 @@ class Shared:
                 waiting += cast(list[object], one)
             elif kind is dict:
                 waiting += [*cast(dict[object, object], one), *cast(dict[object, object], one).values()]
-            elif hasattr(kind, "__record_values__"):
-                waiting += kind.__record_values__(one)
-            elif isinstance(one, tuple):
-                waiting += one
+            elif hasattr(kind, "__match_args__"):  # a record or a named tuple
+                waiting += _values_of(one)
+
+
+def _values_of(record: Any) -> list[object]:
+    return [getattr(record, name) for name in type(record).__match_args__]
+
+
+def _reduced(one: Any) -> Any:
+    # A frozen dataclass is made with its values, so that it has a hash before something holds it.
+    kind: Any = type(one)
+    if is_dataclass(one) and vars(kind).get("__hash__") and kind.__reduce__ is object.__reduce__:
+        return kind, _values_of(one)
+    return one.__reduce_ex__(4)
 
 
 def _constants() -> dict[int, tuple[str, str]]:
@@ -175,7 +186,7 @@ class _Kept:
         return self._object(one)
 
     def _object(self, one: Any) -> bytes:
-        made = one.__reduce_ex__(4)
+        made = _reduced(one)
         if not isinstance(made, tuple):
             raise TypeError(f"no state of {type(one).__qualname__}")
         make, args, state, items, pairs = (*made, None, None, None)[:5]

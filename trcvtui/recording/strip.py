@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +19,6 @@ from trcvtui.files import replacing
 from trcvtui.net.results import is_loopback
 from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER, WIRE, Recording
 from trcvtui.recording.wire import checksum
-from trcvtui.records import dataclass
 
 DISSECTOR: Final = "journal.lua"  # beside this file
 _PACKET_HEAD: Final = 20

@@ -11,13 +11,12 @@ import struct
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, octets
 from trcvtui.recording.journal import WireCall
-from trcvtui.records import NamedTuple
 
 MOST_PAYLOAD: Final = 1460
 MOST_DATAGRAM: Final = 65_507

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
-from typing import Any, Final, cast
+from typing import Any, Final, NamedTuple, cast
 
 from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import Accepted, KernelLoss
@@ -17,7 +17,6 @@ from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.plc.containment import EXCEPTION
 from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
 from trcvtui.recording.journal import CLOSE, DO, GAP, REST, SKIP, STEP, Answered, Entry, RunBegins
-from trcvtui.records import NamedTuple
 
 MOST_BYTES: Final = 128 << 20  # of all partners together
 MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window

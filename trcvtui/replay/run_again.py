@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, cast
 
@@ -19,7 +20,6 @@ from trcvtui.files import FilesRead, reading_only
 from trcvtui.project.project import Project
 from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
 from trcvtui.recording.replay import Replay, ends_early
-from trcvtui.records import replace
 from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
 
 Roots = tuple[RunBegins, Scenario | None, Project]

@@ -8,7 +8,8 @@ Rule 3: nothing here changes a bench: who asks for that is told so.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge
@@ -24,7 +25,6 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.worker_process import FilesJudge
-from trcvtui.records import NamedTuple, replace
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import RunAgain
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at

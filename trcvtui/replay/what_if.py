@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from operator import sub
-from typing import Final, cast
+from typing import Final, NamedTuple, cast
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words
@@ -20,7 +21,6 @@ from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.keys import is_played
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple, replace
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.partners import PartnersAgain, WhyGuess
 from trcvtui.replay.recorded_run import RecordedRun, Standing

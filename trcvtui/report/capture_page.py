@@ -15,7 +15,7 @@ from trcvtui.line.shadows import ShadowPlan, known_ends
 from trcvtui.line.watch_command import MISSING
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.report.page import ReportSource
-from trcvtui.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
+from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.wording import count
 
 MOST_CONVERSATIONS: Final = 500
@@ -26,7 +26,7 @@ class _CaptureNotes:
 
     def __init__(self, interval_ns: int) -> None:
         self.notes: RunNotes | None = None  # from the first scan on
-        self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
+        self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
         self._interval_ns = interval_ns
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
@@ -35,10 +35,10 @@ class _CaptureNotes:
         at = Moment(scan, (scan - 1) * self._interval_ns)
         for edge in changed:
             if edge.instance in lacking and edge.outputs.lit in ("done", "error"):
-                self.events.add(EventTold(at, edge.instance, MISSING))
+                self.events.add(EventNote(at, edge.instance, MISSING))
 
     def note(self, ns: int, number: int, text: str) -> None:
-        self.events.add(EventTold(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
+        self.events.add(EventNote(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
 
 
 def capture_page(

@@ -7,9 +7,10 @@ import os
 import sys
 from collections.abc import Iterator
 from hashlib import sha256
-from html import escape
 from itertools import chain
 from pathlib import Path
+
+from markupsafe import escape
 
 from trcvtui.bench.bench import Bench
 from trcvtui.diagnosis.doctor import DoctorQuestion, try_to_judge
@@ -23,7 +24,7 @@ from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import RunAgain, restored_state
 from trcvtui.report.page import MARK, FoundCause, ReportSource, last_part, page
-from trcvtui.report.run_notes import MOST_EVENTS, EventTold, FirstAndLast, RunNotes
+from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import Runner, Verdict
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.wording import count
@@ -48,7 +49,7 @@ class _Heard:
     """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
 
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
-        self.events: FirstAndLast[EventTold] = FirstAndLast(MOST_EVENTS)
+        self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
         self._entries = entries
         self._at = Moment(scan)
 
@@ -58,7 +59,7 @@ class _Heard:
                 if entry.call == STEP and isinstance(entry.answer, int):
                     self._at = Moment(self._at.scan + 1, entry.answer)
                 elif entry.call == DO and len(entry.args) == 1:
-                    self.events.add(EventTold(self._at, "", str(entry.args[0])))
+                    self.events.add(EventNote(self._at, "", str(entry.args[0])))
             yield entry
 
     def tell_rest(self, notes: RunNotes, front: Entry | None) -> None:
@@ -131,7 +132,7 @@ def recording_source(
 def _folders(files: FilesRead, path: str) -> list[str]:
     names = [os.path.join(files.folder, name) for name in ("", path, *files.contents, *files.digests)]
     before = {name.removesuffix(last_part(name)) for name in names}
-    return sorted([escape(one_line(each)) for each in before if len(each) > 1], key=len, reverse=True)
+    return sorted([str(escape(one_line(each))) for each in before if len(each) > 1], key=len, reverse=True)
 
 
 def report_file(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Final, Generic, TypeVar, cast
+from typing import Final, Generic, NamedTuple, TypeVar, cast
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
@@ -26,7 +26,6 @@ from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
-from trcvtui.records import NamedTuple
 
 T = TypeVar("T")
 K = TypeVar("K")
@@ -88,14 +87,14 @@ class TimeLane:
         self.columns += [self._now] * (t_ns // self.width_ns + 1 - len(self.columns))
 
 
-class EdgeTold(NamedTuple):
+class EdgeNote(NamedTuple):
     """An edge and when it came."""
 
     at: Moment
     edge: StatusEdge
 
 
-class FrameTold(NamedTuple):
+class FrameNote(NamedTuple):
     """Bytes of a job or a frame, the first of them; `reason`: why they never got to where they belong."""
 
     at: Moment
@@ -106,7 +105,7 @@ class FrameTold(NamedTuple):
     reason: str
 
 
-class EventTold(NamedTuple):
+class EventNote(NamedTuple):
     """What happened beside the blocks; without a subject: a command that was given after this scan."""
 
     at: Moment
@@ -115,10 +114,10 @@ class EventTold(NamedTuple):
     detail: str = ""
 
 
-class CardTold(NamedTuple):
+class CauseNote(NamedTuple):
     """A cause of ERROR at an instance, or a remark on a frame: what was known, how often, until when."""
 
-    first: EdgeTold
+    first: EdgeNote
     advice: Advice
     times: int
     last: Moment
@@ -128,11 +127,11 @@ class InstanceNotes:
     """What is told of one instance."""
 
     def __init__(self, width_ns: int, edges: int, frames: int) -> None:
-        self.edges: FirstAndLast[EdgeTold] = FirstAndLast(edges)
-        self.error_edges: FirstAndLast[tuple[int, EdgeTold]] = FirstAndLast(edges)
-        self.frames: FirstAndLast[FrameTold] = FirstAndLast(frames)
-        self.errors: dict[tuple[int, str], CardTold] = {}
-        self.remarks: dict[str, CardTold] = {}  # by its words without their numbers
+        self.edges: FirstAndLast[EdgeNote] = FirstAndLast(edges)
+        self.error_edges: FirstAndLast[tuple[int, EdgeNote]] = FirstAndLast(edges)
+        self.frames: FirstAndLast[FrameNote] = FirstAndLast(frames)
+        self.errors: dict[tuple[int, str], CauseNote] = {}
+        self.remarks: dict[str, CauseNote] = {}  # by its words without their numbers
         self.delivered = self.looked_until = 0  # frames; up to which one each is looked at
         self.dropped = 0  # frames that were begun and never whole
         self.lane = TimeLane(width_ns)
@@ -143,7 +142,7 @@ class InstanceNotes:
 class RunNotes:
     """Reads the ledger after each scan; `end` looks at the bench a last time."""
 
-    def __init__(self, bench: Bench, events: FirstAndLast[EventTold], has_payload: bool) -> None:
+    def __init__(self, bench: Bench, events: FirstAndLast[EventNote], has_payload: bool) -> None:
         self.bench = bench
         self.has_payload = has_payload
         self.events = events
@@ -158,7 +157,7 @@ class RunNotes:
         self._card = Card()
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
-        self._fresh: list[EdgeTold] = []  # ERRORs of this scan
+        self._fresh: list[EdgeNote] = []  # ERRORs of this scan
         self._receiving: set[str] = set()  # who has got a part in this scan
         share = max(1, len(bench.project.instances))
         self._edges = max(2, min(MOST_OF_ONE, EDGES // 4 // share))
@@ -208,7 +207,7 @@ class RunNotes:
             return
         if all(isinstance(each, int | None) for each in args[2:]):
             outputs = Outputs._make(cast(tuple[int, ...], args[1:]))
-            self._edge(EdgeTold(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
+            self._edge(EdgeNote(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
             self._fresh.clear()
 
     def end_of_rest(self, at: Moment) -> None:
@@ -233,7 +232,7 @@ class RunNotes:
     def _take(self, at: Moment, event: Event) -> None:
         match event:
             case StatusEdge():
-                self._edge(EdgeTold(at, event))
+                self._edge(EdgeNote(at, event))
             case BytesReceived():
                 self._receiving.add(event.instance)
             case JobEnded() | PartDropped() | FrameEnded():
@@ -243,14 +242,14 @@ class RunNotes:
             case SendEnded():
                 job, content = self._of(event.instance).sends
                 reason = "" if event.done else event.reason
-                told = FrameTold(at, True, event.job, event.size, content * (job == event.job), reason)
+                told = FrameNote(at, True, event.job, event.size, content * (job == event.job), reason)
                 self._of(event.instance).frames.add(told)
             case ConnectionChanged():
                 self._connection(at, event)
             case BenchNote():
-                self.events.add(EventTold(at, event.subject, event.what, event.detail or event.end))
+                self.events.add(EventNote(at, event.subject, event.what, event.detail or event.end))
 
-    def _edge(self, told: EdgeTold) -> None:
+    def _edge(self, told: EdgeNote) -> None:
         notes = self._of(told.edge.instance)
         notes.edges.add(told)
         notes.lane.mark(told.at.t_ns, LIT[told.edge.outputs.lit])
@@ -275,7 +274,7 @@ class RunNotes:
             notes.dropped += 1
             notes.looked_until = notes.delivered + 2
         if done or event.size:
-            told = FrameTold(at, False, job, event.size, content[: event.size], "" if done else reason)
+            told = FrameNote(at, False, job, event.size, content[: event.size], "" if done else reason)
             notes.frames.add(told)
 
     def _data(self, instance: str, size: int) -> bytes:
@@ -291,11 +290,11 @@ class RunNotes:
                 lane.mark(at.t_ns, UP if event.what is What.CONNECTED else 0)
         fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""
         detail = ", ".join(filter(None, (event.peer, fault, event.detail)))
-        self.events.add(EventTold(at, event.connection, str(event.what), detail))
+        self.events.add(EventNote(at, event.connection, str(event.what), detail))
 
     # -- why --------------------------------------------------------------------------------------------
 
-    def _explain(self, told: EdgeTold) -> None:
+    def _explain(self, told: EdgeNote) -> None:
         notes, edge = self._of(told.edge.instance), told.edge
         if not edge.outputs.error:
             advice = self._card_of(edge.instance, self._picture(edge.instance))
@@ -341,9 +340,9 @@ class RunNotes:
         )
 
 
-def _keep(cards: dict[K, CardTold], key: K, told: EdgeTold, advise: Callable[[], Advice], most: int) -> None:
+def _keep(cards: dict[K, CauseNote], key: K, told: EdgeNote, advise: Callable[[], Advice], most: int) -> None:
     known = cards.get(key)
     if known is not None:
         cards[key] = known._replace(times=known.times + 1, last=told.at)
     elif len(cards) < most:
-        cards[key] = CardTold(told, advise(), 1, told.at)
+        cards[key] = CauseNote(told, advise(), 1, told.at)

@@ -1,1 +1,1 @@
-"""Scenarios: read, played, judged, reported; sessions kept as scenarios; the dialect race."""
+"""Scenarios: read, played, judged, reported; sessions kept as scenarios; one in several dialects."""

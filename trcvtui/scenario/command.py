@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.commands.words import Doctor
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
 from trcvtui.scenario.report import FORMATS, Document
 from trcvtui.scenario.runner import Pace, Runner, VirtualPace
@@ -65,34 +65,36 @@ def run_files(
     overrides: Sequence[str],
     netns: bool = False,
     record: RecordTo | None = None,
+    dialects: Sequence[str] = (),
 ) -> int:
     """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
 
-    With `netns` each file runs in a fresh network of this process's own.
+    With `netns` each file runs in a fresh network of this process's own; with `dialects` in each of them.
     """
+    if dialects and record is not None:
+        raise mistake("--record", "--dialect beside it", "one of the two")
     if netns:
         enter_own_network(kernel)
+    run = partial(_run_all, paths, kernel, form, overrides, record, dialects)
     if out is None:
-        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None, record)
+        return run(sys.stdout.write, lambda: None)
     where = f"--out {out}"
     refuse_input(out, where, paths)
     with replacing(out, where) as file:
-        loaded = partial(refuse_input, out, where)
-        return _run_all(
-            paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded, record
-        )
+        return run(lambda text: file.write(text.encode()), partial(refuse_input, out, where))
 
 
 def _run_all(
     paths: Sequence[Path],
     kernel: str,
     form: str,
-    write: Callable[[str], object],
     overrides: Sequence[str],
-    loaded: Callable[[], None],
     record: RecordTo | None,
+    dialects: Sequence[str],
+    write: Callable[[str], object],
+    loaded: Callable[[], None],
 ) -> int:
-    document = FORMATS[form](write)
+    document = _document(form, dialects, write)
     worst = HELD
     files = record.files(paths) if record is not None else ()
     for number, path in enumerate(paths):
@@ -104,6 +106,7 @@ def _run_all(
         try:
             with noting_reads(recorder.reads if recorder is not None else reads):
                 scenario = load_scenario(path, overrides)
+                each = _in_each(dialects, scenario, path)
         except UserError as error:
             worst = _wrong(document, path, error)
             continue
@@ -114,12 +117,29 @@ def _run_all(
                 from trcvtui.recording.recorder import kept_recorder
 
                 recorder, box = kept_recorder(recorder, reads)
-            held = _run_one(path, scenario, kernel, document, overrides, recorder, box)
-            worst = max(worst, HELD if held else FAILED)
+            for one in each:
+                held = _run_one(path, one, kernel, document, overrides, recorder, box)
+                worst = max(worst, HELD if held else FAILED)
         except UserError as error:
             worst = _wrong(document, path, error)
     document.end()
     return worst
+
+
+def _document(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Document:
+    if not dialects:
+        return FORMATS[form](write)
+    from trcvtui.scenario.dialects import SideBySide  # here: who runs a file alone starts faster without
+
+    return SideBySide(write, form, len(dialects))
+
+
+def _in_each(dialects: Sequence[str], scenario: Scenario, path: Path) -> Sequence[Scenario]:
+    if not dialects:
+        return (scenario,)
+    from trcvtui.scenario.dialects import scenarios_in
+
+    return scenarios_in(dialects, scenario, path)
 
 
 def _wrong(document: Document, path: Path, error: UserError) -> int:

@@ -6,6 +6,7 @@ Rule: it judges by the same StepRunner as the runner; scans pass outside, one wh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.bench.bench import Bench
@@ -21,7 +22,6 @@ from trcvtui.commands.snapshots import (
     TrialSnapshot,
 )
 from trcvtui.errors import mistake
-from trcvtui.records import replace
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import StepRunner
 

@@ -14,6 +14,7 @@ import json
 import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -33,7 +34,6 @@ from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.project.text import with_files_from
-from trcvtui.records import dataclass, replace
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -446,23 +446,6 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
     lines = [_project(bench.project.path, path.parent, before), "", "[scenario]"]
     lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
-
-
-def marked_scan(about: str) -> int:
-    """Return after which scan a session was marked, as its text says; 0: it was not."""
-    _, mark, after = about.partition(MARKED)
-    number = after.partition(".")[0]
-    return int(number) if mark and number.isdecimal() else 0
-
-
-def partners_left_out(about: str) -> str:
-    """Return who took part in a session and can not be replayed, as its text says; "": nobody."""
-    _, mark, after = about.partition(OUTSIDE)
-    who, _, where = after.partition("): nothing is expected on ")
-    if not mark:
-        return ""
-    told = f"{who} was a partner outside the bench and is not replayed"
-    return f"{told}: nobody calls or sends in its place on {where.partition('.')[0]}"
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import dataclass
 from trcvtui.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure

@@ -6,14 +6,14 @@ Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first;
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Final, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import block_row
 from trcvtui.commands import words
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.scenario.step_runner import Failure, StepRunner
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -30,7 +31,6 @@ from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
 from trcvtui.project.tables import TEXT, Table
-from trcvtui.records import dataclass, replace
 
 T = TypeVar("T")
 

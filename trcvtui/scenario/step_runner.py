@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice, repeat
 from typing import TYPE_CHECKING, Final
 
@@ -19,7 +20,6 @@ from trcvtui.bench.conditions import found, holds
 from trcvtui.bench.split_test import SplitTest
 from trcvtui.commands import words
 from trcvtui.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
-from trcvtui.records import dataclass
 
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge

@@ -18,8 +18,7 @@ from trcvtui.files import close_files
 from trcvtui.history.bench_update import NEVER_SAVED, lines_again
 from trcvtui.project.project import Project
 from trcvtui.tui.lab import LAB, is_for_lab
-from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
-from trcvtui.tui.messages import RaceWanted
+from trcvtui.tui.main import SCENARIOS, MainScreen
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from trcvtui.tui.framings import FramingScreen
     from trcvtui.tui.lab.lab import Lab
     from trcvtui.tui.lab.screen import LabScreen
-    from trcvtui.tui.race.screen import RaceScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
@@ -64,7 +62,6 @@ class BenchApp(TerminalApp):
 
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
-        Binding("D", "race", show=False, id="race"),
         Binding("X", "dropped", show=False, id="dropped"),
         Binding("B", "framings", show=False, id="framings"),
         Binding("J", "doctor", show=False, id="doctor"),
@@ -89,7 +86,6 @@ class BenchApp(TerminalApp):
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
-        self.race: RaceScreen | None = None  # while it is open
         self.card: FramingScreen | DoctorScreen | None = None  # a dialog that pictures feed, while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
@@ -118,11 +114,9 @@ class BenchApp(TerminalApp):
             self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
 
     def end_children(self, is_dead: bool) -> None:
-        """Leave no file of a race; where the terminal is dead, end the engine, too."""
+        """End the engine where the terminal is dead."""
         if is_dead:
             self._engine.close()
-        if self.race is not None:
-            self.race.forget()
 
     # -- pictures and lines -------------------------------------------------------------------------
 
@@ -157,7 +151,7 @@ class BenchApp(TerminalApp):
     def _show(self, before: int) -> None:
         if self.card is not None:
             self.card.show()
-        above = self.race or self.scenarios or self.lab
+        above = self.scenarios or self.lab
         if above is not None:
             if above.is_mounted:
                 above.show()
@@ -174,7 +168,7 @@ class BenchApp(TerminalApp):
         if self._read_only and not may_say(line):
             self.main.prompt.did(line, "", REFUSED)
             return
-        if self._is_replay and line in (SCENARIOS, RACE):
+        if self._is_replay and line == SCENARIOS:
             self._refuse()
             return
         if is_for_lab(line):
@@ -182,9 +176,6 @@ class BenchApp(TerminalApp):
             return
         if line == SCENARIOS:
             self._open_scenarios()
-            return
-        if line == RACE:
-            self.open_race(None)
             return
         if self.main.obeys(line):
             return
@@ -235,8 +226,6 @@ class BenchApp(TerminalApp):
             view = self.view_model
             report = write_report(words, view.project, [*view.lines], stopped.folder)
             why, self.last_words = f"{why}; {report}", f"{words}\n{report}"
-        if self.race is not None and self.screen is self.race:
-            self.race.dismiss()
         if self.scenarios is not None:
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
@@ -335,29 +324,6 @@ class BenchApp(TerminalApp):
         else:
             self.main.prompt.complain("no CONNECT of this project has a connection description")
 
-    # -- the race -----------------------------------------------------------------------------------
-
-    def on_race_wanted(self, message: RaceWanted) -> None:
-        self.open_race(message.path)
-
-    def action_race(self) -> None:
-        if self.screen is self.main:
-            self.submit(RACE)
-
-    def open_race(self, path: Path | None) -> None:
-        """Race a scenario file, or with None the session, through several dialects."""
-        from trcvtui.tui.race.screen import RaceScreen  # read when first asked for
-
-        if self.refuses():
-            return
-        if self.race is None and self.lab is None and not self.last_words:
-            self.race = RaceScreen(self.view_model, self._say, path)
-            self.push_screen(self.race, self._race_left)
-
-    def _race_left(self, nothing: None) -> None:
-        self.race = None
-        self._show(self.view_model.bench)
-
     # -- frames -------------------------------------------------------------------------------------
 
     def action_dropped(self) -> None:
@@ -441,7 +407,7 @@ class BenchApp(TerminalApp):
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         from trcvtui.tui.palette import PaletteReach, commands  # read when first asked for
 
-        above = self.race or self.scenarios or self.lab
+        above = self.scenarios or self.lab
         if above is not None:
             yield from above.commands()
         else:

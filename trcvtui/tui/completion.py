@@ -51,7 +51,7 @@ def _after_udt(words: list[str], project: Project) -> Iterable[str]:
 
 # What the screen or its engine takes (`BenchApp.submit`, `Controller.take`).
 SCREEN: Final = (
-    "hold", "go", "trigger", "scenarios", "race", "export timing", "find", "mark", "save scenario",
+    "hold", "go", "trigger", "scenarios", "export timing vcd", "find", "mark", "save scenario",
     "save project", "save recording", "record", "record stop", "lab", "udt", "framing",
 )  # fmt: skip
 SCREEN_WORDS: Final[Mapping[str, NextWords]] = {

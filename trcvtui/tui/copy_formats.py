@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -13,7 +14,6 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.records import dataclass
 from trcvtui.tui.formatting import clip, count, moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
@@ -21,6 +21,7 @@ from trcvtui.tui.widgets.line_view import LineView, Row, row
 from trcvtui.udt.byte_text import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
+from trcvtui.wording import in_columns
 
 if TYPE_CHECKING:
     from trcvtui.tui.view_model.view_model import ViewModel
@@ -121,18 +122,12 @@ def _history(of: Subject) -> str:
             )
             reason = plain(why(line.event))
             rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
-    return "\n".join(_columns(rows)) if len(rows) > 1 else ""
+    return "\n".join(in_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
 
 
 def _lamp(edge: StatusEdge) -> str:
     lit = (("ERROR", edge.outputs.error), ("DONE", edge.outputs.done), ("BUSY", edge.outputs.busy))
     return " ".join([name for name, on in lit if on][: 2 if edge.outputs.error and edge.outputs.done else 1])
-
-
-def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for cells in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
 # -- bytes -------------------------------------------------------------------------------------------------
@@ -167,7 +162,7 @@ def _json(of: Subject) -> str:
         return ""
     layout = of.declared.layout
     stop = min(layout.leaf_count, MOST_MEMBERS)
-    pairs = zip(layout.page(0, stop).leaves, decode_leaves(layout, of.content, 0, stop), strict=False)
+    pairs = zip(layout.leaves(0, stop), decode_leaves(layout, of.content, 0, stop), strict=False)
     values = {leaf.path or of.declared.name: json_value(value) for leaf, value in pairs}
     head = {"type": layout.name, "size": layout.size, "complete": len(of.content) >= layout.size}
     return json.dumps({**head, "values": values}, indent=2, allow_nan=False).replace("\x7f", "\\u007f")

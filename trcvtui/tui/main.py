@@ -92,7 +92,7 @@ if TYPE_CHECKING:
 
 BELOW_DIALOG_S: Final = 0.5
 EXPORT, FIND = "export", "find"
-EXPORT_LINES: Final = "export timing vcd|svg|text, perhaps a FILE"
+EXPORT_LINES: Final = "export timing vcd, perhaps a FILE"
 
 
 def is_for_timing(line: str) -> bool:
@@ -105,10 +105,10 @@ def obey_line(line: str, pane: Timing) -> str:
     words = line.split(maxsplit=3)
     if words[0] == FIND:
         return _find(words[1:], pane)
-    if len(words) < 3 or words[1] != "timing":
+    if words[1:3] != ["timing", "vcd"]:
         raise mistake("prompt", f"'{line}'", EXPORT_LINES)
     path = Path(words[3]).expanduser() if len(words) > 3 else None
-    written, size = pane.write(words[2], path)
+    written, size = pane.write(path)
     return f"{size} bytes in {written.absolute()}"
 
 
@@ -128,7 +128,7 @@ if TYPE_CHECKING:
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
-SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
+SCENARIOS: Final = "scenarios"  # the line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
 PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
-from trcvtui.records import NamedTuple
 
 if TYPE_CHECKING:
     from trcvtui.fleet.fleet_list import Entry
@@ -85,14 +83,6 @@ class DescriptionWanted(Message):
     """The connection description of the selected instance shall be shown byte for byte."""
 
 
-class RaceWanted(Message):
-    """A scenario file, or with None the session, shall be raced through several dialects."""
-
-    def __init__(self, path: Path | None = None) -> None:
-        super().__init__()
-        self.path = path
-
-
 class ScenarioWanted(Message):
     """The chosen scenario shall be loaded."""
 
@@ -107,18 +97,6 @@ class FitWanted(Message):
     def __init__(self, number: int) -> None:
         super().__init__()
         self.number = number
-
-
-class RaceRowSelected(Message):
-    """Another scan of the race was chosen."""
-
-
-class DialectToggled(Message):
-    """A dialect shall take part in the race, or no longer."""
-
-    def __init__(self, digit: int) -> None:
-        super().__init__()
-        self.digit = digit
 
 
 class FleetEntryOpened(Message):

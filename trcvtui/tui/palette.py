@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from inspect import isawaitable
-from typing import Final
+from typing import Final, NamedTuple
 
 from textual.actions import parse
 from textual.app import SystemCommand
@@ -18,10 +18,9 @@ from textual.widget import Widget
 
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
-from trcvtui.tui.main import RACE, MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import BUTTONS, NO_PEER, SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -37,7 +36,7 @@ FIRST: Final = (
 )  # fmt: skip
 # Where the cursor goes by a key; by name nobody asks for it.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
-BY_HAND: Final = frozenset(("button", "write"))  # the palette tells more of these than a binding knows
+BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 
 
 class PaneKey(NamedTuple):
@@ -86,7 +85,7 @@ def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
 def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
     """Yield an entry for each key of a pane."""
     for key in pane_keys(main):
-        if key.action not in BY_HAND:
+        if key.action != BY_HAND:
             about = f"pane {key.digit}, key {key.key}"
             yield SystemCommand(
                 f"{PANES[key.digit]}: {key.binding.description}", about, partial(_press, main, key)
@@ -107,7 +106,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 
 async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None:
     """Do what a key means in the only pane that has it; else say what is missing, and which panes have it."""
-    found = [each for each in pane_keys(main) if each.binding.key == key and each.action != "write"]
+    found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
     if len(found) == 1 and not is_pin and (found[0].digit != 7 or main.peer.takes_from_afar(key)):
         # A button acts where it is; what is seen in its pane alone is done there.
@@ -264,9 +263,6 @@ def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
 def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
-    for format, what in (("vcd", "VCD, for GTKWave and PulseView"), ("svg", "SVG"), ("text", "text")):
-        line, about = f"export timing {format}", f"export timing {format} · pane 8, key e"
-        yield SystemCommand(f"Export timing as {what}", about, partial(bench.submit, line))
     yield SystemCommand(
         "Members of DATA or of the job", "decode the other bytes · key v", bench.main.action_members
     )
@@ -277,11 +273,6 @@ def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
-    yield SystemCommand(
-        "Dialect race",
-        "the session since the mark through several dialects · key D",
-        partial(bench.submit, RACE),
-    )
     for title, about, action in (
         ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
         ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),

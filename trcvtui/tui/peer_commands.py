@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.records import dataclass
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"

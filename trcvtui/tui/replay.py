@@ -254,7 +254,6 @@ def may_open(screen: object) -> bool:
     """Return whether a replay may open a screen above the panes: none that is there to change something."""
     from trcvtui.tui.forms.add_screen import AddScreen
     from trcvtui.tui.forms.split_test_screen import TrialScreen
-    from trcvtui.tui.race.screen import RaceScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
-    return not isinstance(screen, AddScreen | TrialScreen | RaceScreen | ScenariosScreen)
+    return not isinstance(screen, AddScreen | TrialScreen | ScenariosScreen)

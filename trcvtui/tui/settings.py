@@ -11,6 +11,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -20,7 +21,6 @@ from textual.keys import Keys, _character_to_key, format_key
 
 from trcvtui.files import read_bytes
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.records import dataclass, field
 from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")

@@ -5,8 +5,9 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from trcvtui.errors import Problem
-from trcvtui.records import NamedTuple
 from trcvtui.udt.types import StringType
 
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.

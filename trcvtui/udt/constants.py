@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.records import NamedTuple
 from trcvtui.udt.ast import Constant, Formula, Number
 from trcvtui.udt.literals import NAME, parse_integer
 from trcvtui.udt.types import ELEMENTARY

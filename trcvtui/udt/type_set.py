@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.records import dataclass, field
 from trcvtui.udt.ast import Declarations, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name

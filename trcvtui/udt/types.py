@@ -5,10 +5,9 @@ Rule: a type says nothing about places: sizes, gaps and byte order come from its
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
-
-from trcvtui.records import dataclass, field
 
 MS = 1_000_000
 SECOND = 1_000 * MS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,7 +24,6 @@ from trcvtui.net.connection.description import (
     structure_of,
 )
 from trcvtui.net.connection.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
-from trcvtui.records import replace
 
 STRUCTURES = CONNECTIONS | ADDRESSES
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"

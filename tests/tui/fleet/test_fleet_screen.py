@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from hashlib import sha256
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from textual.pilot import Pilot
 
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
 from tests.tui.looking import SMALL, WIDE, same_screen, screen_text, typed
 from trcvtui import clock
-from trcvtui.fleet.broker import Broker, Came, Connected, Lost
+from trcvtui.fleet.broker import Broker, Connected, IncomingMessage, Lost
 from trcvtui.fleet.topics import StatusMessage
-from trcvtui.records import replace
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
 from trcvtui.tui.widgets.line_view import Row
@@ -50,7 +48,7 @@ class OnFleet:
     def __init__(self, app: FleetApp, broker: FakeBroker, pilot: Pilot[None]) -> None:
         self.app, self.broker, self.pilot = app, broker, pilot
 
-    async def tell(self, *news: Connected | Lost | Came) -> None:
+    async def tell(self, *news: Connected | Lost | IncomingMessage) -> None:
         """Let this come from the broker, and be shown."""
         self.broker.tell(*news)
         self.app.hear(1 << 62)
@@ -97,7 +95,7 @@ async def on_fleet(size: tuple[int, int] = WIDE, is_filled: bool = True) -> Asyn
         yield screen
 
 
-def plant(broker: FakeBroker) -> list[Came]:
+def plant(broker: FakeBroker) -> list[IncomingMessage]:
     bad = replace(status("80A6", True, 3), text="the partner has reset the connection")
     message = broker.message
     return [
@@ -202,22 +200,14 @@ async def test_a_card_shows_what_comes_meanwhile_and_what_is_missing() -> None:
         assert screen.names == WORST_FIRST
 
 
-async def test_f_in_a_card_asks_its_agent_for_the_last_minutes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+async def test_a_card_tells_on_which_machine_in_which_file_and_at_which_scan_to_look() -> None:
     async with on_fleet() as screen:
-        await screen.press("down", "enter", "f")
-        assert "was asked for its recording" in screen.text
-        ((topic, request),) = screen.broker.published
-        fetch = screen.broker.reader.fetch
-        assert fetch is not None and topic.endswith("/request") and json.loads(request)["minutes"] == 10
-        whole = b"recorded"
-        head = {"n": 0, "of": 1, "files": [["line-0001.pcapng", 8]], "sha256": sha256(whole).hexdigest()}
-        await screen.tell(Came(fetch.topic, json.dumps(head).encode() + b"\n" + whole, False))
-        name = f"fetched-{fetch.nonce[:8]}-line-0001.pcapng"
-        assert f"line-0001.pcapng is here as {name}: r opens it" in screen.text
-        assert fetch.path is not None and fetch.path.read_bytes() == whole
+        place: dict[str, object] = {"text": "reset", "scan": 812, "file": "/var/runs/line/line-0003.pcapng"}
+        came = replace(event(9), t=NOW, cause=place)
+        await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/event", came))
+        await screen.press("down", "enter")
+        assert "recorded /var/runs/line/line-0003.pcapng on pc-7" in screen.text
+        assert "reset · scan 812 of line-0003.pcapng" in screen.text
 
 
 async def test_a_broker_that_is_away_stands_in_the_head_and_the_lines_stay() -> None:
@@ -266,7 +256,7 @@ async def test_hostile_texts_reach_the_terminal_as_plain_characters() -> None:
             message("s%1B[2J/a/state", ONLINE),
             message(f"{place}/status", loud),
             message(f"{place}/event", replace(event(1), t=-1e15, cause={"text": "\x9b31m[/]\u202e" * 9})),
-            Came("trcvtui/v1/\x1b[2J/x", b"\x1b", False),
+            IncomingMessage("trcvtui/v1/\x1b[2J/x", b"\x1b", False),
         )
         assert "[red]" in screen.text and "1 message refused" in screen.text
         await screen.press("enter")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,6 @@ from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
 from trcvtui.project.project import MessageDecl, SequenceDecl
-from trcvtui.records import replace
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of

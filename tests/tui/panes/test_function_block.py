@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.tui.fakes import connecting, picture, receiving
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
-from trcvtui.records import replace
 
 
 @BOTH

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.tui.fakes import NO_CAUSE, SECOND, connecting, picture, receiving, showing
@@ -9,7 +11,6 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.records import replace
 from trcvtui.tui.panes.instance_list import ListColumns
 from trcvtui.tui.widgets.line_view import Row
 

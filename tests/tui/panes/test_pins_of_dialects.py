@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,6 @@ from trcvtui.engine.engine import LocalDriver
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_call
-from trcvtui.records import replace
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.forms.description import DescriptionScreen

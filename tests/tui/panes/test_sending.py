@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import pytest
 
@@ -13,7 +14,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import read_project
-from trcvtui.records import replace
 from trcvtui.tui.panes.function_block import LATE_S
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.tui.fakes import (
@@ -21,7 +23,6 @@ from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.plc.ledger import BenchNote, Line
-from trcvtui.records import replace
 
 
 @BOTH

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.recording.wire import NS, PARTNER, PLC
@@ -11,7 +13,6 @@ from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKin
 from trcvtui.commands.snapshots import ARMED_TAP, TAP, TalkSnapshot
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.line.conversations import SECONDS, Talks
-from trcvtui.records import replace
 from trcvtui.tui.prompt import PromptInput
 
 SECOND = 1_000_000_000

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving
 from tests.tui.looking import BOTH, looking
@@ -9,7 +11,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.plc.snapshot import AddrSnapshot
 from trcvtui.project.file import load_project
-from trcvtui.records import replace
 from trcvtui.tui.completion import complete
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import pytest
 
@@ -16,7 +17,6 @@ from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.snapshots import Fired
 from trcvtui.diagnosis import advice
 from trcvtui.engine.engine import LocalDriver
-from trcvtui.records import replace
 from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])

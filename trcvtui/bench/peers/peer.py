@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
@@ -14,7 +15,6 @@ from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import PeerDecl
-from trcvtui.records import replace
 
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot

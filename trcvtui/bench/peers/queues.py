@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from trcvtui.commands.counters_and_checksums import Checker, filled
@@ -22,7 +23,6 @@ from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.records import dataclass
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, LineHeld, SerialNote
 from trcvtui.blocks.table import BlockRow
-from trcvtui.records import NamedTuple, dataclass
 
 # Bound: the newest MOST_BYTES in MOST_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
 

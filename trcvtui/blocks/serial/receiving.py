@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.block import NoJob
@@ -13,7 +14,6 @@ from trcvtui.blocks.framing import KEPT_NOISE, NO_FRAMES, Ending, Frame, FrameMa
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
-from trcvtui.records import replace
 
 # Rule: Error, RxTimeout and the length stay until the next frame begins.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -20,7 +21,6 @@ from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.set_up import SetUpStage, StepFault
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
-from trcvtui.records import replace
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.block import Binding
@@ -15,7 +16,6 @@ from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
 from trcvtui.net.connection.connection import ConnectionLoss, State
-from trcvtui.records import replace
 
 
 class SingleTsend:

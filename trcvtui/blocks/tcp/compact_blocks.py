@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import NEXT_REQ, Cause, Lamp, Outcome, Why
@@ -12,7 +14,6 @@ from trcvtui.blocks.tcp.no_connection import StandingRequest, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss
-from trcvtui.records import replace
 
 
 class TrcvC:

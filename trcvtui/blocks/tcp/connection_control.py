@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Final
 
@@ -16,7 +17,6 @@ from trcvtui.net.connection.connection import Connection, LossKind, State
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage, StepFault
 from trcvtui.net.results import Fault
-from trcvtui.records import dataclass, replace
 
 # CONT where a request connects, too (cont_mode manual): an edge of REQ, EN_R = 1, or CONT = 1 builds a
 # connection, which then stays. It ends at once when CONT falls while no job waits or runs, else after the

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
@@ -16,7 +17,6 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim, DirectionClaims
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import ANY_ADDRESS
-from trcvtui.records import NamedTuple, replace
 
 
 class JobRequest(NamedTuple):

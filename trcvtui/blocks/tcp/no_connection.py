@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from trcvtui.blocks.block import Job
 from trcvtui.blocks.conditions import Condition
@@ -12,7 +13,6 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage
-from trcvtui.records import replace
 
 _FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.conditions import Condition
@@ -20,7 +21,6 @@ from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownConnection
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
-from trcvtui.records import replace
 
 
 class Tcon:

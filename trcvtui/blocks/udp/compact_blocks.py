@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
@@ -13,7 +14,6 @@ from trcvtui.blocks.tcp.no_connection import StandingRequest
 from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
 from trcvtui.net.connection.set_up import StepFault
 from trcvtui.net.connection.udp import UdpEndpoint
-from trcvtui.records import replace
 
 
 class UdpControl:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 from trcvtui.blocks.conditions import Condition
@@ -14,7 +15,6 @@ from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
-from trcvtui.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

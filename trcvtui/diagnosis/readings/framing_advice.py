@@ -8,6 +8,7 @@ more: the screen calls it in its own process.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
@@ -55,7 +56,6 @@ from trcvtui.diagnosis.readings.trial import (
     scale_of,
     weight,
 )
-from trcvtui.records import dataclass, replace
 from trcvtui.wording import count
 
 MILLISECOND: Final = 1_000_000

@@ -6,6 +6,7 @@ Rule: what `apply` does are lines of other commands, carried out one by one: the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import count as counted
 from typing import Final
 
@@ -20,7 +21,6 @@ from trcvtui.diagnosis.readings.proposal import Proposal
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.records import replace
 from trcvtui.udt.literals import format_time
 
 # Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for

@@ -5,13 +5,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from math import isqrt, log2
 from typing import Final
 
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.diagnosis.readings.trial import KNOWN_STARTS, TEXT, LengthField, Placed
-from trcvtui.records import dataclass
 
 LOOKED_AT: Final = 4096  # bytes in which marks are looked for
 LONGEST_MARK: Final = 12

@@ -10,9 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import isfinite
-from typing import Final
-
-from trcvtui.records import NamedTuple
+from typing import Final, NamedTuple
 
 FEW: Final = 4  # messages, below which nothing is said
 MOST: Final = 500  # messages that are looked at

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
@@ -9,7 +10,6 @@ from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.diagnosis.readings.marks import always_between
 from trcvtui.diagnosis.readings.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, Placed
-from trcvtui.records import dataclass
 from trcvtui.udt.literals import format_time
 from trcvtui.wording import count
 

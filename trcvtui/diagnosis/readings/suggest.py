@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
@@ -21,7 +21,6 @@ from trcvtui.diagnosis.readings.proposal import CutKind
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
-from trcvtui.records import NamedTuple
 from trcvtui.wording import count
 
 LEAST_SHARE: Final = 0.95  # of the messages, or of the bytes, that a suggestion explains

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import lgamma, log, log2
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.framing import Ending, Frame, Framer, Framing
 from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
-from trcvtui.records import NamedTuple, dataclass, replace
 
 PIECE: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
 GOOD: Final = frozenset({Ending.SUFFIX, Ending.SIZE})

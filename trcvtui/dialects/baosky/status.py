@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.baosky.states import BOTH, RECEIVE, SEND, STATES
-from trcvtui.records import replace
 
 CONNECTION_ERRORS: Final = (
     StatusRow(

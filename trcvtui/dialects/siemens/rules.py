@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
@@ -19,7 +20,6 @@ from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import TakenId
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
-from trcvtui.records import NamedTuple, replace
 
 # One course for all of them; a dialect below it is its limits and its few differences.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -10,7 +11,6 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
-from trcvtui.records import replace
 
 DATA: Final = ("ReceiveData",)
 STRINGS: Final = ("ReceiveString", "ReceiveString255")

@@ -6,13 +6,13 @@ Nothing here needs a kernel, so that a dialect's table of answers needs none.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
 from trcvtui.net.connection.description_check import Finding
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
-from trcvtui.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from functools import partial
 from typing import ClassVar, Final
@@ -30,7 +31,6 @@ from trcvtui.net.events import (
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, DirectRead, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
 from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-from trcvtui.records import dataclass, replace
 
 
 class LossKind(Enum):

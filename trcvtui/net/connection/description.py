@@ -7,10 +7,9 @@ All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC str
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
-
-from trcvtui.records import NamedTuple, dataclass
+from typing import Final, NamedTuple
 
 CONFIGURED: Final = 254  # ConnectionType
 LONGEST_SELECTOR: Final = 32

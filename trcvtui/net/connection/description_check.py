@@ -6,8 +6,9 @@ Rule: each question is a row of a table, asked in this order; the first that fin
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.net.connection.description import (
     CONFIGURED,
@@ -18,7 +19,6 @@ from trcvtui.net.connection.description import (
     pack,
 )
 from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
-from trcvtui.records import NamedTuple, dataclass
 
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19

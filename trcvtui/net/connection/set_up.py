@@ -6,6 +6,7 @@ Every failure names its Stage, because each vendor has a code for each; nothing 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
 
@@ -14,7 +15,6 @@ from trcvtui.net.connection.resources import ACCEPT, TURN_AWAY, ConnectionIds, I
 from trcvtui.net.events import What
 from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
-from trcvtui.records import dataclass
 
 
 def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:

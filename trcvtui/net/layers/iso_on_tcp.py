@@ -11,13 +11,13 @@ Rule 3: whatever cannot be right ends the connection with its reason; nothing ra
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
 from trcvtui.net.results import Endpoint, Unread, WaitingMessage
-from trcvtui.records import NamedTuple, dataclass
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
 #

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, Party
 from trcvtui.net.events import What
 from trcvtui.net.kernel import Accepted, Handle, Kernel
 from trcvtui.net.layer import LayerMessage, LayerSession, LayerSettings
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock
-from trcvtui.records import NamedTuple
 
 PIECE: Final = 64 * 1024  # bytes of one read
 PIECES_A_CALL: Final = 4

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ssl
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -18,7 +19,6 @@ from trcvtui.files import check_readable, is_disk_left_alone
 from trcvtui.net.connection.resources import HANDSHAKE as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, Ended, LayerMessage, LayerSession, TlsError
 from trcvtui.net.results import Endpoint, Unread
-from trcvtui.records import dataclass
 
 # X509_V_ERR_...: what is wrong with the partner's certificate; every other number discards it.
 _VERIFYING: Final = {

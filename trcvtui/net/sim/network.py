@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.net.kernel import SocketOptions
@@ -23,7 +24,6 @@ from trcvtui.net.sim.stream import (
     nobody_looks,
 )
 from trcvtui.net.sim.timers import MS, SECOND, Agenda, Ticket
-from trcvtui.records import replace
 
 FIRST_FREE: Final = 32768
 LAST_FREE: Final = 60999

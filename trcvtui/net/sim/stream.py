@@ -7,13 +7,13 @@ Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
-from trcvtui.records import NamedTuple, dataclass
 
 # Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and sending
 # again goes back to the first unacknowledged byte.

@@ -51,7 +51,6 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
         ("home, end or G", "the worst, whichever that is; the last one"),
         ("enter or →", "the card of a line; a group opens and closes; the mouse: click it twice"),
         ("←", "to the head of the group"),
-        ("f, r", "in a card: ask its agent for the last minutes of its recording; open it in a replay"),
         ("/", "list only those with these words: names, `offline`, `ERROR`, a state, a code; esc: all"),
         ("g", "in groups by site, by cause, all in one list"),
         ("P", "a picture of the screen as SVG, its path is told"),
@@ -166,16 +165,16 @@ class FleetScreen(Screen[None]):
         if is_old or version != self._shown:
             self._shown = version
             self._aged_at = now if is_old else self._aged_at
-            self.order(is_old)
+            self.order()
         else:
             self.table.show()
         self.tell()
         return True
 
-    def order(self, is_old: bool = False) -> None:
+    def order(self) -> None:
         """Make the list."""
         wall = self.wall()
-        ordered = self._reader.fleet.ordered(wall, is_old)
+        ordered = self._reader.fleet.ordered(wall)
         self.head.shown = ordered
         lines = filtered(ordered, self._typed) if self._typed else ordered
         entries: list[Entry] = grouped(lines, self._by, self._opened, wall) if self._by else [*lines]
@@ -245,7 +244,7 @@ class FleetScreen(Screen[None]):
             self._opened ^= {message.entry.name}
             self.order()
         else:
-            self.app.push_screen(FleetCardScreen(message.entry, self.wall, self._reader))
+            self.app.push_screen(FleetCardScreen(message.entry, self.wall))
 
 
 class FleetHelp(TextView):

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from datetime import datetime
-from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
-from textual.binding import Binding
-
-from trcvtui import clock
 from trcvtui.fleet.event_log import KeptEvent
-from trcvtui.fleet.fetch import Fetch
-from trcvtui.fleet.reader import FleetReader
 from trcvtui.fleet.seen_fleet import OFFLINE, FleetInstance, FleetLine
 from trcvtui.tui.fleet.table import since_text, spark_parts
 from trcvtui.tui.formatting import count, lamp, plain, wrapped
@@ -24,7 +17,6 @@ from trcvtui.wording import size_text
 LABEL, CODE = 9, 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
 DAY: Final = "%Y-%m-%d"
-MINUTES: Final = 10  # of the recording that is asked for
 
 
 def time_text(t: float, wall: float) -> str:
@@ -38,8 +30,6 @@ def time_text(t: float, wall: float) -> str:
 
 class FleetCard(TextView):
     """Everything that is known of one line."""
-
-    fetch: Fetch | None = None  # what was asked for
 
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
@@ -74,9 +64,10 @@ class FleetCard(TextView):
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._told("line", plain(state), "" if line.shows != OFFLINE else "faint")
         yield from self._told("agent", told + version, "error" if line.shows == OFFLINE else "")
-        if self.fetch is not None and self.fetch.agent == line.agent.name:
-            told = f"{plain(self.fetch.told)}" + (": r opens it" if self.fetch.path is not None else "")
-            yield from self._told("fetched", told, "")
+        recorded = next((event for _, event in self._events() if event.file), None)
+        if recorded is not None:
+            host = f" on {plain(agent.host)}" if agent is not None else ""
+            yield from self._told("recorded", f"{plain(recorded.file)}{host}", "strong")
         if figures is not None:
             trip, again = figures.round_trip_ms, figures.retransmissions
             parts = [
@@ -122,6 +113,8 @@ class FleetCard(TextView):
         for when, (name, event) in zip(times, told, strict=True):
             whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
             what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
+            what += f" · scan {event.scan}" if event.scan else ""
+            what += f" of {plain(file_name(event.file))}" if event.file else ""
             first, *rest = wrapped(f"{whose}{what}", self._width - wide - CODE)
             code = f"16#{event.status}" if event.status else event.kind
             style = STYLES.get(event.kind, "dim")
@@ -137,6 +130,11 @@ class FleetCard(TextView):
         ]
 
 
+def file_name(path: str) -> str:
+    """Return the name of a file of another machine, whatever separates its folders."""
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
 def _missing(events: int) -> list[Part]:
     return [(f"{count(events, 'event is', 'events are')} missing ", "warn")] if events else []
 
@@ -146,13 +144,10 @@ class FleetCardScreen(ListDialog[None]):
 
     DEFAULT_CSS = "FleetCardScreen FleetCard { width: 104; height: auto; max-height: 100%; }"
 
-    BINDINGS: ClassVar = [Binding("f", "fetch", show=False), Binding("r", "replay", show=False)]
-
-    def __init__(self, line: FleetLine, wall: Callable[[], float], reader: FleetReader) -> None:
+    def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         self.card = FleetCard(line, wall)
-        self._line, self._reader = line, reader
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
-        self.card.set_title(None, name, "f asks for the last minutes · esc closes")
+        self.card.set_title(None, name, "esc closes")
         super().__init__(self.card, None)
 
     def on_mount(self) -> None:
@@ -161,20 +156,4 @@ class FleetCardScreen(ListDialog[None]):
 
     def draw(self) -> None:
         """Show what is known now."""
-        self.card.fetch = self._reader.fetch
         self.card.draw()
-
-    def action_fetch(self) -> None:
-        """Ask for the recording of the last minutes."""
-        self._reader.ask_recording(self._line.agent, MINUTES, Path.cwd(), clock.now_ns())
-        self.draw()
-
-    def action_replay(self) -> None:
-        """Open the recording that has come; the list is here again when it is closed."""
-        fetch = self._reader.fetch
-        if fetch is not None and fetch.path is not None:
-            from subprocess import run  # when it is asked for
-
-            with self.app.suspend():
-                run([sys.executable, "-m", "trcvtui", "replay", str(fetch.path)], check=False)
-            self.app.refresh()

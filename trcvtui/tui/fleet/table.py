@@ -7,14 +7,13 @@ then it stays on its line, at its place on the screen.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.binding import Binding, BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, FleetLine
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import SECOND, age, clip, count, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row

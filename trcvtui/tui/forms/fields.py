@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.edit import AddField, entry, fields_of, keys_of_line, keys_to_change
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import BOOLS, EDITED, OFFERED, TABLES, entries_of
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.records import NamedTuple, replace
 from trcvtui.tui.view_model.view_model import ViewModel
 
 TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar, Final, cast
+from typing import ClassVar, Final, NamedTuple, cast
 
 from textual import events
 from textual.binding import Binding
@@ -13,7 +13,6 @@ from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of

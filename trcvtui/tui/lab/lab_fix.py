@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import plain
 from trcvtui.udt.cure.padded_type import padded_type, told
 from trcvtui.udt.cure.swap import Language, swap_code

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual.binding import Binding
 
@@ -11,7 +11,6 @@ from trcvtui.commands.words import FeedLine
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import MS, bar, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -12,7 +13,6 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.records import dataclass, field
 from trcvtui.tui.formatting import MS, count
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
 from trcvtui.tui.messages import DescriptionWanted, PaneActions
 from trcvtui.tui.panes.combuffer import framer_lines

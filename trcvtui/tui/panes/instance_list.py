@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.binding import Binding
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

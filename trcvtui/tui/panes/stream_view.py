@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import ClassVar, Final, Protocol, TypeVar
+from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
 
 from textual import events
 
@@ -24,7 +24,6 @@ from trcvtui.history.records import (
     Seek,
 )
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, moment, plain, short_time
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import (

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
 from trcvtui.commands.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, pad, plain, short_time
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
@@ -23,7 +23,6 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -191,8 +190,8 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
 
 
 NOT_KEPT: Final = "its wave was not kept when the view froze"
+EXPORT_TIMING: Final = "export timing vcd"
 STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
-ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
 
 
 class Timing(LineView):
@@ -215,10 +214,7 @@ class Timing(LineView):
         ("f,F", "follow", "follow the newest scan, or stand"),
         ("m", "mark", "marker here: first, second"),
         ("o", "neighbours", "the other instances of this CONNECT, too"),
-        ("e", "ask_format", "export, asks for the format"),
-        ("v", "write('vcd')", "VCD"),
-        ("s", "write('svg')", "SVG"),
-        ("t", "write('text')", "text"),
+        ("e", "write", "write as VCD (GTKWave, PulseView)"),
         ("escape", "now", "back to now"),
     ]
 
@@ -232,7 +228,6 @@ class Timing(LineView):
         self._label = LABEL
         self._chosen = 0
         self._ready: dict[int, Row] = {}
-        self._asks = False
         self._note = ""
         self._last_code = ""
 
@@ -284,8 +279,6 @@ class Timing(LineView):
             self.border_subtitle = text
 
     def _detail(self) -> str:
-        if self._asks:
-            return ASKED
         if self._note:
             return self._note
         if self._view_model.is_frozen and self._view_model.waves.is_too_late(self._view_model.selected):
@@ -340,7 +333,7 @@ class Timing(LineView):
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
         """Put the cursor into a scan and explain what is in force there; None: say that there is nothing."""
-        self._note, self._asks = nothing if scan is None else "", False
+        self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._until)
             line = self.wave.edge_at(self.view.cursor or scan)
@@ -425,7 +418,7 @@ class Timing(LineView):
 
     def action_now(self) -> None:
         """Go back to the present."""
-        self._asks, self._note = False, ""
+        self._note = ""
         self.view.now()
         self.view.markers = []
         self.post_message(EdgeSelected(None))
@@ -442,7 +435,7 @@ class Timing(LineView):
     def forget(self) -> None:
         """Another instance was selected, or another bench: back to the present."""
         self.view.now()
-        self.view.markers, self._note, self._asks = [], "", False
+        self.view.markers, self._note = [], ""
 
     # -- mouse --------------------------------------------------------------------------------------
 
@@ -475,22 +468,10 @@ class Timing(LineView):
 
     # -- files --------------------------------------------------------------------------------------
 
-    def action_ask_format(self) -> None:
-        """Ask in which format the waves shall be written."""
-        self._asks = True
-        self.show()
+    def action_write(self) -> None:
+        self._actions.submit(EXPORT_TIMING)
 
-    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Let the letters of the formats through while nobody asks for one."""
-        return self._asks if action == "write" else True
-
-    def action_write(self, format: str) -> None:
-        """Write a file in a format, between the markers where there are two."""
-        self._asks = False
-        self._actions.submit(f"export timing {format}")
-        self.show()
-
-    def write(self, format: str, path: Path | None) -> tuple[Path, int]:
+    def write(self, path: Path | None) -> tuple[Path, int]:
         """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
         from trcvtui.history.waveform_text import (  # read when asked for
             ScanRange,
@@ -502,6 +483,5 @@ class Timing(LineView):
         markers = sorted(self.view.markers)
         known = ScanRange(self.wave.first_scan, max(1, self._until))
         span = ScanRange(*markers) if len(markers) == 2 else known
-        folder = target_folder(self._view_model.project.path)
-        path = path or free_path(folder, f"timing-{self.wave.instance}", format)
-        return path, write_waves(path, format, self.waves, span, self.view.zoom)
+        path = path or free_path(target_folder(self._view_model.project.path), f"timing-{self.wave.instance}")
+        return path, write_waves(path, self.waves, span)

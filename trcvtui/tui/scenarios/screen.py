@@ -38,14 +38,14 @@ LIVE: Final = "live"
 ENDS_LIVE: Final = "a scenario ends the live bench and its connections: y loads it, esc goes back"
 LONGEST_LINE: Final = 60
 KEYS: Final = (
-    ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"), ("D", "dialects"),
+    ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"),
     ("v", "all panes"), ("/", "filter"), ("1-7", "pane"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
 TABS_OF_PLAY: Final = (
     (LIST, "Scenarios"), (STEPS, "Steps"), (STATUS, "STATUS"), (HISTORY, "History"), (TIMING, "Timing"),
 )  # fmt: skip
 ACTIONS: Final = {
-    "enter": "load", "n": "step", "r": "run", "k": "kernel", "D": "race", "/": "filter", "?": "help",
+    "enter": "load", "n": "step", "r": "run", "k": "kernel", "/": "filter", "?": "help",
     "v": "panes", "esc": "leave",
 }  # fmt: skip
 
@@ -61,7 +61,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         Binding("k", "kernel", show=False),
         Binding("v", "panes", show=False),
         Binding("y", "sure", show=False),
-        Binding("D", "race", show=False),
         Binding("slash", "filter", show=False),
         Binding("escape,q,S,f2", "leave", show=False),
     ]
@@ -337,11 +336,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         if self._is_loaded():
             self._send("run")
 
-    def action_race(self) -> None:
-        """Race the chosen scenario through several dialects."""
-        if self._model.chosen is not None:
-            self.post_message(messages.RaceWanted(self._model.chosen))
-
     def _is_loaded(self) -> bool:
         return self._loaded is not None and self._loaded == self._model.chosen
 
@@ -376,7 +370,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         yield "Next step", "key n", "step"
         yield "Run to the end", "key r", "run"
         yield f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", "kernel"
-        yield "Dialect race", "the same pins and peers through several dialects · key D", "race"
         yield "All panes", "the loaded scenario on the bench's panes; S comes back · key v", "panes"
         yield "Filter the scenarios", "key /", "filter"
         yield "Leave the scenarios", "the opened project begins afresh · key esc", "leave"

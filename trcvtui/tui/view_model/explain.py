@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from trcvtui.diagnosis.advice import Advice, advice_on, because
@@ -9,7 +10,6 @@ from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.records import replace
 from trcvtui.tui.view_model.view_model import ViewModel
 
 if TYPE_CHECKING:

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.commands.snapshots import BESIDE, Answer, Fired, PeerSnapshot, TalkSnapshot
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
@@ -20,7 +21,6 @@ from trcvtui.plc.containment import Containment, ExceptionNote
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.records import NamedTuple, dataclass
 from trcvtui.tui.formatting import SECOND
 
 GLOW_NS: Final = SECOND

@@ -28,7 +28,6 @@ EVERYWHERE: Final = (
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
-    ("D", "dialect race: the session since the mark through several dialects, scan beside scan"),
     ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
     ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
@@ -84,7 +83,7 @@ TIMING: Final = (
     ("m", "first and second marker: the distance in scans and ms stands in the title"),
     ("f, esc", "follow or stand; back to now"),
     ("o", "the other instances of this CONNECT, too"),
-    ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
+    ("e", "write a VCD (GTKWave, PulseView)"),
 )
 PEER: Final = (
     ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),
@@ -113,19 +112,9 @@ SCENARIOS: Final = (
     ("enter", "load it: a fresh bench stands in for the present one"),
     ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all steps that are left; simulated ones as fast as they go"),
-    ("D", "dialect race: the chosen scenario through several dialects, scan beside scan"),
     ("5 6 7", "STATUS, history, timing of what plays"),
     ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
     ("esc or q", "leave: the project that was opened begins afresh"),
-)
-RACE: Final = (
-    ("n N", "the next scan in which the dialects differ, the one before"),
-    ("1 … 4", "let a dialect take part, or no longer: the race runs anew"),
-    ("← →", "another instance"),
-    ("o", "only the scans that differ; all"),
-    ("r", "race again: the file, or the session as it is now"),
-    ("y", "yank the whole race as text: clipboard, and always a file"),
-    ("esc or q", "back to where it was asked for; the bench runs on meanwhile"),
 )
 LAB: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
@@ -161,7 +150,6 @@ SECTION_OF: Final = {
     "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "talks": "Line",
     "peer": "Peer",
     "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
-    "race-table": "Race", "race-scan": "Race",
     "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
 }  # fmt: skip
 SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
@@ -172,7 +160,6 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Peer", PEER),
     ("Line", LINE),
     ("Scenarios", SCENARIOS),
-    ("Race", RACE),
     ("Lab", LAB),
 )
 
@@ -193,7 +180,6 @@ SIGNS: Final = (
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
     ("▕", "before a byte: a message of the peer begins here"),
     ("▁ ▔ █ ┃ ░", "over time: 0, 1, 1 for one scan, a pulse or more in the column, not known"),
-    ("≠", "a scan in which the dialects of a race differ"),
     ("··", "a byte that the running job still waits for"),
     ("▸ ▶ • ✓ ✗", "a step of a scenario: the next, running, done, held, failed"),
 )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
 from trcvtui.history.records import Before, JobSpan
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.records import NamedTuple
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in

@@ -6,7 +6,7 @@ never markup, so whatever bytes a partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Final, NamedTuple, Self
 
 from rich.segment import Segment
 from rich.style import Style
@@ -19,7 +19,6 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells
 from trcvtui.tui.widgets.theme import composed
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.widget import Widget
@@ -11,7 +11,6 @@ from textual.widgets import Input
 
 from trcvtui import lane_note
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
-from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import SECOND, clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel

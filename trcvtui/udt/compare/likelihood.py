@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Leaf
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import real_text

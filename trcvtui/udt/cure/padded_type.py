@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.layout.placing import Filling, Placing, Unreachable

@@ -7,9 +7,8 @@ bytes are turned round is no number, and must not pass through one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7, LayoutRules
 from trcvtui.udt.st_write import scl_name, scl_text, st_renamed, st_text, st_word

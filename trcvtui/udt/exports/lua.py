@@ -6,9 +6,9 @@ import re
 from functools import cache
 from pathlib import Path
 from string import Template
+from typing import NamedTuple
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.records import NamedTuple
 from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct

@@ -9,10 +9,9 @@ import math
 import struct
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LayoutRules
 from trcvtui.udt.literals import (
     EXPECTED,

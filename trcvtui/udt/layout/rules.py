@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final, TypeVar
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple, TypeVar
 
 from trcvtui.errors import mistake
-from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.udt.types import (
     ADDRESS,
     DAY,

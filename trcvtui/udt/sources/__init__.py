@@ -10,11 +10,10 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
-from trcvtui.records import NamedTuple
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st import read_spec, read_st

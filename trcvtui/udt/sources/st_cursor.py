@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from enum import Enum
+from typing import NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.records import NamedTuple
 from trcvtui.udt.ast import Formula, Number
 from trcvtui.udt.constants import DEEPEST
 from trcvtui.udt.literals import NAME, parse_integer

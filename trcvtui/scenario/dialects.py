@@ -1,0 +1,207 @@
+"""One scenario in several dialects: their STATUS walks side by side, and where they differ.
+
+Rule 1: each dialect plays the whole scenario alone, as `scenario` would let it, with its own verdict.
+Rule 2: nothing is aligned. A row is one scan; a dialect that is later is later.
+Rule 3: a step lets a partner send the bytes that it sends in the scenario's own dialect, whatever the layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from trcvtui.bench.bench import Bench
+from trcvtui.commands import words
+from trcvtui.commands.reader import after
+from trcvtui.commands.table import parse_line
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.plc.ledger import Outputs, StatusEdge
+from trcvtui.project.convert_dialect import dialect_named, in_dialect
+from trcvtui.project.project import Project
+from trcvtui.scenario.report import FollowingJson, JsonLines, Text, Write, json_text
+from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
+from trcvtui.scenario.scenario import Scenario
+from trcvtui.wording import in_columns
+
+MOST_CHANGES: Final = 100_000  # that are kept of an instance in a dialect
+FORMS: Final = ("text", "jsonl")
+DIFFERS, NOTHING = "≠", "-"
+TRAFFIC: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
+
+
+def scenarios_in(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
+    """Return the scenario in each of these dialects; `about` says, a line each, what one of them lacks.
+
+    Raises UserError where a CONNECT cannot be described in one of them.
+    """
+    dialects = [dialect_named(name) for name in names]
+    if len(set(names)) < max(2, len(names)):
+        raise mistake("--dialect", ", ".join(names), "two different dialects or more, each once")
+    made = []
+    for dialect in dialects:
+        project, notes = in_dialect(scenario.project, dialect)
+        lacks = [*notes]
+        start = tuple(_steps(scenario.start, project, lacks))
+        steps = tuple(_steps(scenario.steps, replace(project, base=path.parent), lacks))
+        made.append(replace(scenario, about="\n".join(lacks), project=project, start=start, steps=steps))
+    return made
+
+
+def _steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> Iterator[words.Step]:
+    for step in steps:
+        if isinstance(step.command, TRAFFIC):
+            yield step
+            continue
+        try:
+            command = parse_line(step.line, project, f"step {step.number}, {step.line}")
+        except UserError as wrong:
+            lacks += [f"left out: {problem}" for problem in wrong.problems]
+            continue
+        if command is not None:
+            yield replace(step, command=command)
+            project = after(command, project)
+
+
+class DialectReport:
+    """One dialect while it plays: `changes` are an instance's outputs from a scan on, None: its end."""
+
+    def __init__(self, scenario: Scenario, inner: JsonLines | None, ended: Callable[[], None]) -> None:
+        self.dialect = scenario.project.dialect.name
+        self.notes = scenario.about.splitlines()
+        self.blocks: dict[str, str] = {}
+        self.changes: dict[str, dict[int, Outputs | None]] = {}
+        self.end: Verdict | None = None
+        self._inner, self._ended = inner, ended
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Keep what changed."""
+        if self._inner is not None:
+            self._inner.scan(scan, changed, deliveries)
+        for edge in changed:
+            self.blocks[edge.instance] = edge.block
+            changes = self.changes.setdefault(edge.instance, {})
+            if len(changes) < MOST_CHANGES:
+                changes[scan] = edge.outputs
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Keep how it ended."""
+        self.end = verdict
+        for changes in self.changes.values():
+            changes[verdict.scans + 1] = None
+        if self._inner is not None:
+            self._inner.verdict(verdict)
+        self._ended()
+
+
+class _DialectLines(JsonLines):
+    """JSON lines, each with the name of its dialect."""
+
+    def write(self, record: Mapping[str, object]) -> None:
+        assert self._bench is not None
+        super().write({"dialect": self._bench.project.dialect.name, **record})
+
+
+class SideBySide(FollowingJson):
+    """The document of files of which each is played in all dialects; then they are compared."""
+
+    def __init__(self, write: Write, form: str, dialects: int) -> None:
+        if form not in FORMS:
+            raise mistake("--format", f"'{form}'", f"with --dialect one of {', '.join(FORMS)}")
+        super().__init__(write)
+        self._is_json = form == "jsonl"
+        self._dialects = dialects
+        self._reports: list[DialectReport] = []
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> DialectReport:
+        """Return the report of one dialect."""
+        interval_ns = bench.runtime.interval_ns
+        inner = _DialectLines(self._write, interval_ns, bench) if self._is_json else None
+        self._reports.append(DialectReport(scenario, inner, self._ended))
+        return self._reports[-1]
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Tell that a file could not be run in one of them."""
+        self._reports.clear()
+        if self._is_json:
+            super().wrong(path, error)
+
+    def _ended(self) -> None:
+        if len(self._reports) < self._dialects:
+            return
+        blocks = {name: block for report in self._reports for name, block in report.blocks.items()}
+        for name, block in blocks.items():
+            walk = Walk(name, block, self._reports)
+            if self._is_json:
+                self._write(json_text(walk.record()))
+            else:
+                self._write("".join(f"{line}\n" for line in walk.lines()))
+        for report in () if self._is_json else self._reports:
+            assert report.end is not None
+            end = replace(report.end, scenario=f"{report.dialect}: {report.end.scenario}", traces=())
+            Text(self._write, 0).verdict(end)
+            self._write("".join(f"    {one_line(note)}\n" for note in report.notes))
+        self._reports.clear()
+
+
+class Walk:
+    """What one instance shows in all dialects: `rows` of equal scans, first and last, an entry a dialect."""
+
+    def __init__(self, instance: str, block: str, reports: Sequence[DialectReport]) -> None:
+        self._head = f"{instance} ({block})"
+        self._instance = instance
+        self._dialects = [report.dialect for report in reports]
+        changes = [report.changes.get(instance, {}) for report in reports]
+        self._have_it = [name for name, each in zip(self._dialects, changes, strict=True) if each]
+        now: list[Outputs | None] = [None] * len(reports)
+        self.rows: list[tuple[int, int, tuple[Outputs | None, ...]]] = []
+        for scan, following in pairwise(sorted({scan for each in changes for scan in each})):
+            now = [each.get(scan, before) for each, before in zip(changes, now, strict=True)]
+            self.rows.append((scan, following - 1, tuple(now)))
+        self._different = [row for row in self.rows if len({*row[2]} - {None}) > 1]
+
+    def record(self) -> dict[str, object]:
+        """Return where they differ as an object of JSON."""
+        first = self._different[0][0] if self._different else None
+        return {
+            "instance": self._instance,
+            "dialects": self._dialects,
+            "differing": self._count,
+            "first": first,
+        }
+
+    @property
+    def _count(self) -> int:
+        return sum(last - first + 1 for first, last, _ in self._different)
+
+    def lines(self) -> Iterator[str]:
+        """Yield a line that says where they differ, then the table."""
+        where = "no difference" if self._have_it == self._dialects else f"in {', '.join(self._have_it)} alone"
+        if self._different:
+            first, _, shown = self._different[0]
+            where = (
+                f"first differ in scan {first}: {' vs '.join(map(_cell, shown))}; {self._count} scans differ"
+            )
+        yield one_line(f"{self._head}: {where}")
+        yield from in_columns(self._table(), "rl" + "l" * len(self._dialects))
+
+    def _table(self) -> Iterator[tuple[str, ...]]:
+        yield ("    scan", "", *self._dialects)
+        for row in self.rows:
+            first, last, shown = row
+            mark = DIFFERS if len({*shown} - {None}) > 1 else ""
+            yield (str(first) if first == last else f"{first}-{last}", mark, *map(_cell, shown))
+
+
+def _cell(shown: Outputs | None) -> str:
+    """Return `7008 D 8 B`."""
+    if shown is None:
+        return NOTHING
+    lamps = "B" * shown.busy + "D" * shown.done + "E" * shown.error
+    return " ".join(
+        filter(None, (f"{shown.status:04X}", lamps, f"{shown.rcvd_len} B" * bool(shown.rcvd_len)))
+    )

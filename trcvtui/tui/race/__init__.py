@@ -1,1 +1,0 @@
-"""The dialect race on the screen."""

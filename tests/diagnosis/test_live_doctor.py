@@ -26,7 +26,7 @@ from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recorder import recorder_of
 from trcvtui.recording.worker_process import AnswerOnItsWay, FilesJudge
 from trcvtui.recording.writer import JUDGE_FILES
-from trcvtui.replay.doctor_process import _ToBeJudged, found_in_run
+from trcvtui.replay.doctor_process import DoctorInput, found_in_run
 from trcvtui.replay.driver import SLICE_NS, opened
 from trcvtui.scenario.scenario import load_bench
 
@@ -444,8 +444,8 @@ def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> 
 def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     told: list[str] = []
-    monkeypatch.setattr(_ToBeJudged, "_tell", lambda _, text, at_once=False: told.append(text))
-    judged = _ToBeJudged(str(tmp_path / "answer"))
+    monkeypatch.setattr(DoctorInput, "_tell", lambda _, text, at_once=False: told.append(text))
+    judged = DoctorInput(str(tmp_path / "answer"))
     judged.take_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
     assert told[0].startswith("runs it again, scan 0 of ")

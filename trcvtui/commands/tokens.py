@@ -377,7 +377,7 @@ def is_payload(word: str) -> bool:
     return word in FORMS
 
 
-def read_payload(words: Words, project: Project) -> Payload:
+def parse_payload(words: Words, project: Project) -> Payload:
     """Return the payload that the words from here to the last one give; raise UserError."""
     start = words.place
     form = words.next("hex, text, udt, file or random")

@@ -243,22 +243,14 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
 
 def parse_instance(words: Words, project: Project) -> InstanceDecl:
     """Return the instance that the next word names; raise UserError."""
-    name = words.next("the name of an instance")
-    instance = project.instance(name)
-    if instance is None:
-        names = [known.name for known in project.instances]
-        raise words.unknown(name, names, "instance")
-    return instance
+    known = {instance.name: instance for instance in project.instances}
+    return known[words.one_of(known, "instance")]
 
 
 def parse_peer(words: Words, project: Project) -> PeerDecl:
     """Return the peer that the next word names; raise UserError."""
-    name = words.next("the name of a peer")
-    peer = project.peer(name)
-    if peer is None:
-        names = [known.name for known in project.peers]
-        raise words.unknown(name, names, "peer")
-    return peer
+    known = {peer.name: peer for peer in project.peers}
+    return known[words.one_of(known, "peer")]
 
 
 PREFIX, SUFFIX = MARKS

@@ -142,9 +142,7 @@ PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 def parse_add(words: Words, project: Project) -> Add | AddData:
     """Return `add KIND NAME ...`; raise UserError."""
-    kind = words.next("what to add: " + ", ".join(KINDS))
-    if kind not in KINDS:
-        raise words.unknown(kind, KINDS, "kind")
+    kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"

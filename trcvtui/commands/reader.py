@@ -64,9 +64,7 @@ from trcvtui.udt.sources import parse_type
 def parse_create(words: Words, project: Project) -> Create:
     """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
     blocks = known_blocks(project.dialect.blocks)
-    block = words.next("a block such as TRCV_C")
-    if block not in blocks:
-        raise words.unknown(block, blocks, "block")
+    block = words.one_of(blocks, "block", "a block such as TRCV_C")
     name = _new_name(words, project)
     given = _read_pairs(words)
     link = _link(given, block, words, project)
@@ -168,9 +166,7 @@ def parse_download(words: Words, project: Project) -> Download:
 
 def parse_resize(words: Words, project: Project) -> Resize:
     """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
-    name = words.next("the name of a DATA variable")
-    if project.data_decl(name) is None:
-        raise words.unknown(name, [d.name for d in project.data], "DATA")
+    name = words.one_of([decl.name for decl in project.data], "DATA variable")
     type_name = words.rest_text("an IEC type or a UDT")
     try:
         return Resize(name, type_name, declare(name, type_name, project, words.where))
@@ -219,10 +215,8 @@ def may_be_fed(buffer: ComBufferDecl) -> bool:
 
 def parse_feed(words: Words, project: Project) -> FeedLine:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
-    name = words.next("the name of a ComBuffer")
     lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
-    if name not in lines:
-        raise words.unknown(name, lines, f'ComBuffer with source = "{SIMULATED}"')
+    name = words.one_of(lines, f'ComBuffer with source = "{SIMULATED}"')
     if words.peek() == BREAK:
         words.next(BREAK)
         return FeedLine(name, None)
@@ -285,7 +279,7 @@ def parse_plc_command(words: Words, project: Project) -> PlcStop | PlcRun:
 
 
 def parse_link(words: Words, project: Project) -> Link:
-    name = _connect(words, project)
+    name = words.one_of(project.links(), "CONNECT")
     return Link(name, _one_of(words, "down", "up") == "up")
 
 
@@ -318,9 +312,7 @@ INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
 
 
 def parse_tap(words: Words, project: Project) -> Intervene:
-    name, names = words.next("the name of a tap"), [tap.name for tap in project.taps]
-    if name not in names:
-        raise words.unknown(name, names, "tap")
+    name = words.one_of([tap.name for tap in project.taps], "tap")
     to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
     conversation = 0
     if words.peek() == "conversation":
@@ -356,12 +348,7 @@ def _one_of(words: Words, *known: str) -> str:
     return word
 
 
-def _connect(words: Words, project: Project) -> str:
-    name = words.next("the name of a CONNECT")
-    names = project.links()
-    if name not in names:
-        raise words.unknown(name, names, "CONNECT")
-    return name
+SERIAL_LINE: Final = 'ComBuffer with source = "serial"'
 
 
 def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
@@ -378,7 +365,9 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
         word = words.next("")
         key, equals, text = word.partition("=")
         if word == "on" and on is None:
-            on = _port(words, ports) if call in SERIAL_CALLS else _connect(words, project)
+            on = words.one_of(
+                *((ports, SERIAL_LINE) if call in SERIAL_CALLS else (project.links(), "CONNECT"))
+            )
         elif key in counts and equals:
             forever = key == "times" and text == "forever"
             counts[key] = FOREVER if forever else value_of(COUNT, text, f"{key}=", words.where)
@@ -386,13 +375,6 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
             owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
             raise words.wrong(shown(word), f"on {owner}, nth=1, times=1 or times=forever")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
-
-
-def _port(words: Words, ports: tuple[str, ...]) -> str:
-    name = words.next("the name of a ComBuffer")
-    if name not in ports:
-        raise words.unknown(name, ports, 'ComBuffer with source = "serial"')
-    return name
 
 
 def _error(words: Words, call: str) -> str | None:

@@ -33,7 +33,8 @@ def test_a_command_of_the_readme_works(command: str) -> None:
     assert words[0] == "trcvtui"
     program = str(Path(sys.executable).with_name("trcvtui"))
     done = subprocess.run([program, *words[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    is_compared = words.count("--dialect") > 1  # there the expectations of one vendor fail in the other
+    assert done.returncode == int(is_compared), done.stderr
     assert done.stdout and not done.stderr
 
 

@@ -77,6 +77,8 @@ def utc_text(ns: int) -> str:
 def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
     """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
     columns = [_printable(column) for column in zip(*rows, strict=True)]
+    if not columns:  # no rows
+        return iter(())
     padded = [
         map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
         for side, column in zip(sides, columns, strict=True)

@@ -12,6 +12,15 @@ SECOND: Final = 1_000_000_000
 IN_SECONDS: Final = 120  # shorter times are told in seconds alone
 
 
+# Time in words: a stamp is when, a duration how long, an age how long ago.
+
+
+def stamp(ns: int) -> str:
+    """Return a time of the run in seconds with milliseconds: `12.330`."""
+    milliseconds = ns // 1_000_000
+    return f"{milliseconds // 1000}.{milliseconds % 1000:03d}"
+
+
 def age(ns: int) -> str:
     """Return how long ago something was, as coarse as a glance needs: `1.2 s`, `99 s`, `12 min`, `3 h`."""
     seconds = max(0, ns) / SECOND
@@ -68,6 +77,8 @@ def utc_text(ns: int) -> str:
 def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
     """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
     columns = [_printable(column) for column in zip(*rows, strict=True)]
+    if not columns:  # no rows
+        return iter(())
     padded = [
         map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
         for side, column in zip(sides, columns, strict=True)

@@ -38,7 +38,7 @@ from trcvtui.report.run_notes import (
 from trcvtui.scenario.runner import Verdict
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
-from trcvtui.wording import count, times, utc_text
+from trcvtui.wording import count, stamp, times, utc_text
 
 T = TypeVar("T")
 Row = TypeVar("Row")
@@ -124,7 +124,7 @@ def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) 
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    templates.filters.update(counted=count, seconds=_seconds)
+    templates.filters.update(counted=count, seconds=stamp)
     yield MARK.decode()
     yield from templates.get_template("page.html").generate(page=_PageParts(source, notes, verdict))
 
@@ -193,7 +193,7 @@ class _PageParts:
         source, notes, late = self.source, self.notes, self.notes.late
         yield "begin", utc_text(source.begin_ns)
         each, scans = notes.bench.runtime.interval_ns / 1e6, count(notes.until.scan, "scan")
-        yield "length", f"{_seconds(notes.until.t_ns)} s, {scans}, one each {each:g} ms"
+        yield "length", f"{stamp(notes.until.t_ns)} s, {scans}, one each {each:g} ms"
         if late.count:
             which = ", ".join(told for _, told in late) + " and others" * (late.count > 2 * MOST_LATE)
             yield "late", f"{count(late.count, 'scan')} by more than half an interval: {which}"
@@ -257,7 +257,7 @@ class _PageParts:
             often = f", {times(card.times)} up to scan {card.last.scan}" if card.times > 1 else ""
             if card.times > 1 and not edge.outputs.error:
                 often = f", seen up to scan {card.last.scan}"
-            head = f"{self._status(edge.outputs.status, edge.block)} in scan {at.scan}, {_seconds(at.t_ns)} s"
+            head = f"{self._status(edge.outputs.status, edge.block)} in scan {at.scan}, {stamp(at.t_ns)} s"
             yield _Card(head + often, card.advice, edge.outputs.error)
 
     def edges(self, notes: InstanceNotes) -> Iterator[Sequence[str]]:
@@ -269,7 +269,7 @@ class _PageParts:
         size = "" if shown.rcvd_len is None or not shown.done else str(shown.rcvd_len)
         status = f"16#{shown.status:04X} {self._project.dialect.label(edge.condition)}"
         why = because(edge.cause, edge.block)
-        return str(told.at.scan), _seconds(told.at.t_ns), status, shown.lit.upper(), size, why
+        return str(told.at.scan), stamp(told.at.t_ns), status, shown.lit.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:
         """Yield the frames, and in one word each how many between them are left out."""
@@ -280,7 +280,7 @@ class _PageParts:
 
     def _frame(self, frame: FrameNote, data: DataDecl | None) -> _FrameView:
         job, way = f"job {frame.job}, " if frame.job else "", "sent" if frame.is_sent else "received"
-        head = f"{job}{way} {frame.size} B, scan {frame.at.scan}, {_seconds(frame.at.t_ns)} s"
+        head = f"{job}{way} {frame.size} B, scan {frame.at.scan}, {stamp(frame.at.t_ns)} s"
         shown = frame.content[:MOST_HEX] if self._has_payload else b""
         if not shown:
             return _FrameView(head, frame.reason, [], 0, None, ())
@@ -299,7 +299,7 @@ class _PageParts:
 
     def _event(self, told: EventNote) -> Sequence[str]:
         what = told.what if told.subject else self._line(told.what)
-        return str(told.at.scan), _seconds(told.at.t_ns), told.subject or "command", what, told.detail
+        return str(told.at.scan), stamp(told.at.t_ns), told.subject or "command", what, told.detail
 
     def _line(self, line: str) -> str:
         """Return a command; without payload as much of it as holds no bytes."""
@@ -353,10 +353,6 @@ def _with_gaps(
 def _members(content: bytes, data: DataDecl) -> Iterable[Sequence[str]]:
     within = min(data.layout.leaves_within(len(content)) + 1, data.layout.leaf_count)
     return member_rows(data.layout, content, data.name, most=min(within, MOST_MEMBERS))
-
-
-def _seconds(ns: int) -> str:
-    return f"{ns / 1e9:.3f}"
 
 
 def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> Iterator[str]:

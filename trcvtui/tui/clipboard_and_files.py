@@ -21,7 +21,7 @@ from trcvtui import paths
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of, write_file
 from trcvtui.tui.copy_formats import Format
-from trcvtui.tui.formatting import count
+from trcvtui.wording import count
 
 MOST_FILES: Final = 100
 PATIENCE_S: Final = 2.0

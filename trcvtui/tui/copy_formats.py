@@ -12,14 +12,14 @@ from textual.binding import Binding
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.tui.formatting import clip, count, moment, plain, status_word
+from trcvtui.tui.formatting import clip, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import csv_lines, json_value, member_rows
-from trcvtui.wording import in_columns
+from trcvtui.wording import count, in_columns, stamp
 
 if TYPE_CHECKING:
     from trcvtui.tui.view_model.view_model import ViewModel
@@ -87,7 +87,7 @@ def _history(of: Subject) -> str:
                 f"{status_word(line.event.outputs.status)} {of.project.dialect.label(line.event.condition)}"
             )
             reason = plain(why(line.event))
-            rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
+            rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(in_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
 
 

@@ -9,11 +9,11 @@ from textual.binding import Binding
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.tui.formatting import cells, clip, moment, pad, wrapped
+from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
-from trcvtui.wording import count
+from trcvtui.wording import count, stamp
 
 LABEL: Final = 9
 SURE: Final = 0.85
@@ -125,7 +125,7 @@ class FindingList(TextView):
         rows += self._told("packets", shown, "dim") if shown else []
         place, stream = self.place(), self.place(of_byte=True)
         if place is not None:
-            when = "" if one.t_ns is None else f", {moment(one.t_ns)} s"
+            when = "" if one.t_ns is None else f", {stamp(one.t_ns)} s"
             rows += self._told("s", f"scan {place.scan}{when}", "key")
         if stream is not None:
             rows += self._told("b", f"byte {stream.byte} of what came", "key")

@@ -11,9 +11,6 @@ from typing import Final
 from rich.cells import cell_len
 
 from trcvtui.errors import one_line
-from trcvtui.wording import IN_SECONDS
-from trcvtui.wording import age as age
-from trcvtui.wording import count as count
 
 US: Final = 1_000
 MS: Final = 1_000_000
@@ -30,29 +27,6 @@ def status_word(status: int) -> str:
 def lamp(on: bool, glowing: bool = False) -> str:
     """Return the glyph of a lamp: lit, lit a moment ago, dark."""
     return ON if on else GLOW if glowing else OFF
-
-
-def moment(ns: int) -> str:
-    """Return a time of the run in seconds with milliseconds: `12.330`."""
-    return f"{ns // SECOND}.{ns % SECOND // MS:03d}"
-
-
-def short_time(ns: int) -> str:
-    """Return a measured time: `80 us`, `0.3 ms`, `12 ms`."""
-    if ns < 100 * US:
-        return f"{ns // US} us"
-    return f"{ns / MS:.1f} ms" if ns < 10 * MS else f"{ns // MS} ms"
-
-
-def duration(ns: int) -> str:
-    """Return a planned time, exact: `0.5 ms`, `10 ms`, `2.5 s`, `16 min 40 s`."""
-    if ns < SECOND:
-        return f"{ns / MS:.6g} ms"
-    seconds, rest = divmod(ns, SECOND)
-    if rest or seconds < IN_SECONDS:
-        return f"{ns / SECOND:.6g} s"
-    parts = (seconds // 3600, "h"), (seconds // 60 % 60, "min"), (seconds % 60, "s")
-    return " ".join(f"{number} {unit}" for number, unit in parts if number)
 
 
 def cells(text: str) -> int:

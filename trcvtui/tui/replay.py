@@ -12,13 +12,12 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.commands.snapshots import CANNOT, Position
-from trcvtui.tui.formatting import count
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ACTIONS, KeyLine, Keys
 from trcvtui.udt.literals import format_time
-from trcvtui.wording import utc_text
+from trcvtui.wording import count, utc_text
 
 if TYPE_CHECKING:
     from trcvtui.tui.doctor import EvidencePlace

@@ -156,4 +156,4 @@ def test_one_step_a_scan_is_taken_however_long_it_is_and_the_ledger_says_so() ->
         assert not bench.work.may_shake()
         bench.scan(MS)
     assert bench.said == [("C1", What.LONG_HANDSHAKE)]
-    assert bench.words == ["one step took 0.9 ms; handshakes have 0.1 of the 1 ms of a scan"]
+    assert bench.words == ["one step took 0.9 ms; handshakes have 0.1 ms of the 1 ms of a scan"]

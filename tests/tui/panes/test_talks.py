@@ -108,7 +108,7 @@ def of_a_tap(told: Told, kernel: str = TAP) -> BenchUpdate:
 async def test_a_key_asks_with_its_command_and_enter_sends_it_but_hold_and_go_act() -> None:
     told = connected()
     async with looking(WIDE, of_a_tap(told)) as looker:
-        assert "open 10.0.0.9:51000 → 10.0.0.5:2000 round trip 2.0 ms" in looker.pane("talks")
+        assert "open 10.0.0.9:51000 → 10.0.0.5:2000 round trip 2 ms" in looker.pane("talks")
         await looker.press("7", "h")
         told.talks.hold(1, True, 3, b"\x01\x02\x03")
         await looker.show(of_a_tap(told))

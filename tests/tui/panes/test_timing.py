@@ -17,7 +17,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.formatting import duration
 from trcvtui.tui.panes.timing import LABEL, Timing
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
@@ -252,15 +251,6 @@ async def test_a_column_of_many_scans_is_said_in_readable_time_and_zoom_ends_whe
         columns = look.pane.size.width
         assert look.pane.view.zoom * columns >= 60_000 > look.pane.view.zoom * columns / 3
         assert f"{look.pane.view.zoom} scans a column, {look.pane.view.zoom // 100} s" in look.text
-
-
-@pytest.mark.parametrize(
-    ("ns", "text"),
-    [(10_000, "0.01 ms"), (10_000_000, "10 ms"), (2_500_000_000, "2.5 s"), (20_000_000_000, "20 s"),
-     (1_000_000_000_000, "16 min 40 s"), (7_200_000_000_000, "2 h")],
-)  # fmt: skip
-def test_a_planned_time_is_readable(ns: int, text: str) -> None:
-    assert duration(ns) == text
 
 
 # -- mouse --------------------------------------------------------------------------------------------------

@@ -9,33 +9,23 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.table import COMMANDS
 from trcvtui.tui.completion import complete, verbs
-from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
+from trcvtui.tui.formatting import bar, clip, wrapped
 from trcvtui.tui.peer_commands import send_line
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.help import letters_of
 from trcvtui.tui.widgets.hex_view import CHARACTER_OF, CLASS_OF, CLASSES
-
-
-@pytest.mark.parametrize(
-    ("ns", "text"),
-    [
-        (0, "0.0 s"),
-        (1_190 * MS, "1.1 s"),
-        (9_999 * MS, "9.9 s"),
-        (99 * SECOND, "99 s"),
-        (117 * SECOND, "117 s"),
-        (720 * SECOND, "12 min"),
-        (3 * 3600 * SECOND, "3 h"),
-        (-5, "0.0 s"),
-    ],
-)
-def test_an_age_is_as_coarse_as_a_glance_needs(ns: int, text: str) -> None:
-    assert age(ns) == text
+from trcvtui.wording import age, duration, stamp
 
 
 def test_times_are_written_with_their_unit() -> None:
-    assert moment(12_330 * MS) == "12.330"
-    assert [short_time(n) for n in (80_000, 310_000, 12_000_000)] == ["80 us", "0.3 ms", "12 ms"]
+    assert stamp(12_330 * MS) == "12.330"
+    for ns, text in ((80_000, "0.08 ms"), (310_000, "0.31 ms"), (12 * MS, "12 ms"), (2_500 * MS, "2.5 s"),
+                     (1_000 * SECOND, "16 min 40 s"), (7_200 * SECOND, "2 h 0 min")):  # fmt: skip
+        assert duration(ns) == text
+    for ns, text in ((0, "0.0 s"), (1_190 * MS, "1.1 s"), (9_999 * MS, "9.9 s"), (99 * SECOND, "99 s"),
+                     (117 * SECOND, "117 s"), (720 * SECOND, "12 min"), (3 * 3600 * SECOND, "3 h"),
+                     (-5, "0.0 s")):  # fmt: skip
+        assert age(ns) == text
 
 
 def test_what_is_cut_is_shown_to_be_cut() -> None:

@@ -15,6 +15,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import meaning
 from trcvtui.net.events import What
 from trcvtui.net.results import Fault
+from trcvtui.wording import duration
 
 # -- work: whatever partners send, a scan has so many units for it, and no more ---------------------------
 #
@@ -166,14 +167,10 @@ class Work:
         self._shaken += took
         self._longest = max(self._longest, took)
         if took > self._interval // HANDSHAKE_PART:
-            part, interval = _ms(self._interval // HANDSHAKE_PART), _ms(self._interval)
-            why = f"one step took {_ms(took)} ms; handshakes have {part} of the {interval} ms of a scan"
+            part, interval = duration(self._interval // HANDSHAKE_PART), duration(self._interval)
+            why = f"one step took {duration(took)}; handshakes have {part} of the {interval} of a scan"
             self._say(party.owner, What.LONG_HANDSHAKE, partner, why)
         return units
-
-
-def _ms(ns: int) -> str:
-    return f"{ns / 1_000_000:.2g}" if ns < 100_000_000 else str(ns // 1_000_000)
 
 
 # -- claims: who works on one direction of a connection, the lock of "CONNECT in use" ---

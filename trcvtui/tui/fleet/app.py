@@ -20,7 +20,7 @@ from trcvtui.fleet.reader import FleetReader, topics_of
 from trcvtui.fleet.seen_fleet import ERROR, OFFLINE, FleetLine, SeenFleet
 from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
-from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.messages import FleetEntryOpened, KeyClicked
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp, quiet_collector
@@ -30,6 +30,7 @@ from trcvtui.tui.widgets.line_view import Row, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
+from trcvtui.wording import count
 
 NS: Final = 1_000_000_000
 FRAME_S: Final = 1 / 20

@@ -9,10 +9,10 @@ from typing import Final
 from trcvtui.fleet.event_log import KeptEvent
 from trcvtui.fleet.seen_fleet import OFFLINE, FleetInstance, FleetLine
 from trcvtui.tui.fleet.table import since_text, spark_parts
-from trcvtui.tui.formatting import count, lamp, plain, wrapped
+from trcvtui.tui.formatting import lamp, plain, wrapped
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
-from trcvtui.wording import size_text
+from trcvtui.wording import count, size_text
 
 LABEL, CODE = 9, 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds

@@ -14,9 +14,10 @@ from textual.binding import Binding, BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, FleetLine
-from trcvtui.tui.formatting import SECOND, age, clip, count, pad, plain, squeeze
+from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.wording import age, count
 
 STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
 FIXED: Final = 4 + STATE + CODE + 1 + SINCE + 1 + SPARK + HOUR

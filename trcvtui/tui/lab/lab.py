@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
-from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.compare.compare import Comparison, Summary
@@ -23,6 +23,7 @@ from trcvtui.udt.layout.rules import LAYOUT_ALIASES, LAYOUTS, TEXT_FORMS, Layout
 from trcvtui.udt.sources import read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
 from trcvtui.udt.types import Type
+from trcvtui.wording import count
 
 # Rule: only what a message brought says how long the sender's telegram is; DATA and jobs are as long as ours.
 

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, UDT
 from trcvtui.tui.lab.lab import HEX, OURS, SOURCES, THEIRS, Lab, profile_from
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.command import constants_of
+from trcvtui.wording import count
 
 WHERE: Final = "udt"
 CONSTANT, RELOAD = "constant", "reload"

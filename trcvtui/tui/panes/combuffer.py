@@ -11,10 +11,11 @@ from trcvtui.commands.words import FeedLine
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
-from trcvtui.tui.formatting import MS, bar, clip, count, pad
+from trcvtui.tui.formatting import bar, clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.wording import count, duration
 
 GAP_BAR: Final = 12
 NO_WATCH: Final = "Timeout is 0: no gap ends a frame"
@@ -59,13 +60,9 @@ def gap_parts(gap: Gap) -> list[tuple[str, str]]:
         return [("─" * GAP_BAR, "faint"), (f" {gap.reason}", "dim")]
     full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR)
     near = gap.elapsed_ns * 4 >= gap.limit_ns * 3
-    times = f" {_ms(gap.elapsed_ns)} of {_ms(gap.limit_ns)} ms"
+    times = f" {duration(gap.elapsed_ns)} of {duration(gap.limit_ns)}"
     parts = [(full, "warn" if near else "busy"), (empty, "faint"), (times, "strong" if full else "dim")]
     return [*parts, (f" · {gap.reason}", "dim")] if gap.reason else parts
-
-
-def _ms(ns: int) -> str:
-    return f"{ns / MS:.6g}"
 
 
 LABEL: Final = 9

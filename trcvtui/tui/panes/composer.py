@@ -13,7 +13,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.formatting import MS, count
+from trcvtui.tui.formatting import MS
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
@@ -22,6 +22,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import format_time
+from trcvtui.wording import count
 
 if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
     from trcvtui.commands.words import PeerSend
@@ -55,10 +56,6 @@ class Splits:
         shorter = [ms * MS for ms in PAUSES if ms * MS < now]
         then = longer[:1] if step > 0 else shorter[-1:]
         return Splits({**self.pauses, place: then[0] if then else now})
-
-    def pause_text(self, place: int) -> str:
-        """Return the pause of a cut as commands write it."""
-        return format_time(self.pauses[place])
 
     @property
     def split(self) -> str:
@@ -153,7 +150,7 @@ class SplitsLine(LineView):
             return f"{size} in {count(len(self.cuts.places) + 1, 'piece')}"
         if self.place not in self.cuts.places:
             return f"{size}, space cuts at {self.place}"
-        return f"{size}, cut at {self.place}, pause {self.cuts.pause_text(self.place)}"
+        return f"{size}, cut at {self.place}, pause {format_time(self.cuts.pauses[self.place])}"
 
     def _room(self) -> int:
         return max(1, (self.line_width - 2 - len(f" {self._told()}") + 1) // CELL)

@@ -9,13 +9,14 @@ from textual import events
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import cells, clip, count, lamp, status_word
+from trcvtui.tui.formatting import cells, clip, lamp, status_word
 from trcvtui.tui.messages import DescriptionWanted, PaneActions
 from trcvtui.tui.panes.combuffer import framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
+from trcvtui.wording import count
 
 
 class DrawnPin(NamedTuple):

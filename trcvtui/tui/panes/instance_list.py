@@ -10,9 +10,10 @@ from textual.binding import Binding
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
-from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, squeeze, status_word
+from trcvtui.tui.formatting import bar, cells, clip, lamp, pad, squeeze, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.wording import age
 
 ROOMY: Final = 110
 NARROW: Final = 60  # below: neither partner nor condition, the lamps stay

@@ -13,7 +13,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.commands.snapshots import CheckSnapshot, CheckTally, PeerSnapshot
-from trcvtui.tui.formatting import cells, clip, count, pad, plain
+from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
 from trcvtui.tui.panes.composer import Composer
@@ -33,6 +33,7 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ResultScreen, text_rows
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
+from trcvtui.wording import count
 
 ROOMY = 110
 STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}

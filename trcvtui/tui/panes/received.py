@@ -17,7 +17,7 @@ from trcvtui.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSp
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import bar, clip, moment, wrapped
+from trcvtui.tui.formatting import bar, clip, wrapped
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
@@ -25,6 +25,7 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine
+from trcvtui.wording import stamp
 
 BAR: Final = 12
 GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
@@ -143,7 +144,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if job.done and (field := field_at(project, job.instance, byte)):
         words.append(field)
     if recv is not None and recv.number:
-        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{moment(recv.t_ns)} s"]
+        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{stamp(recv.t_ns)} s"]
     if not job.done:
         words.append(job.reason)
     return " · ".join(words)
@@ -312,7 +313,7 @@ class Received(Vertical):
         if origin.message is not None and not view.is_hole(byte):
             text += f" · {origin.message.peer} #{origin.message.number} byte {origin.message.first}"
         if origin.recv is not None:
-            text += f" · {moment(origin.recv.t_ns)} s"
+            text += f" · {stamp(origin.recv.t_ns)} s"
         return text
 
     # -- the past ----------------------------------------------------------------------------------------

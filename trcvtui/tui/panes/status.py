@@ -12,11 +12,12 @@ from textual import events
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
-from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, moment, status_word, wrapped
+from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wrapped
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import Explainer, why
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.wording import stamp
 
 WORD: Final = 14  # at least; wider where a condition or a lamp is
 LAMP: Final = 7
@@ -98,7 +99,7 @@ class StatusHistory(LineView):
         newest = self._edges[0] if self._edges else None
         if newest is None:
             return 5, 7
-        return max(5, len(str(newest.scan))), max(7, len(moment(newest.t_ns)))
+        return max(5, len(str(newest.scan))), max(7, len(stamp(newest.t_ns)))
 
     def _head(self) -> Row:
         scan, time = self._widths()
@@ -116,7 +117,7 @@ class StatusHistory(LineView):
         reason = clip(why(edge), room) if room >= LEAST_WHY else ""
         return [
             (CURSOR if line.seq == self._chosen else " ", "key"),
-            (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
+            (f"{line.scan:>{scan}}  {stamp(line.t_ns):>{time}}  ", "dim"),
             (self._label(edge, self._condition_width()).ljust(self._word + 2), style),
             (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
@@ -252,7 +253,7 @@ class StatusCard(LineView):
         if instance is None:
             return self._nothing()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
-            when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
+            when = f"in scan {self._past.scan}, at {stamp(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
         told = self._explainer.now(instance)
         when = f"since scan {instance.since_scan}"

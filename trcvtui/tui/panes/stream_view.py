@@ -24,7 +24,7 @@ from trcvtui.history.records import (
     Seek,
 )
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
-from trcvtui.tui.formatting import clip, moment, short_time
+from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import (
     CHARACTER_OF,
@@ -43,6 +43,7 @@ from trcvtui.tui.widgets.hex_view import (
 )
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in
+from trcvtui.wording import duration, stamp
 
 # The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
 # marked between the two bytes that it splits, in the row and in its ruler, by a stroke, not by colour alone.
@@ -214,8 +215,8 @@ def beside_recvs(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     if first is None:
         return ""
     span = recvs[first]
-    gap = f" +{short_time(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
-    return f"{moment(span.t_ns)}{gap}"
+    gap = f" +{duration(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
+    return f"{stamp(span.t_ns)}{gap}"
 
 
 def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
@@ -224,8 +225,8 @@ def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     if job is None:
         return ""
     if job.done:
-        return f"DONE {moment(job.t_ns)}" if not job.reason else clip(job.reason, 60)
-    return f"{moment(job.t_ns)} dropped"
+        return f"DONE {stamp(job.t_ns)}" if not job.reason else clip(job.reason, 60)
+    return f"{stamp(job.t_ns)} dropped"
 
 
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks

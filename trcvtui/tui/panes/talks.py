@@ -7,10 +7,11 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.commands.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
-from trcvtui.tui.formatting import clip, pad, short_time
+from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.wording import duration
 
 BARS: Final = " ▁▂▃▄▅▆▇█"
 SPARKS: Final = 15  # seconds that are drawn
@@ -162,7 +163,7 @@ def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
     ends = f"{talk.partner} → {talk.plc}" if is_roomy else talk.partner
     parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
     if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
-        parts.append((f"round trip {short_time(talk.handshake_ns)} ", "dim"))
+        parts.append((f"round trip {duration(talk.handshake_ns)} ", "dim"))
     return parts
 
 
@@ -170,7 +171,7 @@ def _figures(way: WaySnapshot, is_roomy: bool) -> list[Part]:
     if way.round_trip_ns is None or way.window is None:
         return []
     window = f"window {way.window} " if is_roomy and way.window else ""
-    return [(f" {'round trip' if is_roomy else 'rtt'} {short_time(way.round_trip_ns)} {window}", "dim")]
+    return [(f" {'round trip' if is_roomy else 'rtt'} {duration(way.round_trip_ns)} {window}", "dim")]
 
 
 def _spark(talk: TalkSnapshot) -> list[Part]:

@@ -23,10 +23,11 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.tui.formatting import MS, SECOND, US, count, duration
+from trcvtui.tui.formatting import MS, SECOND, US
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.wording import count, duration
 
 ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 NAME: Final = 12  # columns of a row's name, where none is longer

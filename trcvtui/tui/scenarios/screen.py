@@ -16,7 +16,7 @@ from textual.widget import Widget
 
 from trcvtui.commands.snapshots import PlayerSnapshot
 from trcvtui.tui import messages
-from trcvtui.tui.formatting import clip, count, plain
+from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.status import StatusCard, StatusHistory
@@ -26,6 +26,7 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
+from trcvtui.wording import count
 
 HIGH: Final = 42  # rows from which on all that is past stands
 PLAYING: Final = "-playing"

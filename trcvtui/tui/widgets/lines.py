@@ -11,11 +11,12 @@ from textual.widgets import Input
 
 from trcvtui import lane_note
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
-from trcvtui.tui.formatting import SECOND, clip, count, short_time, wrapped
+from trcvtui.tui.formatting import SECOND, clip, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
 from trcvtui.udt.literals import format_time
+from trcvtui.wording import count, duration
 
 
 class ButtonLine(LineView):
@@ -350,7 +351,7 @@ class HeaderLine(WordLine):
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER)}", "warn", 3))
         if now.position is None:  # a replay is late for nothing
-            pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
+            pieces.append(HeaderWord(f"p99 late {duration(timing.late_p99_ns)}", "dim", 40))
             style = "warn" if timing.overruns else "dim"
             pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
         pieces.append(HeaderWord(picture.kernel, "dim", 4))

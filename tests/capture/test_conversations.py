@@ -33,7 +33,7 @@ from tests.recording.wire import (
 )
 from trcvtui.capture import pcap
 from trcvtui.capture.command import conversations_of
-from trcvtui.capture.packets import MOST_FRAGMENTED, NotRead
+from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import guess_plc, parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
@@ -321,7 +321,7 @@ def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> 
     late = cut(udp(b"0123456789"), 9, 8)
     for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
         found.take(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
-    assert found.not_read[NotRead.FRAGMENT] > 3000
+    assert found.not_read[SkippedPacket.FRAGMENT] > 3000
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -12,8 +12,8 @@ from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
 from trcvtui.line import tap_command as command
-from trcvtui.line.tap_command import Looks, forward
-from trcvtui.line.tap_observer import LookingOn, TapPlan
+from trcvtui.line.tap_command import ObserverSettings, forward
+from trcvtui.line.tap_observer import TapObserver, TapPlan
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of, route_of
 from trcvtui.project.file import read_project
@@ -116,7 +116,7 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     plan = TapPlan([route_of("T", "1999", "2000", ("", ""))], None, None, None)
     lines: list[str] = []
     said: list[str] = []
-    looking = LookingOn(plan, lambda ns: WatchLines(lines.append, None, 10_000_000, ns), list, said.append)
+    looking = TapObserver(plan, lambda ns: WatchLines(lines.append, None, 10_000_000, ns), list, said.append)
     second = 1_000_000_000
 
     def event(kind: TapEventKind, ms: int, way: int = TO, at: int = 0, data: bytes = b"") -> None:
@@ -146,7 +146,7 @@ def test_what_is_held_from_the_beginning_needs_a_screen(
     monkeypatch.setattr(command, "NO_SCREEN_NS", 1_000_000)
     before = [(each, signal.getsignal(each)) for each in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)]
     route = route_of("T", "127.0.0.1:0", "127.0.0.1:1", ("", ""))
-    looks = Looks(None, None, None, None, False, has_screen=False, holds=True)
+    looks = ObserverSettings(None, None, None, None, False, has_screen=False, holds=True)
     try:
         assert forward([route], looks, None) == 2
     finally:

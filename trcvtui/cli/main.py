@@ -486,7 +486,7 @@ who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
 
 
 def _tap(args: SimpleNamespace) -> int:
-    from trcvtui.line.tap_command import Looks, forward
+    from trcvtui.line.tap_command import ObserverSettings, forward
     from trcvtui.net.tap import route_of
 
     project = None if args.project is None else _path(args.project)
@@ -498,7 +498,9 @@ def _tap(args: SimpleNamespace) -> int:
         routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
     has_screen = args.format is None and sys.stdin.isatty() and sys.stdout.isatty()
     is_shown = args.format is not None or sys.stdout.isatty()
-    looks = Looks(project, args.plc, args.dialect, args.format, is_shown, has_screen, args.hold, args.armed)
+    looks = ObserverSettings(
+        project, args.plc, args.dialect, args.format, is_shown, has_screen, args.hold, args.armed
+    )
     return forward(routes, looks, _tap_record(args.record))
 
 

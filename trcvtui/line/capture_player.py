@@ -22,8 +22,8 @@ from trcvtui.capture.reassembly import (
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.line.conversations import Talks
-from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, Shadows
+from trcvtui.line.conversations import ConversationFigures
+from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, ShadowBench
 from trcvtui.line.shadows import NEVER_NS, ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
@@ -89,12 +89,12 @@ class CapturePlayer:
     ) -> None:
         self._first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
-        self.talks: Talks | None = None  # who counts what is taken
+        self.talks: ConversationFigures | None = None  # who counts what is taken
         self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # number of an unassigned conversation -> of who has its place
         self._over: list[int] = []  # conversations above what the last line lists
-        self.shadows = Shadows(fresh_bench(plan.project, "sim", seam), self._show)
+        self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._show)
         self._running: dict[int, _Running] = {}
         self._reading = Conversations(self.take)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation

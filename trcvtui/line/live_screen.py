@@ -102,9 +102,9 @@ class ServedShadows:
         `watch` gives a conversation shadows of its own.
         """
         from trcvtui.engine.controller import Controller
-        from trcvtui.line.conversations import Talks
+        from trcvtui.line.conversations import ConversationFigures
 
-        player.talks = talks = Talks()
+        player.talks = talks = ConversationFigures()
         self._controller = controller = Controller(player.shadows.bench)
         controller.talks, controller.shadows = talks.snapshot, player.shown
         controller.kernel, controller.watch, self._player = kernel, watch, player

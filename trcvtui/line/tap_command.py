@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
-from trcvtui.net.os.tap_ways import AskedWays
+from trcvtui.net.os.tap_ways import EventPipes
 from trcvtui.net.tap import Route, end_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ TYPED: Final = 1 << 16  # bytes of one read
 WRONG_INPUT: Final = 2
 
 
-class Looks(NamedTuple):
+class ObserverSettings(NamedTuple):
     """What shadows look on, and whether anybody is shown it; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
@@ -55,7 +55,7 @@ class Looks(NamedTuple):
     is_armed: bool = False
 
 
-def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> int:
+def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] | None) -> int:
     """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
@@ -109,7 +109,7 @@ def forward_for(fd: str, project: str) -> int:
     from trcvtui.scenario.scenario import load_bench
 
     raise_limit()
-    ways, loop = AskedWays(int(fd)), Forwarder(_say)
+    ways, loop = EventPipes(int(fd)), Forwarder(_say)
     try:
         routes = routes_of(load_bench(Path(project)).taps)
         for route in routes:
@@ -161,7 +161,9 @@ class TapInBackground:
         _wait(self._process)
 
 
-def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: list[Popen[bytes]]) -> bool:
+def _look_on(
+    loop: Forwarder, routes: Sequence[Route], looks: ObserverSettings, started: list[Popen[bytes]]
+) -> bool:
     types = _can_type()
     if not (looks.is_shown or types):
         return True
@@ -219,9 +221,9 @@ class _Screen:
         self._loop, self._voice = loop, voice
         self._process: Popen[bytes] | None = None
         self._terminal: list[Any] = []
-        self._asked = AskedWays()  # at its end the screen has ended
+        self._asked = EventPipes()  # at its end the screen has ended
 
-    def open(self, routes: Sequence[Route], looks: Looks) -> bool:
+    def open(self, routes: Sequence[Route], looks: ObserverSettings) -> bool:
         import termios
 
         self._terminal = termios.tcgetattr(0)

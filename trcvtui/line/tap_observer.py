@@ -160,7 +160,7 @@ def _made(
     return made
 
 
-class LookingOn:
+class TapObserver:
     """Plays the events of a tap to shadows as they come; `order` hands the tap an order.
 
     Without `lines_of` there are orders alone: the tap sends no bytes, and nothing is played. It is called
@@ -351,7 +351,7 @@ def look_on(asked: str) -> None:
     def lines_of(first_ns: int) -> WatchLines:
         return WatchLines(sys.stdout.write, form, interval, first_ns)
 
-    looking = LookingOn(
+    looking = TapObserver(
         plan, lines_of if is_shown else None, lambda order: os.write(0, order.line()), complain
     )
     os.write(0, b"\n")

@@ -69,7 +69,7 @@ class _TapServed(ServedShadows):
     def run(self, fd: int, asked: Asked, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
-        from trcvtui.line.tap_observer import LookingOn, TapPlan
+        from trcvtui.line.tap_observer import TapObserver, TapPlan
         from trcvtui.line.tapped import TapPackets
         from trcvtui.net.tap import events_of, route_of
         from trcvtui.recording.worker_process import FilesJudge
@@ -91,7 +91,7 @@ class _TapServed(ServedShadows):
         end = plc or (str(routes[0].to).removeprefix("udp:") if len(routes) == 1 else None)
         end = None if routes[0].to.kind == "serial" else end
         self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
-        looking = LookingOn(plan, lines_of, order, lambda text: self.tell("tap", text))
+        looking = TapObserver(plan, lines_of, order, lambda text: self.tell("tap", text))
         self.show(looking.player, kernel)
         with suppress(OSError):
             os.write(fd, b"\n")

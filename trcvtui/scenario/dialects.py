@@ -21,7 +21,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.scenario.report import FollowingJson, JsonLines, Text, Write, json_text
+from trcvtui.scenario.report import JsonLines, LineByLineJson, Text, Write, json_text
 from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import in_columns
@@ -106,7 +106,7 @@ class _DialectLines(JsonLines):
         super().write({"dialect": self._bench.project.dialect.name, **record})
 
 
-class SideBySide(FollowingJson):
+class SideBySide(LineByLineJson):
     """The document of files of which each is played in all dialects; then they are compared."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:

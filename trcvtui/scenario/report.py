@@ -330,7 +330,7 @@ class Text:
             self._write(f"        found: {one_line(failure.found)}\n")
 
 
-class Following:
+class LineByLineOutput:
     """The document of a format whose files stand one after the other and know nothing of each other."""
 
     def __init__(self, write: Write, report: Callable[[Write, int, Bench | None], Report]) -> None:
@@ -348,7 +348,7 @@ class Following:
         """Write nothing: the last file ended with its own line."""
 
 
-class FollowingJson(Following):
+class LineByLineJson(LineByLineOutput):
     """The document of JSON lines: a file that could not be run has its line, too."""
 
     def __init__(self, write: Write) -> None:
@@ -361,7 +361,7 @@ class FollowingJson(Following):
 
 
 FORMATS: Final[dict[str, Callable[[Write], Document]]] = {
-    "text": lambda write: Following(write, Text),
-    "jsonl": FollowingJson,
+    "text": lambda write: LineByLineOutput(write, Text),
+    "jsonl": LineByLineJson,
     "junit": Junit,
 }

@@ -6,7 +6,6 @@ import gzip
 import io
 import itertools
 import json
-import os
 import random
 import shutil
 import struct
@@ -35,7 +34,7 @@ from trcvtui.capture import pcap
 from trcvtui.capture.command import conversations_of
 from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
-from trcvtui.capture.plc_end import guess_plc, parse_plc
+from trcvtui.capture.plc_end import parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
@@ -576,46 +575,3 @@ def test_tshark_follows_the_same_bytes(tmp_path: Path) -> None:
     ).stdout
     followed = "".join(line for line in said.splitlines() if line and set(line) <= set("0123456789abcdef"))
     assert bytes.fromhex(followed) == to_plc(listen(packets)) == text
-
-
-@pytest.mark.live
-@pytest.mark.slow
-def test_a_capture_of_socat_has_the_bytes_that_it_sent(tmp_path: Path) -> None:
-    for tool in ("dumpcap", "socat"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    got, sent = tmp_path / "got", tmp_path / "sent"
-    sent.write_bytes(random.Random(4).randbytes(200_000))
-    listener = subprocess.Popen(
-        ["socat", "-d", "-d", "-u", "TCP-LISTEN:0,bind=127.0.0.1", f"CREATE:{got}"],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert listener.stderr is not None
-    port = next(line for line in listener.stderr if "listening on" in line).rpartition(":")[2].strip()
-    words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", "-"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as dump:
-        assert dump.stdout is not None and dump.stderr is not None
-        if not any(line.startswith(b"File:") for line in dump.stderr):
-            listener.kill()
-            listener.communicate()
-            pytest.skip("dumpcap may not capture here")
-        subprocess.run(["socat", "-u", f"OPEN:{sent}", f"TCP:127.0.0.1:{port}"], check=True)
-        listener.communicate()
-        assert got.read_bytes() == sent.read_bytes()
-        handle, events = dump.stdout.fileno(), list[ConversationEvent]()
-        reader = CaptureReader(lambda most: os.read(handle, most), "lo")
-        found = Conversations(events.append)
-        for packet in reader:
-            found.take(packet, reader.interfaces[packet.interface].link_type)
-            if any(event.kind is EventKind.FIN for event in events):
-                break
-        dump.terminate()
-    text = b""
-    for event in events:
-        if event.kind is EventKind.BYTES:
-            assert event.data == sent.read_bytes()[event.at : event.at + event.size]
-        text += bytes(event.size) if event.kind in (EventKind.BYTES, EventKind.MISSING) else b""
-    conversation = found.all[0]
-    assert len(text) == 200_000 and conversation.begins_with_syn and conversation.end is not None
-    assert guess_plc(conversation).says.address == (b"\x7f\0\0\1", int(port))

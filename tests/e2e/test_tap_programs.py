@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import random
 import re
-import socket
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.certificates import Certificates
-from tests.e2e.tapping import PATIENCE, Tap
+from tests.e2e.tapping import Tap
 from tests.e2e.terminal import need
 from tests.waiting import until
 
@@ -26,20 +24,6 @@ def port_told(program: subprocess.Popen[bytes]) -> int:
         if told := re.search(rb"[: ]127\.0\.0\.1:(\d+)$", line.rstrip()):
             return int(told[1])
     raise AssertionError("it has ended")
-
-
-def test_socat_sends_a_file_and_takes_one_back(tmp_path: Path) -> None:
-    socat = need("socat")
-    there, back = tmp_path / "there", tmp_path / "back"
-    there.write_bytes(random.Random(1).randbytes(700_001))
-    far = [socat, "-dd", "-t10", "TCP-LISTEN:0,bind=127.0.0.1,fork", "EXEC:cat"]
-    with subprocess.Popen(far, stderr=subprocess.PIPE) as listens:
-        with Tap(str(port_told(listens))) as tap:
-            near = [socat, "-t10", "-", f"TCP:127.0.0.1:{tap.port}"]
-            with there.open("rb") as given, back.open("wb") as taken:
-                subprocess.run(near, stdin=given, stdout=taken, check=True, timeout=PATIENCE)
-        listens.kill()
-    assert back.read_bytes() == there.read_bytes()
 
 
 def test_tls_of_openssl_passes_unopened(tmp_path: Path) -> None:
@@ -107,20 +91,3 @@ def test_socat_joins_two_serial_lines_with_a_tap_between(tmp_path: Path) -> None
         for pair in pairs:
             pair.kill()
             pair.wait()
-
-
-def test_datagrams_of_socat_go_there_and_back() -> None:
-    socat = need("socat")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
-        far.bind(("127.0.0.1", 0))
-        far.settimeout(PATIENCE)
-        with Tap(f"udp:{far.getsockname()[1]}", listen="udp:127.0.0.1:0") as tap:
-            command = [socat, "-t5", "-", f"UDP:127.0.0.1:{tap.port}"]
-            with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as near:
-                assert near.stdin is not None and near.stdout is not None
-                near.stdin.write(b"question")
-                near.stdin.flush()
-                data, came_from = far.recvfrom(100)
-                far.sendto(data[::-1], came_from)
-                assert near.stdout.read(8) == b"noitseuq"
-                near.kill()

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.bench.bench import Bench
+from trcvtui.cli.main import main
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
@@ -154,3 +155,32 @@ def test_what_is_held_from_the_beginning_needs_a_screen(
             signal.signal(number, handler)
     told = "--hold: found no screen within 5 s, expected one that lets go what is held"
     assert capsys.readouterr().err.splitlines()[-1] == told
+
+
+ROW = '[[tap]]\nname = "T"\nlisten = "{}"\nto = "{}"\nconnect = "{}"\n'
+WRONG_PLACES = (
+    (("here:2", "3"), "LISTEN: found 'here:2', expected [ADDR:]PORT, udp:[ADDR:]PORT or serial:"),
+    (("2", "70000"), "CONNECT: found '70000', expected [ADDR:]PORT"),
+    (("2", "udp:3"), "CONNECT: found 'udp:3' after '2', expected two places of one kind"),
+    (("1502", "127.0.0.1:1502"), "expected another place than that of LISTEN"),
+    (("serial:/dev/x,9600,9N1", "serial:/dev/y"), "LISTEN: found 'serial:/dev/x,9600,9N1', expected"),
+    (("192.0.2.1:2", "3"), "LISTEN: found 192.0.2.1:2 (EADDRNOTAVAIL), expected an address that is free"),
+    (("serial:/dev/not-there", "serial:/dev/neither"), "/dev/not-there: found open ENOENT"),
+    (("x", "1", "C1"), "listen: found 'x', expected [ADDR:]PORT"),
+    (("udp:1", "2", "C1"), "expected two places of one kind"),
+    (("1", "2", "CX"), "found 'CX', expected"),
+    ((), "found neither, expected LISTEN and CONNECT, or a --project with [[tap]]"),
+)
+
+
+@pytest.mark.parametrize(("places", "said"), WRONG_PLACES)
+def test_a_wrong_place_is_one_line(
+    places: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "wrong.toml"
+    connect = 'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 2000\n'
+    file.write_text(connect + (ROW.format(*places) if len(places) == 3 else ""))
+    words = places if len(places) == 2 else ("--project", str(file))
+    assert main(["tap", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line

@@ -144,16 +144,6 @@ def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -
     assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
 
 
-def test_a_connection_is_built_on_ethernet_as_on_any_link(watch: Watch) -> None:
-    packets = [*handshake(), *stream(12)]
-    on_ip = watch(packets)
-    watch.path.write_bytes(
-        capture([bytes(12) + b"\x08\x00" + each for each in packets], ETHERNET, 60_000_000)
-    )
-    assert watch.file(watch.path).records == on_ip.records
-    assert on_ip.jobs("C1_TO_PLC")[-1] == ("7008", 12)
-
-
 def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
     packets = [*handshake(), *stream(12), answer(bytes(12), 501, 113), tcp(seq=113, ack=513)]
     seen = watch(packets, "--plc", "10.0.0.9")
@@ -372,22 +362,6 @@ def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path
     assert dones(seen) == [(12, None)]
 
 
-def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
-    chance = random.Random(11)
-    for _ in range(30):
-        packets = [
-            chance.choice([tcp, answer])(
-                chance.randbytes(chance.randrange(40)),
-                chance.randrange(500),
-                chance.randrange(500),
-                chance.choice([ACK, ACK, SYN, FIN | ACK, RST, SYN | ACK]),
-                chance.choice([0, 8192]),
-            )
-            for _ in range(chance.randrange(1, 60))
-        ]
-        assert set(watch(packets).last) == {"assigned", "unassigned", "left_out"}
-
-
 # -- odd and hostile captures ------------------------------------------------------------------------------
 
 
@@ -402,13 +376,6 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def dones(seen: Watched, instance: str = "R1") -> list[tuple[int, str | None]]:
     return [(r["RCVD_LEN"], r.get("note")) for r in seen.of(instance) if r["DONE"]]
-
-
-def test_order_and_copies_of_segments_change_no_job(watch: Watch, tmp_path: Path) -> None:
-    one, two, three = (tcp(bytes([n] * 12), 101 + 12 * n, 501) for n in range(3))
-    all_there = answer(seq=501, ack=137)
-    shared = [*handshake(), one, one, three, two, two, three, all_there, one, all_there]
-    assert dones(watch(shared, "--project", str(project(tmp_path)))) == [(12, None)] * 3
 
 
 def test_a_connection_without_an_end_is_over_when_its_ends_connect_again(
@@ -427,12 +394,6 @@ def test_a_capture_that_ends_within_a_job_leaves_it_waiting(watch: Watch, tmp_pa
     assert dones(seen) == [(12, None)]
     assert seen.of("R1")[-1]["STATUS"] == "7006"
     assert seen.last["left_out"] == {}
-
-
-def test_a_capture_that_begins_and_ends_within_jobs_says_so(watch: Watch, tmp_path: Path) -> None:
-    seen = watch([*stream(7, 12, 12, seq=40)], "--project", str(project(tmp_path)), "--plc", "10.0.0.5")
-    assert seen.notes == ["begins in the middle"]
-    assert dones(seen) == [(12, None)] * 2
 
 
 def test_a_hole_of_two_gigabytes_costs_few_scans_and_frames_begin_where_they_began(
@@ -700,39 +661,6 @@ def test_a_capture_of_real_sockets_shows_what_the_live_block_showed(watch: Watch
         path = written(tmp_path / "w.pcapng", changed, link_type)
         seen = watch.file(path, "--project", bench, "--plc", "127.0.0.1").jobs("R1")
         assert [(int(word, 16), size) for word, size in seen if word != "80A1"] == jobs, name
-
-
-@pytest.mark.live
-def test_a_packet_that_the_capture_lost_is_a_hole_in_its_job_alone(watch: Watch, tmp_path: Path) -> None:
-    jobs, packets = live_jobs(tmp_path, PIECES)
-    of_data = [n for n, packet in enumerate(packets) if len(packet.data) - 66 == 24]
-    path = written(tmp_path / "w.pcapng", packets[: of_data[0]] + packets[of_data[0] + 1 :])
-    seen = watch.file(path, "--project", str(project(tmp_path)), "--plc", "127.0.0.1")
-    dones = [(r["RCVD_LEN"], "note" in r) for r in seen.of("R1") if r["DONE"]]
-    assert dones == [(12, False)] * 2 + [(12, True)] * 2 + [(12, False)] * 2
-    assert len(jobs) == 8
-
-
-@pytest.mark.live
-@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
-def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: Path, address: str) -> None:
-    for tool in ("dumpcap", "socat"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    kind = "TCP6-LISTEN:0,bind=[::1]" if ":" in address else "TCP-LISTEN:0,bind=127.0.0.1"
-    listener = subprocess.Popen(
-        ["socat", "-d", "-d", "-u", kind, "-"], stderr=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert listener.stderr is not None
-    said = next(line for line in listener.stderr if b"listening on" in line)
-    wire = Capturing(tmp_path / "real.pcapng", address, int(said.decode().rpartition(":")[2]))
-    for size in PIECES:
-        wire.send(bytes(size))
-    wire.end()
-    listener.communicate()
-    seen = watch.file(tmp_path / "real.pcapng")
-    assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
-    assert seen.last["left_out"] == {}
 
 
 class Frames:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -18,6 +19,7 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import LocalDriver
+from trcvtui.fleet.agent import Agent
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
@@ -159,7 +161,7 @@ def page() -> str:
     from prometheus_client.core import CollectorRegistry
 
     registry = CollectorRegistry()
-    registry.register(MetricsPage(IdleAgent()))
+    registry.register(MetricsPage(cast(Agent, IdleAgent())))
     return generate_latest(registry).decode()
 
 

@@ -27,10 +27,7 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let tests call the frames and say what time it is, in UTC."""
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
-    monkeypatch.setattr(fleet_app, "READ_S", 3600.0)
-    monkeypatch.setattr("gc.disable", lambda: None)
     monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
-    monkeypatch.setattr(fleet_app, "quiet_collector", lambda: None)
     monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
     monkeypatch.setenv("TZ", "UTC")
     if hasattr(time, "tzset"):

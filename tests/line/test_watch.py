@@ -30,19 +30,17 @@ from tests.recording.wire import (
 )  # fmt: skip
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.cli.main import main
 from trcvtui.commands.words import Set
-from trcvtui.line.capture_player import CapturePlayer, plan_capture
+from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
 from trcvtui.line.packet_partners import PlayedEnd
-from trcvtui.line.watch_command import MISSING
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import RecordingWriter
 
 Record = dict[str, Any]
-COOKED = 113
 STATIC = """
 dialect = "baosky"
 [[connect]]
@@ -575,92 +573,8 @@ def _flags(frame: bytes) -> int:
     return frame[14 + (40 if frame[12:14] == b"\x86\xdd" else 20) + 13]
 
 
-def live_jobs(tmp_path: Path, pieces: tuple[int, ...]) -> tuple[list[tuple[int, int]], list[Packet]]:
-    """Return what a live TRCV_C of 12 bytes showed, and the packets that came to it."""
-    if shutil.which("dumpcap") is None:
-        pytest.skip("dumpcap is not installed")
-    bench = Bench(load_project(project(tmp_path, "EN_R = true\nCONT = true", local=0)), "live")
-    edges: list[StatusEdge] = []
-    began = clock.now_ns()
-
-    def scan() -> None:
-        bench.step(clock.now_ns() - began)
-        bench.runtime.settle()
-        edges.extend(bench.runtime.changed)
-
-    while (port := bench.runtime.listening_port("C1")) is None:
-        scan()
-    wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
-    connection = next(iter(bench.runtime._connections.values()))
-    total, text = 0, random.Random(3).randbytes(sum(pieces))
-    for size in pieces:
-        wire.send(text[total : total + size])
-        total += size
-        while connection.bytes_received < total:
-            scan()
-    packets = wire.end()
-    while not edges or edges[-1].outputs.status != 0x7002:
-        scan()
-    bench.close()
-    return [
-        _job(edge) for edge in edges if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
-    ], packets
-
-
-def _job(edge: StatusEdge) -> tuple[int, int]:
-    return edge.outputs.status, edge.outputs.rcvd_len or 0
-
-
 def _is_said(edge: StatusEdge) -> bool:
     return edge.outputs.status != 0x80A1  # EN_R is 1 before the connection stands: a matter of some scans
-
-
-def written(path: Path, packets: list[Packet], link_type: int = ETHERNET) -> Path:
-    blocks = [packet_block(0, packet.ns, packet.data) for packet in packets]
-    path.write_bytes(b"".join((section_block("tests"), interface_block(link_type, "t"), *blocks)))
-    return path
-
-
-def tagged(packet: Packet) -> Packet:
-    return packet._replace(data=packet.data[:12] + b"\x81\x00\x00\x07" + packet.data[12:])
-
-
-def cooked(packet: Packet) -> Packet:
-    return packet._replace(data=b"\0\0\0\1\0\6" + packet.data[6:12] + b"\0\0" + packet.data[12:])
-
-
-def reordered(packets: list[Packet]) -> list[Packet]:
-    """Return the packets with each third one after the next."""
-    found = list(packets)
-    for at in range(4, len(found) - 5, 3):
-        found[at], found[at + 1] = (
-            found[at + 1]._replace(ns=found[at].ns), found[at]._replace(ns=found[at + 1].ns),
-        )  # fmt: skip
-    return found
-
-
-def twice(packets: list[Packet]) -> list[Packet]:
-    return [each for packet in packets for each in (packet, packet)]
-
-
-@pytest.mark.live
-def test_a_capture_of_real_sockets_shows_what_the_live_block_showed(watch: Watch, tmp_path: Path) -> None:
-    jobs, packets = live_jobs(tmp_path, PIECES)
-    assert [size for word, size in jobs] == [12] * 6 + [0, 0] and [hex(word) for word, _ in jobs[-2:]] == [
-        "0x80a6", "0x80c5",
-    ]  # fmt: skip
-    bench = str(project(tmp_path))
-    rewritten = {
-        "as it was": (packets, ETHERNET),
-        "vlan": ([*map(tagged, packets)], ETHERNET),
-        "cooked": ([*map(cooked, packets)], COOKED),
-        "reordered": (reordered(packets), ETHERNET),
-        "twice": (twice(packets), ETHERNET),
-    }
-    for name, (changed, link_type) in rewritten.items():
-        path = written(tmp_path / "w.pcapng", changed, link_type)
-        seen = watch.file(path, "--project", bench, "--plc", "127.0.0.1").jobs("R1")
-        assert [(int(word, 16), size) for word, size in seen if word != "80A1"] == jobs, name
 
 
 class Frames:
@@ -673,7 +587,7 @@ class Frames:
         self._player.play([str(path)])
         self._player.close()
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert not lacking
         self.jobs += jobs_of(self._player.shadows.bench, changed)
 

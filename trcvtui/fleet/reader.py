@@ -18,8 +18,8 @@ from trcvtui.fleet.broker import (
     IncomingMessage,
     Lost,
     News,
+    Refused,
     Subscribed,
-    SubscriptionRefused,
 )
 from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, encoded, read, topic_of
@@ -111,7 +111,7 @@ class FleetReader:
                     each.clear()
             case Subscribed(number) if number in self._underway:
                 self._settling.append((now + SETTLED_NS, self._underway.pop(number)))
-            case SubscriptionRefused(why):
+            case Refused(why):
                 self._tell(why, now)
 
     def _message(self, came: IncomingMessage, wall: float) -> None:

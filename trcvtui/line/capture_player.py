@@ -34,6 +34,7 @@ from trcvtui.recording.seam import Seam
 from trcvtui.scenario.scenario import load_bench
 
 MOST_LISTED: Final = 1000  # conversations in the last line
+MISSING: Final = "? missing in the capture"  # is said of a job that lacks bytes
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
 OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
@@ -47,8 +48,8 @@ _NOT_DONE_AGAIN: Final = frozenset(
 class ShadowLines(Protocol):
     """Who is told what shadows show."""
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Take what changed in a scan; `lacking` are those whose job lacks bytes."""
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
         ...
 
     def note(self, ns: int, number: int, text: str) -> None:
@@ -141,8 +142,11 @@ class CapturePlayer:
 
     def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
         shown = [edge for edge in changed if edge.instance in self.shown]
+        ended = (
+            [edge.instance for edge in shown if edge.outputs.done or edge.outputs.error] if lacking else []
+        )
         if shown:
-            self.lines.scan(scan, shown, lacking)
+            self.lines.scan(scan, shown, [name for name in ended if name in lacking])
 
     def take(self, event: ConversationEvent) -> None:
         """Let time pass up to an event, and do what it says."""

@@ -71,7 +71,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
             with record:
                 ours, theirs = loop.pair()
                 with theirs:
-                    started.append(_started(theirs.fileno(), record, RECORDS))
+                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=record))
                 loop.add_looker(ours, "the recording")
         loop.holds = looks.holds
         if screen is not None:
@@ -142,9 +142,8 @@ class TapInBackground:
         self._asked = places, str(project), None, None
         self._ours, theirs = Forwarder.pair()
         with theirs:
-            words = [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(project)]
-            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            self._process = Popen(words, stdin=DEVNULL, env=environment, pass_fds=(theirs.fileno(),))
+            words = SERVES, str(theirs.fileno()), str(project)
+            self._process = _started(words, stdin=DEVNULL, pass_fds=(theirs.fileno(),))
 
     @property
     def is_running(self) -> bool:
@@ -172,7 +171,7 @@ def _look_on(
     asked = json.dumps((places, project, looks.plc, looks.dialect, looks.form, looks.is_shown))
     ours, theirs = loop.pair()
     with theirs:
-        started.append(_started(theirs.fileno(), None, LOOKS_ON, asked))
+        started.append(_started((LOOKS_ON, asked), stdin=theirs.fileno()))
     if ours.recv(1) != b"\n":  # it has said what is wrong
         ours.close()
         return False
@@ -234,9 +233,8 @@ class _Screen:
         asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
         with self._asked.theirs as theirs:
             kernel = ARMED_TAP if looks.is_armed else TAP
-            words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked, kernel]
-            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(),))
+            words = SHOWS, str(theirs.fileno()), asked, kernel
+            self._process = _started(words, pass_fds=(theirs.fileno(),))
         if not self._asked.is_asked():
             return False
         ours = self._asked.hand_over()
@@ -299,10 +297,9 @@ def _can_type() -> bool:
     return os.name == "posix" and (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(0))
 
 
-def _started(events: int, out: IO[bytes] | None, program: str, *asked: str) -> Popen[bytes]:
-    words = [sys.executable, "-P", "-c", program, *asked]
+def _started(words: tuple[str, ...], **given: Any) -> Popen[bytes]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return Popen(words, stdin=events, stdout=out, env=environment)
+    return Popen([sys.executable, "-P", "-c", *words], env=environment, **given)
 
 
 def _wait(process: Popen[bytes]) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from benchmarks.figures import Effort, Figure, against, alternate, ratios
-from trcvtui.udt.byte_text import hexdump, hexdump_blocks
+from trcvtui.udt.byte_text import hexdump
 
 SIZE: Final = 16 << 20
 SLOW_SIZE: Final = 2 << 20  # for hexdump itself
@@ -54,8 +54,8 @@ def _quicker(name: str, command: tuple[str, ...], size: int, pairs: int) -> Figu
 
         def export(file: BinaryIO) -> None:
             with source.open("rb") as read, mmap(read.fileno(), 0, access=ACCESS_READ) as content:
-                for block in hexdump_blocks(memoryview(content)):
-                    file.write(block)
+                for start in range(0, size, 1 << 16):
+                    file.write(hexdump(content[start : start + (1 << 16)]))
 
         def tool(file: BinaryIO) -> None:
             subprocess.run([*command, source], stdout=file, check=True)

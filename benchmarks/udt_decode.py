@@ -119,7 +119,7 @@ class _Pages:
 
     def next_page(self) -> list[str]:
         start = self.at = (self.at + 7 * ROWS) % (self.layout.leaf_count - ROWS)
-        leaves = self.layout.page(start, start + ROWS).leaves
+        leaves = self.layout.leaves(start, start + ROWS)
         values = decode_leaves(self.layout, self.data, start, start + ROWS)
         rows = zip(leaves, values, strict=True)
         return [value_text(leaf, v, self.data[leaf.offset : leaf.offset + leaf.size]) for leaf, v in rows]

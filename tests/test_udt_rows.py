@@ -1,4 +1,4 @@
-"""A format of type files, an export, a layout is one row: whoever lists them asks the row.
+"""A format of type files, a layout is one row: whoever lists them asks the row.
 
 Each made-up row is added in its one place, and found in the help, in the completion, in the lab, by
 reading and writing; the page docs/udt.md has to name it.
@@ -20,7 +20,7 @@ from trcvtui.project.file import load_project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.lab.lab import PROFILE_WORDS
 from trcvtui.udt.byte_text import BYTE_FORMS
-from trcvtui.udt.exports import EXPORTS, Export
+from trcvtui.udt.exports import LANGUAGES
 from trcvtui.udt.layout.layout import Profile, profiles_for
 from trcvtui.udt.layout.rules import LAYOUTS, TEXT_FORMS, layout_names
 from trcvtui.udt.sources import FORMATS, TypeFormat, extensions, read_file
@@ -30,14 +30,18 @@ from trcvtui.udt.types import ELEMENTARY
 PAGE = (Path(__file__).parents[1] / "docs" / "udt.md").read_text(encoding="utf-8").lower()
 TYPE = "TYPE Telegram : STRUCT a : INT; END_STRUCT END_TYPE"
 MADE_UP_FORMAT = TypeFormat("Made-up text", (".made",), read_st)
-MADE_UP_EXPORT = Export("made", "Made-up tool", ".up", lambda layout, _: f"{layout.name} for the tool\n")
 
 
 def not_on_the_page() -> list[str]:
     """Return the names of rows that docs/udt.md does not have between back ticks."""
     quoted = {word for text in re.findall(r"`([^`]+)`", PAGE) for word in re.split(r"[\s|\\]+", text)}
     refused = {extension for row in FORMATS.values() if row.refused for extension in row.extensions}
-    known = [*(each for each in extensions() if each not in refused), *EXPORTS, *layout_names(), *BYTE_FORMS]
+    known = [
+        *(each for each in extensions() if each not in refused),
+        *LANGUAGES,
+        *layout_names(),
+        *BYTE_FORMS,
+    ]
     return [name for name in known if name not in quoted and name.removeprefix("codesys") not in quoted]
 
 
@@ -67,22 +71,6 @@ async def test_a_made_up_format_is_one_row(
             if command.title == "Open a type file"
         ]
         assert ".made Made-up text" in menu
-
-
-async def test_a_made_up_export_is_one_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(EXPORTS, MADE_UP_EXPORT.name, MADE_UP_EXPORT)
-    (tmp_path / "a.st").write_text(TYPE)
-    assert "made: Made-up tool (.up)" in help_of("export", capsys)
-    written = run(capsys, "udt", "export", str(tmp_path / "a.st"), "--to", "made")
-    assert written == (0, "Telegram for the tool\n", "")
-    assert not_on_the_page() == ["made"]
-    async with lab(project(tmp_path)) as stage:
-        menu = {command.title: command for command in stage.app.get_system_commands(stage.app.screen)}
-        menu[f"Export ours: {MADE_UP_EXPORT.title}"].callback()
-        await stage.press()
-        assert "yanked Made-up tool, 22 characters" in stage.words
 
 
 def test_a_made_up_layout_is_one_row(

@@ -10,11 +10,16 @@ MOST_SHOWN = 10
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One mistake: where it stands, what was found there, what was expected."""
+    """One mistake: where it stands, what was found there, what was expected, and of which kind it is.
+
+    `kind`: missing (nothing stands there), surplus (nothing should), unknown (no such name or key), taken
+    (another has that name), file (it cannot be read); value: all else.
+    """
 
     where: str
     found: str
     expected: str
+    kind: str = "value"
 
     def __str__(self) -> str:
         """Return the one line that the user reads."""
@@ -44,9 +49,9 @@ class UserError(Exception):
         return [*lines, f"and {more} more"] if more > 0 else lines
 
 
-def mistake(where: str, found: object, expected: str) -> UserError:
+def mistake(where: str, found: object, expected: str, kind: str = "value") -> UserError:
     """Return a UserError of one problem."""
-    return UserError(Problem(where, str(found), expected))
+    return UserError(Problem(where, str(found), expected, kind))
 
 
 def one_line(text: str) -> str:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import islice, repeat
-from typing import Final, TypeVar
+from itertools import repeat
+from typing import Final
 
 from trcvtui.errors import one_line
 
-_T = TypeVar("_T")
-
 SECOND: Final = 1_000_000_000
 IN_SECONDS: Final = 120  # shorter times are told in seconds alone
-PAGE: Final = 1024  # rows of a table that are aligned at a time
 
 
 def age(ns: int) -> str:
@@ -68,26 +65,14 @@ def utc_text(ns: int) -> str:
     return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
-def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
-    waiting = iter(rows)
-    while page := list(islice(waiting, size)):
-        yield page
-
-
 def in_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
-    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped.
-
-    A page is aligned at a time: in a table of more than PAGE rows a column may grow wider further down.
-    """
-    widths = [0] * len(sides)
-    for page in pages(rows):
-        columns = [_printable(column) for column in zip(*page, strict=True)]
-        widths = [max(width, *map(len, column)) for width, column in zip(widths, columns, strict=True)]
-        padded = [
-            map(str.rjust if side == "r" else str.ljust, column, repeat(width))
-            for side, column, width in zip(sides, columns, widths, strict=True)
-        ]
-        yield from map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
+    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
+    columns = [_printable(column) for column in zip(*rows, strict=True)]
+    padded = [
+        map(str.rjust if side == "r" else str.ljust, column, repeat(max(map(len, column))))
+        for side, column in zip(sides, columns, strict=True)
+    ]
+    return map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
 
 
 def _printable(column: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The answers of `trcvtui udt` as a whole: what is printed line by line, as one text or one JSON value."""
+"""The answers of `trcvtui udt` as a whole: as one text or one JSON value."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from trcvtui.udt import report
 from trcvtui.udt.compare import compare as module
-from trcvtui.udt.compare.compare import Comparison, Count
+from trcvtui.udt.compare.compare import Comparison
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout
 
@@ -17,7 +17,7 @@ def show_text(layout: Layout) -> str:
 
 
 def show_json(layout: Layout) -> Any:
-    return json.loads("\n".join(report.show_json(layout)))
+    return json.loads(report.show_json(layout))
 
 
 def decode_text(layout: Layout, data: Data) -> str:
@@ -25,16 +25,14 @@ def decode_text(layout: Layout, data: Data) -> str:
 
 
 def decode_json(layout: Layout, data: Data) -> Any:
-    return json.loads("\n".join(report.decode_json(layout, data)))
+    return json.loads(report.decode_json(layout, data))
 
 
 def compare_text(both: Comparison, data: bytes) -> tuple[str, bool]:
-    count = Count()
-    text = "\n".join(module.compare_text(both, data, count))
-    return text, module.is_equal(both, count)
+    rows = list(both.rows(data))
+    return "\n".join(module.compare_text(both, rows, data)), module.is_equal(both, rows)
 
 
 def compare_json(both: Comparison, data: bytes) -> tuple[Any, bool]:
-    count = Count()
-    answer = json.loads("\n".join(module.compare_json(both, data, count)))
-    return answer, module.is_equal(both, count)
+    rows = list(both.rows(data))
+    return json.loads("\n".join(module.compare_json(both, rows, data))), module.is_equal(both, rows)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
+from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import (
     ELEMENTARY,
@@ -74,7 +74,7 @@ def test_elements_of_an_array_are_tight_under_every_reading(name: str) -> None:
 def test_packed_has_no_gap_at_all() -> None:
     layout = lay_out(struct_of("BYTE", "LREAL", "WSTRING[1]", "INT"), LAYOUTS["packed"])
     assert placed(layout) == (17, [0, 1, 9, 15])
-    assert list(layout.padding()) == []
+    assert layout.padding() == []
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_packed_has_no_gap_at_all() -> None:
         ("ARRAY[0..2] OF BYTE", 3),
         ("ARRAY[0..2] OF STRING[3]", 15),
         ("ARRAY[0..69999] OF BYTE", 70_000),
-        ("ARRAY[0..1048575] OF BOOL", 1024 * 1024),
+        ("ARRAY[0..131071] OF BOOL", 131_072),
     ],
 )
 def test_alone_a_basic_type_is_tight(text: str, size: int) -> None:
@@ -112,7 +112,7 @@ def test_a_nested_structure_keeps_its_own_gaps_and_starts_on_four() -> None:
         ("in.z", 8),
         ("b", 12),
     ]
-    assert list(layout.padding()) == [(1, 3), (5, 1), (9, 3), (13, 3)]
+    assert layout.padding() == [(1, 3), (5, 1), (9, 3), (13, 3)]
     assert layout.size == 16
 
 
@@ -142,7 +142,7 @@ def test_an_unknown_layout_or_byte_order_is_refused_with_the_known_names() -> No
     [
         "ARRAY[0..999999999] OF BYTE",
         "ARRAY[0..999999999, 0..999999999, 0..999999999] OF LREAL",
-        "ARRAY[0..1048576] OF BOOL",
+        "ARRAY[0..131072] OF BOOL",
         "ARRAY[0..60000] OF STRING",
         "STRING[255]",
         "WSTRING[255]",
@@ -159,7 +159,7 @@ def test_doubling_forty_times_is_refused_without_walking_it() -> None:
     type_ = struct_of("BYTE")
     for _ in range(40):
         type_ = Struct("S", (Member("a", type_), Member("b", type_)))
-    with pytest.raises(UserError, match=f"at most {MOST_BYTES} bytes"):
+    with pytest.raises(UserError, match=f"at most {MOST_LEAVES} elements"):
         lay_out(type_, rules_for())
 
 
@@ -168,7 +168,7 @@ def test_forty_times_two_empty_structures_are_still_empty() -> None:
     for _ in range(40):
         type_ = Struct("S", (Member("a", type_), Member("b", type_)))
     layout = lay_out(Array(((0, 10**9),), type_), LAYOUTS["packed"])
-    assert (layout.size, layout.leaf_count, list(layout.leaves()), decode(layout, b"")) == (0, 0, [], ())
+    assert (layout.size, layout.leaf_count, layout.leaves(), decode(layout, b"")) == (0, 0, (), ())
 
 
 @pytest.mark.slow
@@ -208,17 +208,14 @@ def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
     for place in range(-1, layout.size + 2):
         of_byte = [covered[place, bit] for bit in range(8) if (place, bit) in covered]
         assert layout.leaf_at(place) == min(of_byte, default=None)
-        for bit in range(8) if of_byte else ():
-            assert layout.leaf_at(place, bit) == covered.get((place, bit))
 
 
 @pytest.mark.slow
 @given(layouts(), st.integers(-5, 40), st.integers(-5, 40))
 def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: int) -> None:
     stop = start + count
-    expected = list(layout.leaves())[max(start, 0) : max(stop, 0)]
-    assert list(layout.leaves(start, stop)) == expected
-    assert list(layout.page(start, stop).leaves) == expected
+    expected = layout.leaves()[max(start, 0) : max(stop, 0)]
+    assert layout.leaves(start, stop) == expected
 
 
 PLAIN = [row for row in ROWS if row.kind is not ValueKind.BOOL and len(row.code) == 1]

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from tests.udt.answers import decode_json, decode_text, show_json, show_text
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
+from trcvtui.udt import report
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import real_text
 from trcvtui.udt.report import encode_values
 from trcvtui.udt.type_set import TypeSet
-from trcvtui.udt.types import StringType
+from trcvtui.udt.types import StringType, Struct
 
 TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
   id : DINT; speed : REAL; ok : BOOL; bits : WORD; mode : Mode; name : STRING[4]; c : CHAR; wait : TIME;
@@ -177,6 +178,21 @@ def test_no_bytes_break_the_tables_or_reach_them_raw(layout: Layout, data: st.Da
     raw = data.draw(st.binary(max_size=layout.size + 2))
     for text in (show_text(layout), decode_text(layout, raw)):
         assert all(line.isprintable() for line in text.splitlines())
+
+
+@pytest.mark.slow
+@given(layouts())
+def test_members_stand_in_offset_order_and_those_at_one_offset_in_declared_order(layout: Layout) -> None:
+    by_offset = sorted(layout.leaves(), key=lambda leaf: leaf.offset)
+    shown = show_json(layout)
+    assert [member["path"] for member in shown["members"]] == [leaf.path for leaf in by_offset]
+    assert [(gap["offset"], gap["size"]) for gap in shown["padding"]] == layout.padding()
+
+
+def test_what_is_printed_is_what_json_dumps_with_an_indent_of_two() -> None:
+    for layout in (telegram(), lay_out(Struct("Empty", ()), rules_for())):
+        for text in (report.show_json(layout), report.decode_json(layout, BYTES)):
+            assert text == json.dumps(json.loads(text), indent=2)
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))

@@ -100,11 +100,7 @@ def _print(text: str) -> int:
 
 
 def _print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.wording import pages
-
-    for page in pages(lines):
-        _print("\n".join(page))
-    return GOOD
+    return _print("\n".join(lines))
 
 
 def _forget_stdout() -> None:
@@ -621,7 +617,7 @@ def _udt_compare(args: SimpleNamespace) -> int:
 
     lines, is_equal = command.compare(_with_examples(args))
     _print_lines(lines)
-    return GOOD if is_equal() else FAILED
+    return GOOD if is_equal else FAILED
 
 
 def _udt_fit(args: SimpleNamespace) -> int:

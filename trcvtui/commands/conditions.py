@@ -80,7 +80,7 @@ def read_target(words: Words, project: Project) -> Target:
     decl = project.data_decl(base_name(word))
     if decl is None:
         names = [known.name for known in project.data]
-        raise words.wrong(shown(base_name(word)), expected_name(base_name(word), names, "DATA variable"))
+        raise words.unknown(base_name(word), names, "DATA variable")
     found = _TARGET.fullmatch(word)
     if found is None:
         raise words.wrong(shown(word), TARGET_FORM)
@@ -216,7 +216,7 @@ def _read_pins(words: Words, project: Project) -> PinsAre:
         if not equals:
             raise words.wrong(shown(word), "PIN=VALUE such as STATUS=7006")
         if name not in pins:
-            raise words.wrong(shown(name), expected_name(name, pins, "pin"))
+            raise words.unknown(name, pins, "pin")
         found.append((name, pin_value(pins[name], text, words.where)))
     return PinsAre(instance.name, tuple(found))
 
@@ -235,7 +235,7 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
         return PeerReceived(peer.name, payload.content, payload.text)
     words.finish()
     if state not in PEER_STATES:
-        raise words.wrong(shown(state), expected_name(state, (*PEER_STATES, "received"), "state"))
+        raise words.unknown(state, (*PEER_STATES, "received"), "state")
     if peer.udp and state not in UDP_STATES:
         raise words.wrong(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
     return PeerIs(peer.name, state)
@@ -247,7 +247,7 @@ def read_instance(words: Words, project: Project) -> InstanceDecl:
     instance = project.instance(name)
     if instance is None:
         names = [known.name for known in project.instances]
-        raise words.wrong(shown(name), expected_name(name, names, "instance"))
+        raise words.unknown(name, names, "instance")
     return instance
 
 
@@ -257,7 +257,7 @@ def read_peer(words: Words, project: Project) -> PeerDecl:
     peer = project.peer(name)
     if peer is None:
         names = [known.name for known in project.peers]
-        raise words.wrong(shown(name), expected_name(name, names, "peer"))
+        raise words.unknown(name, names, "peer")
     return peer
 
 

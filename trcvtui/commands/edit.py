@@ -51,7 +51,7 @@ from trcvtui.project.project import (
     Project,
     SequenceDecl,
 )
-from trcvtui.project.tables import Given, expected_name, shown
+from trcvtui.project.tables import Given, shown
 from trcvtui.wording import count
 
 # What an instance lacks. Rule: only what the line leaves out is made. CONNECT: passive, 127.0.0.1, the first
@@ -144,7 +144,7 @@ def read_add(words: Words, project: Project) -> Add | AddData:
     """Return `add KIND NAME ...`; raise UserError."""
     kind = words.next("what to add: " + ", ".join(KINDS))
     if kind not in KINDS:
-        raise words.wrong(shown(kind), expected_name(kind, KINDS, "kind"))
+        raise words.unknown(kind, KINDS, "kind")
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
@@ -253,7 +253,7 @@ def read_change(words: Words, project: Project) -> Change | None:
     where = f"{words.where}: {kind} {name}"
     if before is None:
         names = names_of(kind, project)
-        raise words.wrong(shown(name), expected_name(name, names, kind))
+        raise words.unknown(name, names, kind)
     decl = read_changed(before, _changes(kind, words), project, where)
     _check_talk(decl, with_edits(project, (changing(before, decl, project),)), where)
     _refuse_to_leave((changing(before, decl, project),), project, where)
@@ -316,7 +316,7 @@ def read_remove(words: Words, project: Project) -> Remove:
     decl = entry(kind, name, project) if kind else None
     if decl is None:
         names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
-        raise words.wrong(shown(name), expected_name(name, names, words_of(kind) if kind else "name"))
+        raise words.unknown(name, names, words_of(kind) if kind else "name")
     _refuse_to_leave((changing(decl, None, project),), project, f"{words.where}: {kind} {name}")
     return Remove(kind, name, decl)
 

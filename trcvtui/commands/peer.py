@@ -236,14 +236,14 @@ def read_play(words: Words, project: Project, peer: str) -> PeerPlay:
     words.finish()
     known = {sequence.name: sequence for sequence in project.sequences}
     if name not in known:
-        raise words.wrong(shown(name), expected_name(name, known, "sequence"))
+        raise words.unknown(name, known, "sequence")
     return PeerPlay(peer, name, _steps_of(known[name], peer, project, words))
 
 
 def _message(name: str, peer: str, project: Project, words: Words) -> MessageDecl:
     known = {m.name: m for m in project.messages if m.peer in ("", peer)}
     if name not in known:
-        raise words.wrong(shown(name), expected_name(name, known, "message"))
+        raise words.unknown(name, known, "message")
     return known[name]
 
 
@@ -415,7 +415,7 @@ def read_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     answer = words.apart(lambda word: word == SEND)
     kind = words.next(", ".join(MATCHES))
     if kind not in MATCHES:
-        raise words.wrong(shown(kind), expected_name(kind, MATCHES, "match"))
+        raise words.unknown(kind, MATCHES, "match")
     match = MATCHES[kind](words, project)
     words.finish()
     answer.next("send and a payload")
@@ -471,7 +471,7 @@ def _field(words: Words, project: Project) -> FieldIs:
     value = value or words.next("a value")
     name, _, path = target.partition(".")
     if name.casefold() not in project.types.types:
-        raise words.wrong(shown(name), expected_name(name, project.types.names(), "UDT"))
+        raise words.unknown(name, project.types.names(), "UDT")
     layout = lay_out(project.types.named(name), project.rules_of(name), name)
     try:
         leaf = layout.leaf(layout.number_of(path))
@@ -645,7 +645,7 @@ def read_peer_command(words: Words, project: Project) -> BenchCommand:
     peer = read_peer(words, project)
     verb = words.next(f"one of {', '.join(VERBS)}")
     if verb not in VERBS:
-        raise words.wrong(shown(verb), expected_name(verb, VERBS, "peer command"))
+        raise words.unknown(verb, VERBS, "peer command")
     if verb in SIMPLE:
         words.finish()
     if peer.udp and verb in OF_CONNECTIONS:

@@ -66,7 +66,7 @@ def read_create(words: Words, project: Project) -> Create:
     blocks = known_blocks(project.dialect.blocks)
     block = words.next("a block such as TRCV_C")
     if block not in blocks:
-        raise words.wrong(shown(block), expected_name(block, blocks, "block"))
+        raise words.unknown(block, blocks, "block")
     name = _new_name(words, project)
     given = _read_pairs(words)
     link = _link(given, block, words, project)
@@ -119,7 +119,7 @@ def _new_name(words: Words, project: Project) -> str:
     if not is_identifier(name) or name in WORDS:
         raise words.wrong(shown(name), IDENTIFIER_TEXT)
     if project.instance(name) is not None or project.data_decl(name) is not None:
-        raise words.wrong(f"{shown(name)}, which is there already", "a name of its own")
+        raise words.wrong(f"{shown(name)}, which is there already", "a name of its own", "taken")
     return name
 
 
@@ -136,7 +136,7 @@ def _read_pairs(words: Words) -> dict[str, str]:
 def _reference(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str | None:
     name = given.pop(key, None)
     if name is not None and name not in names:
-        raise words.wrong(f"{key}={name}", expected_name(name, names, what))
+        raise words.wrong(f"{key}={name}", expected_name(name, names, what), "unknown")
     return name
 
 
@@ -152,7 +152,7 @@ def _inputs(
             raise words.wrong("'data'", f"nothing: {block} has no DATA")
         if key not in pins:
             with_data = ("data", *keys) if row.data_pin else keys
-            raise words.wrong(shown(key), expected_name(key, with_data, "key or input"))
+            raise words.unknown(key, with_data, "key or input")
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
 
 
@@ -170,7 +170,7 @@ def read_resize(words: Words, project: Project) -> Resize:
     """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
     name = words.next("the name of a DATA variable")
     if project.data_decl(name) is None:
-        raise words.wrong(shown(name), expected_name(name, [d.name for d in project.data], "DATA"))
+        raise words.unknown(name, [d.name for d in project.data], "DATA")
     type_name = words.rest_text("an IEC type or a UDT")
     try:
         return Resize(name, type_name, declare(name, type_name, project, words.where))
@@ -222,7 +222,7 @@ def read_feed(words: Words, project: Project) -> FeedLine:
     name = words.next("the name of a ComBuffer")
     lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
     if name not in lines:
-        raise words.wrong(shown(name), expected_name(name, lines, f'ComBuffer with source = "{SIMULATED}"'))
+        raise words.unknown(name, lines, f'ComBuffer with source = "{SIMULATED}"')
     if words.peek() == BREAK:
         words.next(BREAK)
         return FeedLine(name, None)
@@ -272,11 +272,9 @@ def _input(name: str, instance: InstanceDecl, words: Words, project: Project) ->
     inputs = {pin.name: pin for pin in pins if pin.direction is not Direction.OUT}
     if name in inputs:
         return inputs[name]
-    is_output = any(pin.name == name for pin in pins)
-    found = f"{shown(name)}, an output" if is_output else shown(name)
-    raise words.wrong(
-        found, f"one of {', '.join(inputs)}" if is_output else expected_name(name, inputs, "input")
-    )
+    if any(pin.name == name for pin in pins):
+        raise words.wrong(f"{shown(name)}, an output", f"one of {', '.join(inputs)}")
+    raise words.unknown(name, inputs, "input")
 
 
 # -- the PLC, the wire, faults ---------------------------------------------------------------------------
@@ -322,7 +320,7 @@ INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
 def read_tap(words: Words, project: Project) -> Intervene:
     name, names = words.next("the name of a tap"), [tap.name for tap in project.taps]
     if name not in names:
-        raise words.wrong(shown(name), expected_name(name, names, "tap"))
+        raise words.unknown(name, names, "tap")
     to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
     conversation = 0
     if words.peek() == "conversation":
@@ -362,7 +360,7 @@ def _connect(words: Words, project: Project) -> str:
     name = words.next("the name of a CONNECT")
     names = project.links()
     if name not in names:
-        raise words.wrong(shown(name), expected_name(name, names, "CONNECT"))
+        raise words.unknown(name, names, "CONNECT")
     return name
 
 
@@ -373,7 +371,7 @@ def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
     ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
     calls = (*CALLS, *SERIAL_CALLS) if ports else CALLS
     if call not in calls:
-        raise words.wrong(shown(call), expected_name(call, (*calls, "clear"), "call"))
+        raise words.unknown(call, (*calls, "clear"), "call")
     error = _error(words, call)
     on, counts = None, {"nth": 1, "times": 1}
     while words:
@@ -393,7 +391,7 @@ def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
 def _port(words: Words, ports: tuple[str, ...]) -> str:
     name = words.next("the name of a ComBuffer")
     if name not in ports:
-        raise words.wrong(shown(name), expected_name(name, ports, 'ComBuffer with source = "serial"'))
+        raise words.unknown(name, ports, 'ComBuffer with source = "serial"')
     return name
 
 

@@ -24,7 +24,6 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
-from trcvtui.project.tables import expected_name, shown
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.literals import format_time
 
@@ -499,7 +498,7 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
         return None
     verb = tokens.next("a command")
     if verb not in COMMANDS:
-        raise tokens.wrong(shown(verb), expected_name(verb, COMMANDS, "command"))
+        raise tokens.unknown(verb, COMMANDS, "command")
     command = COMMANDS[verb].read(tokens, project)
     tokens.finish()
     return command

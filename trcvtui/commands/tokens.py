@@ -9,12 +9,12 @@ import random
 import re
 from collections.abc import Callable, Iterable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from trcvtui.blocks.pins import Pin, PinValue
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
 from trcvtui.project.project import Project
@@ -130,8 +130,7 @@ def _told(where: str, act: Callable[[], bytes]) -> bytes:
         return act()
     except UserError as refused:
         raise UserError(
-            Problem(f"{where}: {problem.where}", problem.found, problem.expected)
-            for problem in refused.problems
+            replace(problem, where=f"{where}: {problem.where}") for problem in refused.problems
         ) from None
 
 
@@ -167,7 +166,7 @@ def file_bytes(path: Path, where: str) -> bytes:
     try:
         content = read_bytes(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
-        raise mistake(where, f"{reason_of(failed)}: '{path}'", READABLE) from None
+        raise mistake(where, f"{reason_of(failed)}: '{path}'", READABLE, "file") from None
     if len(content) > MOST_BYTES:
         raise mistake(where, f"'{path}' with more than that", f"at most {MOST_BYTES} bytes")
     if not content:
@@ -284,7 +283,7 @@ class Words:
     def next(self, expected: str) -> str:
         """Take the next word; raise UserError when there is none."""
         if not self:
-            raise self.wrong("nothing more", expected)
+            raise self.wrong("nothing more", expected, "missing")
         self._at += 1
         return self._tokens[self._at - 1].text
 
@@ -350,11 +349,15 @@ class Words:
     def finish(self) -> None:
         """Raise UserError when words are left."""
         if self:
-            raise self.wrong(shown(self.peek()), "the end of the command")
+            raise self.wrong(shown(self.peek()), "the end of the command", "surplus")
 
-    def wrong(self, found: str, expected: str) -> UserError:
+    def wrong(self, found: str, expected: str, kind: str = "value") -> UserError:
         """Return a mistake in this command."""
-        return mistake(self.where, found, expected)
+        return mistake(self.where, found, expected, kind)
+
+    def unknown(self, name: str, known: Iterable[str], what: str) -> UserError:
+        """Return the mistake that a name is none of those that are known; `what` says what they are."""
+        return self.wrong(shown(name), expected_name(name, known, what), "unknown")
 
 
 SEED: Final = whole(0, (1 << 63) - 1)
@@ -379,7 +382,7 @@ def read_payload(words: Words, project: Project) -> Payload:
     start = words.place
     form = words.next("hex, text, udt, file or random")
     if form not in FORMS:
-        raise words.wrong(shown(form), expected_name(form, FORMS, "form of payload"))
+        raise words.unknown(form, FORMS, "form of payload")
     content = FORMS[form](words, project)
     return Payload(content, words.written(start))
 
@@ -406,7 +409,7 @@ def _text(words: Words, project: Project) -> bytes:
 def _udt(words: Words, project: Project) -> bytes:
     name = words.next("the name of a UDT")
     if name.casefold() not in project.types.types:
-        raise words.wrong(shown(name), expected_name(name, project.types.names(), "UDT"))
+        raise words.unknown(name, project.types.names(), "UDT")
     braces = words.rest_text("members in braces such as {speed=1.5}")
     layout = lay_out(project.types.named(name), project.rules_of(name), name)
     content = struct_bytes(layout, braces, words.where)

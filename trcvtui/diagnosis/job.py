@@ -182,10 +182,10 @@ def says(sentence: str) -> Tell:
     """
     answer = sentence if DO in sentence else DO + sentence
 
-    def rule(e: Evidence) -> str:
+    def constant(e: Evidence) -> str:
         return answer.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
 
-    return rule
+    return constant
 
 
 def _connect(e: Evidence) -> str:

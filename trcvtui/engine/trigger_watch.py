@@ -27,7 +27,7 @@ from trcvtui.history.records import Facts
 from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
 from trcvtui.plc.snapshot import BareSnapshot
 from trcvtui.project.project import Project
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import shown
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import StringType
 
@@ -184,7 +184,7 @@ def _compared(
         return _pin(words, operator, value, project, is_edge)
     if project.data_decl(base_name(word)) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
-        raise words.wrong(shown(word), expected_name(word, names, "an instance or a DATA variable"))
+        raise words.unknown(word, names, "an instance or a DATA variable")
     return _member(words, operator, value, project, is_edge)
 
 
@@ -194,7 +194,7 @@ def _pin(words: Words, operator: str, value: str, project: Project, is_edge: boo
     name = words.next("a pin such as STATUS")
     words.finish()
     if name not in pins:
-        raise words.wrong(shown(name), expected_name(name, pins, "pin"))
+        raise words.unknown(name, pins, "pin")
     pin = pins[name]
     if is_edge and not pin.is_bool:
         raise words.wrong(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")

@@ -56,7 +56,6 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    expected_name,
     of_text,
     parse_reference,
     shown,
@@ -262,7 +261,7 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     """Return what a structure says of an ADDR, None where it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
-        table.wrong("type", shown(type_name), expected_name(type_name, ADDRESSES, "structure"))
+        table.unknown("type", type_name, ADDRESSES, "structure")
         table.know(*table.rest())
         return None
     raw = table.read("bytes", DB_BYTES)
@@ -408,7 +407,7 @@ def read_written(table: Table, number: int, structures: tuple[str, ...]) -> Writ
     """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
-        table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
+        table.unknown("type", type_name, CONNECTIONS, "structure")
         table.know(*table.rest())
         return None
     raw = table.read("bytes", DB_BYTES)

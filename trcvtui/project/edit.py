@@ -136,7 +136,7 @@ def read_entry(
     if isinstance(decl, ComBufferDecl):
         decl = joined_up((decl,), project.instances)[0]
     elif isinstance(decl, CertificateDecl) and decl.number in project.certificates:
-        table.wrong("number", f"{decl.number}, which is there already", "a number of its own")
+        table.wrong("number", f"{decl.number}, which is there already", "a number of its own", "taken")
     if problems or decl is None:
         raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
     found: Declaration = decl

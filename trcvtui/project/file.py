@@ -56,7 +56,7 @@ def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iter
             if not isinstance(name, str):
                 continue
             if name in seen:
-                table.wrong("name", f"{shown(name)}, {seen[name]}", "a name of its own")
+                table.wrong("name", f"{shown(name)}, {seen[name]}", "a name of its own", "taken")
             seen.setdefault(name, f"the name of another {kind}")
 
 
@@ -95,7 +95,7 @@ def check_names(kind: str, table: Table, names: Names, around: Around) -> None:
         if name in refers.words or (name != own and any(name in names[of] for of in refers.kinds)):
             continue
         known = [*refers.words, *(each for of in refers.kinds for each in names[of] if each != own)]
-        table.wrong(key, shown(name), expected_name(name, known, refers.what))
+        table.unknown(key, name, known, refers.what)
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:
@@ -286,7 +286,7 @@ class DocumentReader:
         """Return the project; raise UserError with all problems."""
         name = top.must("dialect", TEXT)
         if name is not None and name not in DIALECTS:
-            top.wrong("dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
+            top.unknown("dialect", name, DIALECTS, "dialect")
         if name is None or name not in DIALECTS:
             raise UserError(self.problems)  # what else the file says means something in a dialect only
         dialect = DIALECTS[name]
@@ -317,7 +317,7 @@ class DocumentReader:
         model = top.get("model", TEXT, dialect.default_model)
         if model in dialect.models:
             return model
-        top.wrong("model", shown(model), expected_name(model, dialect.models, "model"))
+        top.unknown("model", model, dialect.models, "model")
         return dialect.default_model
 
     def options(self, dialect: Dialect) -> dict[str, SwitchValue]:

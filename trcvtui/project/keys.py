@@ -101,7 +101,6 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    expected_name,
     shown,
     whole,
 )
@@ -593,7 +592,7 @@ def _read_inputs(values: Values) -> None:
     if data is not None and block in around.blocks and not row.data_pin:
         table.wrong("data", shown(data), f"nothing: {block} has no DATA")
     if block is not None and block not in around.blocks:
-        table.wrong("block", shown(block), expected_name(block, around.blocks, "block"))
+        table.unknown("block", block, around.blocks, "block")
     # Without its block nobody knows which pins it has: the other names are checked all the same.
     pins = tuple(map(around.rules.typed, row.pins)) if block in around.blocks else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]

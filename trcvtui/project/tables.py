@@ -111,7 +111,7 @@ def read_text(path: Path) -> str:
         reason = reason_of(failed)
         if isinstance(failed, FileNotFoundError) and not is_folder(path.parent):
             reason = f"no folder {path.parent}"
-        raise mistake(str(path), reason, "a TOML file that can be read") from None
+        raise mistake(str(path), reason, "a TOML file that can be read", "file") from None
     if len(content) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes")
     try:
@@ -389,7 +389,7 @@ class Table:
     def must(self, key: str, kind: Kind[T]) -> T | None:
         """Return the value of a key that must be there, None where it is missing or wrong."""
         if key not in self._content:
-            self.wrong(key, "nothing", kind.expected)
+            self.wrong(key, "nothing", kind.expected, "missing")
         return self.read(key, kind)
 
     def read(self, key: str, kind: Kind[T]) -> T | None:
@@ -430,9 +430,13 @@ class Table:
         """Return the keys that nobody has asked for."""
         return [key for key in self._content if key not in self._known]
 
-    def wrong(self, key: str, found: str, expected: str) -> None:
+    def wrong(self, key: str, found: str, expected: str, kind: str = "value") -> None:
         """Record a mistake at a key."""
-        self.problems.append(Problem(self.place(key), found, expected))
+        self.problems.append(Problem(self.place(key), found, expected, kind))
+
+    def unknown(self, key: str, name: str, known: Iterable[str], what: str) -> None:
+        """Record that the name at a key is none of those that are known; `what` says what they are."""
+        self.wrong(key, shown(name), expected_name(name, known, what), "unknown")
 
     def place(self, key: str) -> str:
         """Return where the value of a key stands: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
@@ -442,7 +446,7 @@ class Table:
     def finish(self, what: str = "key") -> None:
         """Record every key that nobody has asked for; `what` says what was expected."""
         for key in self.rest():
-            self.wrong(key, f"an unknown {what}", expected_name(key, self._known, what))
+            self.wrong(key, f"an unknown {what}", expected_name(key, self._known, what), "unknown")
 
 
 def shown(value: object) -> str:

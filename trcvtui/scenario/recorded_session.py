@@ -215,7 +215,7 @@ class Session:
             self._new(name)
 
     def note(self, command: words.BenchCommand, line: str) -> None:
-        """Keep a command that was carried edge."""
+        """Keep a command that was carried out."""
         if isinstance(command, words.RunScans | words.RunFor):
             return
         if isinstance(command, words.Delete):

@@ -285,7 +285,7 @@ def json_text(record: Mapping[str, object]) -> str:
 
 
 def outputs_record(edge: StatusEdge) -> dict[str, object]:
-    """Return the keys of an instance; an output that its block does not have is left edge."""
+    """Return the keys of an instance; an output that its block does not have is left out."""
     record: dict[str, object] = {
         "instance": edge.instance,
         "block": edge.block,

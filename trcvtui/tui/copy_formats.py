@@ -162,7 +162,7 @@ def _json(of: Subject) -> str:
         return ""
     layout = of.declared.layout
     stop = min(layout.leaf_count, MOST_MEMBERS)
-    pairs = zip(layout.page(0, stop).leaves, decode_leaves(layout, of.content, 0, stop), strict=False)
+    pairs = zip(layout.leaves(0, stop), decode_leaves(layout, of.content, 0, stop), strict=False)
     values = {leaf.path or of.declared.name: json_value(value) for leaf, value in pairs}
     head = {"type": layout.name, "size": layout.size, "complete": len(of.content) >= layout.size}
     return json.dumps({**head, "values": values}, indent=2, allow_nan=False).replace("\x7f", "\\u007f")

@@ -7,85 +7,20 @@ from __future__ import annotations
 
 import re
 import struct
-from binascii import hexlify
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
 
-# A line is a template of fixed columns, filled in pieces of eight characters: three for eight bytes, two for
-# the text. Eight lines are a whole number of such pieces, so in every eighth line a piece has the same place,
-# and one strided copy puts it into all of them: 64 copies for 64 KiB, whatever the bytes are.
-
 ROW: Final = 16
-BLOCK: Final = 65_536  # of all blocks the last four digits of the offsets are the same
-_LINE: Final = 79  # with its line feed, offsets of eight digits
-_PIECE: Final = 8  # characters: the widest item that a memoryview copies
-_BYTES: Final = (10, 18, 26, 35, 43, 51)  # columns of the pieces
-_TEXT: Final = (61, 69)
-_TEMPLATE: Final = b"00000000  " + b"00 " * 8 + b" " + b"00 " * 8 + b" |" + b"." * ROW + b"|\n"
 _SHOWN: Final = bytes(byte if 0x20 <= byte < 0x7F else ord(".") for byte in range(256))
-_DIGITS: Final = b"0123456789abcdef"
-_EIGHT_DIGITS: Final = 1 << 32  # from there on an offset is wider
 
 
-def hexdump(content: bytes | bytearray | memoryview) -> bytes:
+def hexdump(content: bytes) -> bytes:
     """Return the dump of all bytes, each line with its line feed, and the length in the last line."""
-    return b"".join(map(bytes, hexdump_blocks(content)))
-
-
-def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
-    """Yield the dump of 64 KiB after 64 KiB: each is gone when the next is asked for; none for no bytes."""
-    view = memoryview(content).cast("B")
-    full = len(view) - len(view) % ROW
-    yield from _lines_of(view[: min(full, _EIGHT_DIGITS)])
-    for start in range(min(full, _EIGHT_DIGITS), len(view), ROW):
-        yield _line(bytes(view[start : start + ROW]), start)
-    if len(view):
-        yield b"%08x\n" % len(view)
-
-
-def _lines_of(view: memoryview) -> Iterator[memoryview]:
-    """Yield full lines in one buffer, made once: 64 KiB of bytes, or eight lines' worth of fewer."""
-    size = min(BLOCK, -(-len(view) // (_PIECE * ROW)) * _PIECE * ROW)
-    part, lines = bytearray(size + 1), _empty(size)  # one more: a blank after the last byte
-    whole, digits = memoryview(lines), b"0000"
-    of_bytes, of_text = _columns(whole, _BYTES), _columns(whole, _TEXT)
-    for start in range(0, len(view), BLOCK):
-        count = min(size, len(view) - start)
-        memoryview(part)[:count] = view[start : start + count]
-        before, digits = digits, b"%04x" % (start >> 16)
-        for column, digit in enumerate(digits):
-            if digit != before[column]:
-                lines[column::_LINE] = bytes((digit,)) * (size // ROW)
-        _fill(of_bytes, hexlify(part, b" ")[: 3 * size])
-        _fill(of_text, part.translate(_SHOWN)[:size])
-        yield whole[: count // ROW * _LINE]
-
-
-def _columns(whole: memoryview, columns: Sequence[int]) -> list[memoryview]:
-    shifted = [_in_pieces(whole[shift:]) for shift in range(_PIECE)]
-    places = [divmod(line * _LINE + column, _PIECE) for line in range(_PIECE) for column in columns]
-    return [shifted[shift][place::_LINE] for place, shift in places]
-
-
-def _fill(columns: Sequence[memoryview], content: bytes | bytearray) -> None:
-    pieces = memoryview(content).cast("Q")
-    for number, column in enumerate(columns):
-        column[:] = pieces[number :: len(columns)]
-
-
-def _in_pieces(characters: memoryview) -> memoryview:
-    return characters[: len(characters) - len(characters) % _PIECE].cast("Q")
-
-
-def _empty(size: int) -> bytearray:
-    """Return the lines of a block without its bytes, with the last digits of its offsets."""
-    lines = bytearray(_TEMPLATE) * (size // ROW)
-    for column, shift in ((4, 12), (5, 8), (6, 4)):
-        lines[column::_LINE] = bytes(_DIGITS[offset >> shift & 15] for offset in range(0, size, ROW))
-    return lines
+    lines = [_line(content[start : start + ROW], start) for start in range(0, len(content), ROW)]
+    return b"".join([*lines, b"%08x\n" % len(content)]) if content else b""
 
 
 def _line(row: bytes, offset: int) -> bytes:
@@ -134,7 +69,6 @@ def _mistake(text: str, place: int, where: str, found: str) -> UserError:
 
 
 # Each returns the bytes in the form of its name; `name` is the variable, where the form has one.
-A_LINE: Final = 16
 
 
 def hex_lines(content: bytes, name: str = "") -> str:
@@ -158,7 +92,7 @@ def c_array(content: bytes, name: str) -> str:
 
 
 def python_bytes(content: bytes, name: str) -> str:
-    pieces = [content[at : at + A_LINE] for at in range(0, len(content), A_LINE)]
+    pieces = [content[at : at + ROW] for at in range(0, len(content), ROW)]
     written = "\n".join('    b"' + "".join(f"\\x{byte:02x}" for byte in piece) + '"' for piece in pieces)
     return f"{identifier(name)} = (\n{written}\n)" if pieces else ""
 
@@ -170,8 +104,8 @@ def base64_text(content: bytes, name: str = "") -> str:
 
 
 def _lines(content: bytes, form: str, between: str) -> Iterator[str]:
-    for at in range(0, len(content), A_LINE):
-        yield between.join(form.format(byte) for byte in content[at : at + A_LINE])
+    for at in range(0, len(content), ROW):
+        yield between.join(form.format(byte) for byte in content[at : at + ROW])
 
 
 def identifier(name: str) -> str:

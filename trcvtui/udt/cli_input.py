@@ -48,11 +48,11 @@ def _encode(encode: Any) -> None:
 
 def _export(export: Any) -> None:
     _add_type(export)
-    from trcvtui.udt.exports import EXPORTS
+    from trcvtui.udt.exports import LANGUAGES
 
-    help_ = ", ".join(f"{row.name}: {row.title} ({row.extension})" for row in EXPORTS.values())
-    export.add_argument("--to", metavar="|".join(EXPORTS), required=True, help=help_)
-    export.add_argument("--port", type=int, help="lua: the TCP port; default: by Decode As")
+    help_ = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
+    export.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=help_)
+    export.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
     export.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
 
@@ -97,7 +97,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[Any], None]]]] = {
     "show": ("members with offset, size, type; padding", _show),
     "decode": ("bytes to values, as far as they go", _decode),
     "encode": ("values to bytes, as hex on stdout", _encode),
-    "export": ("the type for Wireshark, Kaitai or ImHex", _export),
+    "export": ("the type for Wireshark", _export),
     "compare": ("two layouts side by side; exit 1 where they differ", _compare),
     "fit": ("which layout, byte order or other cause fits the bytes; exit 1: not sure", _fit),
     "cure": ("the type or the swap code that cures a mismatch", _cure),

@@ -6,7 +6,7 @@ Rule: what only one of the commands needs is imported by that command; these sit
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Final
@@ -63,7 +63,7 @@ def show(args: SimpleNamespace) -> Iterator[str]:
     from trcvtui.udt.report import show_json, show_text
 
     layout = layout_of(args)
-    return show_json(layout) if args.format == "json" else show_text(layout)
+    return iter([show_json(layout)]) if args.format == "json" else show_text(layout)
 
 
 def decode(args: SimpleNamespace) -> Iterator[str]:
@@ -72,7 +72,7 @@ def decode(args: SimpleNamespace) -> Iterator[str]:
     layout = layout_of(args)
     data = given_bytes(" ".join(args.hex))
     if args.format == "json":
-        return decode_json(layout, data)
+        return iter([decode_json(layout, data)])
     if args.format == "text":
         return decode_text(layout, data)
     from trcvtui.udt.report import csv_lines, markdown, member_rows
@@ -104,16 +104,15 @@ def export(args: SimpleNamespace) -> str:
     return ""
 
 
-def compare(args: SimpleNamespace) -> tuple[Iterator[str], Callable[[], bool]]:
-    """Return the answer of `udt compare`, and what says after its last line whether both sides are equal."""
-    from trcvtui.udt.compare.compare import Count, compare_json, compare_text, is_equal
-    from trcvtui.udt.compare.compare import compare as side_by_side
+def compare(args: SimpleNamespace) -> tuple[Iterator[str], bool]:
+    """Return the answer of `udt compare`, and whether both sides are equal."""
+    from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
-    ours, theirs = _two_layouts(args)
+    comparison = Comparison(*_two_layouts(args))
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
-    comparison, count = side_by_side(ours, theirs), Count()
+    rows = list(comparison.rows(data))
     answer = compare_text if args.format == "text" else compare_json
-    return answer(comparison, data, count), lambda: is_equal(comparison, count)
+    return answer(comparison, rows, data), is_equal(comparison, rows)
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:

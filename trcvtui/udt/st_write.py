@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -36,18 +36,6 @@ def ascii_word(name: str) -> str:
     plain = unicodedata.normalize("NFKD", name)
     plain = "".join(c for c in plain if not unicodedata.combining(c))
     return re.sub(r"\W", "_", plain, flags=re.ASCII)
-
-
-def escaper(reserved: Collection[str], first: str = "_") -> Callable[[str], str]:
-    """Return how a language escapes a name: `first` before a digit, `_` after a reserved word."""
-
-    def escaped(name: str) -> str:
-        word = ascii_word(name)
-        if not word or word[0].isdigit():
-            word = first + word
-        return word + "_" if word in reserved else word
-
-    return escaped
 
 
 class NameScope:
@@ -103,15 +91,14 @@ def is_st_word(name: str) -> bool:
 
 def st_renamed(type_: Type) -> Type:
     """Return the type with names for IEC ST."""
-    return Renaming(st_word, str.casefold).of(type_)
+    return _Renaming().of(type_)
 
 
-class Renaming:
-    """One renaming; `escaped` and `fold` as in NameScope. Each type is renamed once."""
+class _Renaming:
+    """One renaming: each type is renamed once."""
 
-    def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
-        self.escaped, self.fold = escaped, fold
-        self.names = NameScope(escaped, fold)  # of types
+    def __init__(self) -> None:
+        self.names = NameScope(st_word, str.casefold)  # of types
         self._made: dict[int, tuple[Type, Type]] = {}  # the old one is kept, so that its id stays its own
 
     def of(self, type_: Type) -> Type:
@@ -129,7 +116,7 @@ class Renaming:
 
     def struct(self, type_: Struct | Union) -> Struct | Union:
         base = None if type_.base is None else self.of(type_.base)
-        taken = NameScope(self.escaped, self.fold)
+        taken = NameScope(st_word, str.casefold)
         for member in all_members(base if isinstance(base, Struct | Union) else None):
             taken(member.name)
         members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
@@ -142,7 +129,7 @@ class Renaming:
         return made(name, members, base, type_.pack)  # type: ignore[arg-type]  # a base is of its own kind
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
-        taken = NameScope(self.escaped, self.fold)
+        taken = NameScope(st_word, str.casefold)
         values = tuple((taken(name), number) for name, number in type_.values)
         name = self.names(type_.name) if type_.name else ""
         return (

@@ -8,16 +8,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import count, plain
-from trcvtui.tui.lab.collapsible_tree import FoldTree, twin_of
+from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.udt.compare.compare import Comparison, Summary, compare
+from trcvtui.udt.compare.compare import Comparison, Summary
 from trcvtui.udt.compare.fit import Fit, fit, verdict
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Profile, lay_out
 from trcvtui.udt.layout.rules import LAYOUT_ALIASES, LAYOUTS, TEXT_FORMS, LayoutRules
@@ -262,7 +261,6 @@ OURS, THEIRS = "ours", "theirs"
 SIDES: Final = (OURS, THEIRS)
 FIRST_GUESS: Final = "natural8"  # what a C compiler does, unless it is ours
 OTHER_GUESS: Final = "packed"
-MOST_SOUGHT: Final = 65_536  # rows, for the next difference
 PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
 
 
@@ -440,7 +438,7 @@ class Lab:
         """Return both layouts as one tree."""
         ours = self.layout(OURS)
         if self._tree is None and ours is not None:
-            self._tree = FoldTree(twin_of(ours, self.layout(THEIRS) or ours), self.type_name)
+            self._tree = FoldTree(ours, self.layout(THEIRS) or ours)
         return self._tree
 
     def choose_profile(self, side: str, profile: Profile) -> None:
@@ -476,27 +474,23 @@ class Lab:
         """Return both sides as compared."""
         ours, theirs = self.layout(OURS), self.layout(THEIRS)
         if self._comparison is None and ours is not None and theirs is not None:
-            self._comparison = compare(ours, theirs)
+            self._comparison = Comparison(ours, theirs)
         return self._comparison
 
     def summary(self) -> Summary | None:
         """Return how many members differ; it costs all of them."""
         comparison = self.comparison()
-        return comparison.summary(self.bytes.content) if comparison else None
+        return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the next leaf that differs, after or before one; None where none is near."""
+        """Return the next leaf that differs, after or before one; None where there is none."""
         comparison = self.comparison()
         if comparison is None:
             return None
-        if step > 0:
-            rows = comparison.rows(self.bytes.content, leaf + 1)
-            near = enumerate(islice(rows, MOST_SOUGHT), leaf + 1)
-            return next((number for number, row in near if row.differs), None)
-        first = max(0, leaf - MOST_SOUGHT)
-        before = enumerate(comparison.rows(self.bytes.content, first, leaf), first)
-        found = [number for number, row in before if row.differs]
-        return found[-1] if found else None
+        first, stop = (leaf + 1, None) if step > 0 else (0, leaf)
+        rows = enumerate(comparison.rows(self.bytes.content, first, stop), first)
+        differing = (number for number, row in rows if row.differs)
+        return next(differing, None) if step > 0 else max(differing, default=None)
 
     def judge(self) -> None:
         """Rank the profiles by the bytes at hand."""

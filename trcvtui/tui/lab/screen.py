@@ -30,7 +30,7 @@ from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit import reason_lines
-from trcvtui.udt.exports import EXPORTS
+from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.sources import formats_text
 
@@ -73,9 +73,6 @@ COMMANDS: Final = (
 )
 
 
-MOST_ROWS: Final = 70_000
-
-
 def _nothing(of: Subject) -> str:
     return ""
 
@@ -97,12 +94,14 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
 
 
 def _compared(lab: Lab) -> str:
-    from trcvtui.udt.compare.compare import Count, compare_text  # read when first asked for
+    from trcvtui.udt.compare.compare import compare_text  # read when first asked for
 
     comparison = lab.comparison()
-    if comparison is None or comparison.row_count > MOST_ROWS:
+    if comparison is None:
         return ""
-    return "".join(f"{line}\n" for line in compare_text(comparison, lab.bytes.content, Count()))
+    content = lab.bytes.content
+    rows = list(comparison.rows(content))
+    return "".join(f"{line}\n" for line in compare_text(comparison, rows, content))
 
 
 def _ranking(lab: Lab) -> str:
@@ -466,17 +465,16 @@ class LabScreen(SideScreen[None]):
         """Take our layout in the language of another tool."""
         from trcvtui.tui.clipboard_and_files import take
 
-        row = EXPORTS[name]
         layout, text = self.lab.layout(OURS), ""
         self._trouble, self._told = "nothing is there to export", ""
         try:
-            text = row.write(layout, None) if layout is not None else ""
+            text = export(layout, name) if layout is not None else ""
         except UserError as refused:
             self._trouble = refused.lines()[0]
         if not text:
             self.show()
             return
-        form = Format(row.name, row.title, _nothing, row.extension)
+        form = Format(name, LANGUAGES[name], _nothing, f".{name}")
         self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, is_wrong=True)))
 
     def _tell(self, text: str, is_wrong: bool = False) -> None:
@@ -491,5 +489,5 @@ class LabScreen(SideScreen[None]):
         """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
             yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
-        for name, export in EXPORTS.items():
-            yield f"Export ours: {export.title}", export.extension, f"export('{name}')"
+        for name, title in LANGUAGES.items():
+            yield f"Export ours: {title}", f".{name}", f"export('{name}')"

@@ -15,9 +15,9 @@ from trcvtui.tui.lab.collapsible_tree import Key, Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import KeyClicked, RowSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
-from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.value_text import value_text
-from trcvtui.udt.layout.values import decode_leaves
+from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import leaf_type_text
 
 MOST_COMPARED: Final = 256  # rows of a type whose differences are counted with each picture
@@ -72,7 +72,7 @@ class LabHead(LineView, can_focus=False):
             differing = found.differing if found is not None else 0
             sign = "≠" if differing else "="
             return f"{sign} {differing} of {comparison.row_count} differ" if differing else "= no difference"
-        return "= the same places" if tree.root.is_same else "≠ places differ"
+        return "= the same places" if tree.is_same else "≠ places differ"
 
     def on_click(self, event: events.Click) -> None:
         """Open the list for what was clicked."""
@@ -137,7 +137,7 @@ class ColumnHead(OneLine):
 
 
 class LabTree(LineView):
-    """Rows of the tree; `decoded` counts the leaves that were decoded, for whoever asks what it costs."""
+    """Rows of the tree, each with its values on both sides."""
 
     KEYS: ClassVar = (("↑↓", "row"), ("space", "fold"), ("z", "all"), ("n N", "≠"))
     BINDINGS: ClassVar = [
@@ -151,7 +151,6 @@ class LabTree(LineView):
         super().__init__(id="lab-tree")
         self._lab = lab
         self.cursor = 0
-        self.decoded = 0
         self._rows: dict[int, TreeRow] = {}
         self._cells: dict[tuple[str, int], LeafCell] = {}
         self._shown: tuple[object, ...] = ()
@@ -173,7 +172,7 @@ class LabTree(LineView):
     def row_count(self) -> int:
         """Return the number of rows."""
         tree = self._lab.tree
-        return tree.row_count if tree is not None else 0
+        return len(tree.rows) if tree is not None else 0
 
     def _look(self, top: int) -> None:
         tree, content = self._lab.tree, self._lab.bytes.content
@@ -182,24 +181,13 @@ class LabTree(LineView):
             return
         self._shown = known
         stop = min(top + max(1, self.size.height), self.row_count())
-        self._rows = {y: tree.row(y) for y in range(top, stop)} if tree is not None else {}
+        self._rows = {y: tree.rows[y] for y in range(top, stop)} if tree is not None else {}
         self._cells = {}
-        leaves = sorted({found.leaf for found in self._rows.values() if found.is_leaf})
-        for start, end in _runs(leaves):
-            for side in (OURS, THEIRS):
-                layout = self._lab.layout(side)
-                if layout is not None:
-                    self._decode(side, layout, content, start, end)
-
-    def _decode(self, side: str, layout: Layout, content: bytes, start: int, stop: int) -> None:
-        values = decode_leaves(layout, content, start, stop)
-        self.decoded += len(values)
-        for number, leaf, value in zip(
-            range(start, stop), layout.page(start, stop).leaves, values, strict=True
-        ):
-            raw = content[leaf.offset : leaf.offset + leaf.size]
-            text = value_text(leaf, value, raw) if value is not None else _missing(len(raw), leaf.size)
-            self._cells[side, number] = LeafCell(leaf_type_text(layout, leaf), text, value is not None)
+        for side in (OURS, THEIRS):
+            layout = self._lab.layout(side)
+            for found in self._rows.values():
+                if layout is not None and found.is_leaf:
+                    self._cells[side, found.leaf] = _cell(layout, layout.leaf(found.leaf), content)
 
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
@@ -278,7 +266,7 @@ class LabTree(LineView):
     def chosen(self) -> TreeRow | None:
         """Return the row under the cursor."""
         tree = self._lab.tree
-        return tree.row(self.cursor) if tree is not None and self.cursor < tree.row_count else None
+        return tree.rows[self.cursor] if tree is not None and self.cursor < len(tree.rows) else None
 
     def action_move(self, rows: int) -> None:
         """Choose another row."""
@@ -343,14 +331,12 @@ class LabTree(LineView):
         self.go_to(place[1])
 
 
-def _runs(leaves: list[int]) -> list[tuple[int, int]]:
-    runs: list[tuple[int, int]] = []
-    for leaf in leaves:
-        if runs and runs[-1][1] == leaf:
-            runs[-1] = runs[-1][0], leaf + 1
-        else:
-            runs.append((leaf, leaf + 1))
-    return runs
+def _cell(layout: Layout, leaf: Leaf, content: bytes) -> LeafCell:
+    raw = content[leaf.offset : leaf.offset + leaf.size]
+    if len(raw) < leaf.size:
+        return LeafCell(leaf_type_text(layout, leaf), _missing(len(raw), leaf.size), False)
+    text = value_text(leaf, decode_leaf(layout, leaf, raw), raw)
+    return LeafCell(leaf_type_text(layout, leaf), text, True)
 
 
 def _owner(key: Key) -> Key:

@@ -92,8 +92,8 @@ class UdtTable(LineView):
             return
         # One leaf more than is shown: padding shows as the distance to the next one.
         stop = min(self._page[1] + 1, declared.layout.leaf_count)
-        self._leaves = declared.layout.page(top, stop).leaves
-        self._values = tuple(decode_leaves(declared.layout, self._bytes(), top, stop))
+        self._leaves = declared.layout.leaves(top, stop)
+        self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
         index, selected = self._view_model.stream_index, self._view_model.selected
         self._holes = index.holes(selected, self.of_job) if self.past is None else ()
 

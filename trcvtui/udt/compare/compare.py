@@ -1,114 +1,61 @@
 """Two profiles, or two declarations, side by side on the same bytes: ours and theirs, member by member.
 
-Rules: a row costs only when it is asked for; members are the same when their paths are, in any case. What
-lies alike on both sides is one run, however long; table, summary and exit code come from one count.
+Rules: members are the same when their paths are, in any case; table, summary and exit code come from the same
+rows.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Iterator, Sequence
-from itertools import islice, product
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, index_text
-from trcvtui.udt.layout.value_text import NO_DATA, form_text, stored_form, value_text
-from trcvtui.udt.layout.values import decode_leaf, decode_leaves
-from trcvtui.udt.report import json_head, json_many, json_text, json_value, leaf_type_text
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
+from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
+from trcvtui.udt.layout.values import decode_leaf
+from trcvtui.udt.report import (
+    json_text,
+    json_value,
+    leaf_type_text,
+    place_text,
+)
 from trcvtui.udt.types import StringType
 from trcvtui.wording import in_columns
 
-
-class Run(NamedTuple):
-    """`leaves` of them in a row; the number of the first on either side, None where that side has none."""
-
-    ours: int | None
-    theirs: int | None
-    leaves: int
+Pair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
 
 
-def pair(ours: Node, theirs: Node) -> list[Run]:
-    """Return the runs that hold every leaf of both: what only theirs has stands after its siblings."""
-    joined: list[Run] = []
-    for run in _Pairing().runs(ours, theirs, 0, 0):
-        last = joined[-1] if joined else None
-        if last is not None and _follows(last, run):
-            joined[-1] = last._replace(leaves=last.leaves + run.leaves)
-        elif run.leaves:
-            joined.append(run)
-    return joined
-
-
-def _follows(last: Run, run: Run) -> bool:
-    ours = None if last.ours is None else last.ours + last.leaves
-    theirs = None if last.theirs is None else last.theirs + last.leaves
-    return (ours, theirs) == (run.ours, run.theirs)
-
-
-class _Pairing:
-    def __init__(self) -> None:
-        self._same: dict[tuple[int, int], bool] = {}
-
-    def runs(self, ours: Node, theirs: Node, a: int, b: int) -> Iterator[Run]:
-        if self.same(ours, theirs):
-            yield Run(a, b, ours.leaves)
-        elif isinstance(ours, PlacedStruct) and isinstance(theirs, PlacedStruct):
-            yield from self._struct(ours, theirs, a, b)
-        elif (
-            isinstance(ours, PlacedArray)
-            and isinstance(theirs, PlacedArray)
-            and len(ours.bounds) == len(theirs.bounds)
-        ):
-            yield from self._array(ours, theirs, a, b)
+def pair(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[Pair]:
+    """Yield every leaf of both: what only theirs has stands after its siblings; `a`, `b`: the first ones."""
+    if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
+        yield a, b
+        return
+    waiting = _below(theirs, b)
+    for name, (first, node) in _below(ours, a).items():
+        if name in waiting:
+            other, their_node = waiting.pop(name)
+            yield from pair(node, their_node, first, other)
         else:
-            yield Run(a, None, ours.leaves)
-            yield Run(None, b, theirs.leaves)
-
-    def _struct(self, ours: PlacedStruct, theirs: PlacedStruct, a: int, b: int) -> Iterator[Run]:
-        waiting = dict(_members(theirs, b))
-        for name, (first, node) in _members(ours, a):
-            other = waiting.pop(name, None)
-            if other is None:
-                yield Run(first, None, node.leaves)
-            else:
-                yield from self.runs(node, other[1], first, other[0])
-        for first, node in waiting.values():
-            yield Run(None, first, node.leaves)
-
-    def _array(self, ours: PlacedArray, theirs: PlacedArray, a: int, b: int) -> Iterator[Run]:
-        our, their = ours.element, theirs.element
-        for number, index in enumerate(product(*[range(low, high + 1) for low, high in ours.bounds])):
-            first, other = a + number * our.leaves, theirs.number_of(index)
-            if other is None:
-                yield Run(first, None, our.leaves)
-            else:
-                yield from self.runs(our, their, first, b + other * their.leaves)
-        for number, index in enumerate(product(*[range(low, high + 1) for low, high in theirs.bounds])):
-            if ours.number_of(index) is None:
-                yield Run(None, b + number * their.leaves, their.leaves)
-
-    def same(self, ours: Node, theirs: Node) -> bool:
-        key = id(ours), id(theirs)
-        if key not in self._same:
-            self._same[key] = self._are_same(ours, theirs)
-        return self._same[key]
-
-    def _are_same(self, ours: Node, theirs: Node) -> bool:
-        if isinstance(ours, PlacedArray) and isinstance(theirs, PlacedArray):
-            return ours.bounds == theirs.bounds and self.same(ours.element, theirs.element)
-        if isinstance(ours, PlacedStruct) and isinstance(theirs, PlacedStruct):
-            our, their = list(_members(ours, 0)), list(_members(theirs, 0))
-            return [name for name, _ in our] == [name for name, _ in their] and all(
-                self.same(mine, other) for (_, (_, mine)), (_, (_, other)) in zip(our, their, strict=True)
-            )
-        return isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf)
+            yield from ((number, None) for number in range(first, first + node.leaves))
+    for first, node in waiting.values():
+        yield from ((None, number) for number in range(first, first + node.leaves))
 
 
-def _members(node: PlacedStruct, first: int) -> Iterator[tuple[str, tuple[int, Node]]]:
-    return ((one.name.casefold(), (one.first, one.node)) for one in node.flat(first=first))
+def _below(node: Node, first: int) -> dict[str, tuple[int, Node]]:
+    match node:
+        case PlacedStruct():
+            return {one.name.casefold(): (one.first, one.node) for one in node.flat(first=first)}
+        case PlacedArray(element=element):
+            return {
+                index: (first + number * element.leaves, element)
+                for number, index in enumerate(indices(node) if node.leaves else ())
+            }
+        case _:
+            return {"": (first, node)}
 
 
 NAMED: Final = 3  # members that a sentence names
@@ -130,9 +77,7 @@ def difference(a: Layout, b: Layout) -> str:
     if a.size != b.size:
         parts.append(f"the size, {a.size} and {b.size} bytes")
     other_text = a.rules.text.name != b.rules.text.name and has_text(a.type)
-    found = list(
-        islice(_DifferenceWalk(a, b, not other_text).apart(a.root, b.root, "", (0, 0), (0, 0)), MOST_FOUND)
-    )
+    found = list(islice(_members_apart(a, b, not other_text), MOST_FOUND))
     for words, is_place in (("the place of", True), ("the stored form of", False)):
         members = [one for one in found if one.is_place is is_place]
         if members:
@@ -146,72 +91,23 @@ def difference(a: Layout, b: Layout) -> str:
     return "; ".join(parts) or "nothing"
 
 
-class _DifferenceWalk:
-    def __init__(self, a: Layout, b: Layout, with_texts: bool) -> None:
-        self.a, self.b, self.with_texts = a.rules, b.rules, with_texts
-        self._alike: dict[tuple[int, int], bool] = {}
+def _members_apart(a: Layout, b: Layout, with_texts: bool) -> Iterator[Apart]:
+    named: dict[str, str] = {}  # path of an ARRAY -> index of the element that is named
+    for ours, theirs in zip(a.leaves(), b.leaves(), strict=True):
+        places = place_text(ours), place_text(theirs)
+        counts = with_texts or not isinstance(ours.type, StringType)
+        same_form = not counts or stored_form(ours.type, a.rules) == stored_form(theirs.type, b.rules)
+        if places[0] == places[1] and same_form:
+            continue
+        elements = [(ours.path[: one.start()], one[0]) for one in re.finditer(r"\[[^]]*\]", ours.path)]
+        if any(named.setdefault(path, index) != index for path, index in elements):
+            continue
+        if places[0] != places[1]:
+            yield Apart(ours.path, *places, is_place=True)
+        if not same_form:
+            forms = form_text(ours.type, a.rules), form_text(theirs.type, b.rules)
+            yield Apart(ours.path, *forms, is_place=False)
 
-    def apart(
-        self, a: Node, b: Node, path: str, at: tuple[int, int], bits: tuple[int, int]
-    ) -> Iterator[Apart]:
-        if not a.leaves or (at[0] == at[1] and bits[0] == bits[1] and self.alike(a, b)):
-            return
-        if isinstance(a, PlacedLeaf) and isinstance(b, PlacedLeaf):
-            yield from self.leaf(a, b, path, at, bits)
-        elif isinstance(a, PlacedArray) and isinstance(b, PlacedArray):
-            found = False
-            for number in range(min(a.count, 2)):  # the second one shows a distance
-                (our, our_bit), (their, their_bit) = a.place(number), b.place(number)
-                below, places = path + index_text(a, number), (at[0] + our, at[1] + their)
-                for one in self.apart(a.element, b.element, below, places, (our_bit, their_bit)):
-                    found = True
-                    yield one
-                if found:
-                    return
-        elif isinstance(a, PlacedStruct) and isinstance(b, PlacedStruct):
-            for number, (name, our_node, their_node) in enumerate(
-                zip(a.names, a.nodes, b.nodes, strict=True)
-            ):
-                below = f"{path}.{name}" if path and name else name or path
-                places = at[0] + a.offsets[number], at[1] + b.offsets[number]
-                yield from self.apart(our_node, their_node, below, places, (a.bits[number], b.bits[number]))
-
-    def leaf(
-        self, a: PlacedLeaf, b: PlacedLeaf, path: str, at: tuple[int, int], bits: tuple[int, int]
-    ) -> Iterator[Apart]:
-        ours, theirs = _place(a, at[0], bits[0]), _place(b, at[1], bits[1])
-        if ours != theirs:
-            yield Apart(path, ours, theirs, is_place=True)
-        if not self.same_form(a, b):
-            yield Apart(path, form_text(a.type, self.a), form_text(b.type, self.b), is_place=False)
-
-    def alike(self, a: Node, b: Node) -> bool:
-        key = id(a), id(b)
-        if key not in self._alike:
-            self._alike[key] = self._are_alike(a, b)
-        return self._alike[key]
-
-    def _are_alike(self, a: Node, b: Node) -> bool:
-        if isinstance(a, PlacedLeaf) and isinstance(b, PlacedLeaf):
-            return a.is_bit == b.is_bit and self.same_form(a, b)
-        if isinstance(a, PlacedArray) and isinstance(b, PlacedArray):
-            return (a.pitch == b.pitch or a.count == 1) and self.alike(a.element, b.element)
-        if isinstance(a, PlacedStruct) and isinstance(b, PlacedStruct):
-            same = (a.offsets, a.bits) == (b.offsets, b.bits)
-            return same and all(map(self.alike, a.nodes, b.nodes))
-        return False
-
-    def same_form(self, a: PlacedLeaf, b: PlacedLeaf) -> bool:
-        if isinstance(a.type, StringType) and not self.with_texts:
-            return True
-        return stored_form(a.type, self.a) == stored_form(b.type, self.b)
-
-
-def _place(leaf: PlacedLeaf, offset: int, bit: int) -> str:
-    return f"{offset}.{bit}" if leaf.is_bit else str(offset)
-
-
-MOST_COUNTED: Final = 65536  # rows of a quick summary: more members than TRCV_C takes bytes
 
 PLACE: Final = "place"
 TYPE: Final = "type"
@@ -234,12 +130,6 @@ class ComparedLeaf(NamedTuple):
         """Return offset, bit and size."""
         return self.leaf.offset, self.leaf.bit, self.leaf.size
 
-    @property
-    def place_text(self) -> str:
-        """Return the offset, of a bit such as `2.5`."""
-        leaf = self.leaf
-        return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
-
 
 class ComparedRow(NamedTuple):
     """One member on both sides; None where a side has none of that path. `differs` says in what."""
@@ -251,25 +141,21 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, and the first byte on either side of one that does.
-
-    `counted` is the number of rows that were looked at, of `rows`; no difference: `first_offset` is None.
-    """
+    """Both sizes, how many rows differ, and the first byte on either side of one that does; None: of none."""
 
     our_size: int
     their_size: int
     rows: int
-    counted: int
     differing: int
     first_offset: int | None
 
     def __str__(self) -> str:
         sizes = f"ours {self.our_size} bytes, theirs {self.their_size}"
-        of = f"of the first {self.counted} members" if self.counted < self.rows else f"of {self.rows} members"
         if self.first_offset is None:
-            return f"{sizes}; none {of} differs"
+            return f"{sizes}; none of {self.rows} members differs"
         verb = "differs" if self.differing == 1 else "differ"
-        return f"{sizes}; {self.differing} {of} {verb}, the first at byte {self.first_offset}"
+        of = f"{self.differing} of {self.rows} members {verb}"
+        return f"{sizes}; {of}, the first at byte {self.first_offset}"
 
 
 class Comparison:
@@ -279,88 +165,37 @@ class Comparison:
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs
-        self._runs = pair(ours.root, theirs.root)
-        self._starts: list[int] = []
-        self.row_count = 0
-        for run in self._runs:
-            self._starts.append(self.row_count)
-            self.row_count += run.leaves
+        self._pairs = list(pair(ours.root, theirs.root))
+        self._forms: dict[tuple[int, int], tuple[str, tuple[object, ...]]] = {}  # leaves share their types
+
+    @property
+    def row_count(self) -> int:
+        return len(self._pairs)
 
     def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
         """Yield the rows of number start..stop-1 (default: all); the bytes may end anywhere."""
-        start, stop = max(start, 0), self.row_count if stop is None else min(stop, self.row_count)
-        number = max(bisect_right(self._starts, start) - 1, 0)
-        for run, first in zip(self._runs[number:], self._starts[number:], strict=True):
-            if first >= stop:
-                return
-            yield from self._rows_of(run, data, max(start - first, 0), min(stop - first, run.leaves))
+        for ours, theirs in self._pairs[start:stop]:
+            our, their = self._cell(self.ours, ours, data), self._cell(self.theirs, theirs, data)
+            shown = our or their
+            yield ComparedRow(shown.leaf.path if shown else "", our, their, _differs(our, their))
 
-    def _rows_of(self, run: Run, data: Data, start: int, stop: int) -> Iterator[ComparedRow]:
-        for at in range(start, stop, _PAGE):
-            end = min(at + _PAGE, stop)
-            ours = _cells(self.ours, data, run.ours, at, end)
-            theirs = _cells(self.theirs, data, run.theirs, at, end)
-            for our, their in zip(ours, theirs, strict=True):
-                shown = our or their
-                yield ComparedRow(shown.leaf.path if shown else "", our, their, _differs(our, their))
+    def _cell(self, layout: Layout, number: int | None, data: Data) -> ComparedLeaf | None:
+        if number is None:
+            return None
+        leaf = layout.leaf(number)
+        key = id(layout), id(leaf.type)
+        if key not in self._forms:
+            self._forms[key] = leaf_type_text(layout, leaf), stored_form(leaf.type, layout.rules)
+        raw = bytes(data[leaf.offset : leaf.offset + leaf.size])
+        value = decode_leaf(layout, leaf, raw) if len(raw) == leaf.size else None
+        return ComparedLeaf(leaf, *self._forms[key], value_text(leaf, value, raw))
 
-    def summary(self, data: Data, most: int = MOST_COUNTED) -> Summary:
-        """Return the summary of the first `most` rows."""
-        count = Count()
-        for row in self.rows(data, 0, most):
-            count.add(row)
-        return self.summed(count)
-
-    def summed(self, count: Count) -> Summary:
-        """Return the summary of rows that were counted on their way."""
-        sizes = self.ours.size, self.theirs.size
-        return Summary(*sizes, self.row_count, count.rows, count.differing, count.first)
-
-
-class Count:
-    """Rows counted one by one: how many there were, how many differ, the first byte of one that does."""
-
-    def __init__(self) -> None:
-        self.rows = self.differing = 0
-        self.first: int | None = None
-
-    def add(self, row: ComparedRow) -> None:
-        self.rows += 1
-        if row.differs:
-            self.differing += 1
-            at = min(cell.leaf.offset for cell in (row.ours, row.theirs) if cell)
-            self.first = at if self.first is None else min(self.first, at)
-
-
-def compare(ours: Layout, theirs: Layout) -> Comparison:
-    """Return both layouts side by side."""
-    return Comparison(ours, theirs)
-
-
-_PAGE: Final = 512  # rows that are decoded at once, when all are asked for
-
-
-def _cells(layout: Layout, data: Data, first: int | None, start: int, stop: int) -> list[ComparedLeaf | None]:
-    if first is None:
-        return [None] * (stop - start)
-    start, stop = first + start, first + stop
-    leaves = tuple(layout.leaves(start, stop))
-    forms: dict[int, tuple[str, tuple[object, ...]]] = {}  # by type: leaves of an ARRAY share theirs
-    for leaf in leaves:
-        if id(leaf.type) not in forms:
-            forms[id(leaf.type)] = leaf_type_text(layout, leaf), stored_form(leaf.type, layout.rules)
-    texts = _texts(layout, leaves, data, start, stop)
-    return [ComparedLeaf(leaf, *forms[id(leaf.type)], text) for leaf, text in zip(leaves, texts, strict=True)]
-
-
-def _texts(layout: Layout, leaves: Sequence[Leaf], data: Data, start: int, stop: int) -> list[str]:
-    if all(leaf.offset >= len(data) for leaf in leaves):  # a page is compiled only for bytes that are there
-        return [NO_DATA] * len(leaves)
-    values = decode_leaves(layout, data, start, stop)
-    return [
-        value_text(leaf, value, bytes(data[leaf.offset : leaf.offset + leaf.size]))
-        for leaf, value in zip(leaves, values, strict=True)
-    ]
+    def summary(self, rows: Iterable[ComparedRow]) -> Summary:
+        """Return the summary of all rows."""
+        differing = [row for row in rows if row.differs]
+        cells = [cell for row in differing for cell in (row.ours, row.theirs) if cell]
+        first = min((cell.leaf.offset for cell in cells), default=None)
+        return Summary(self.ours.size, self.theirs.size, self.row_count, len(differing), first)
 
 
 def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
@@ -380,51 +215,48 @@ MARK: Final = "*"
 NOTHING: Final = "-"
 
 
-def is_equal(comparison: Comparison, count: Count) -> bool:
+def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
     """Return whether both store every member alike at the same place, and read the same value there."""
     ours, theirs = comparison.ours, comparison.theirs
     same = ours.size == theirs.size and ours.rules.byte_order == theirs.rules.byte_order
-    return same and not count.differing
+    return same and not any(row.differs for row in rows)
 
 
-def compare_json(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
-    """Yield the lines of the object of `udt compare`, all rows counted on the way.
+def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> Iterator[str]:
+    """Yield the lines of the object of `udt compare`, a row in each.
 
     Rows stand in our order, null where a side has no such member.
     """
     ours, theirs = comparison.ours, comparison.theirs
-    yield from json_head({"ours": _side(ours), "theirs": _side(theirs)})
-    yield from json_many('  "rows": [', _rows(comparison, data, count), "  ],")
-    yield f'  "equal": {json_text(is_equal(comparison, count))}'
-    yield "}"
+    yield "{"
+    yield f'  "ours": {json_text(_side(ours))},\n  "theirs": {json_text(_side(theirs))},'
+    records = [
+        {
+            "path": row.path,
+            "differs": row.differs,
+            "ours": _cell(ours, row.ours, data),
+            "theirs": _cell(theirs, row.theirs, data),
+        }
+        for row in rows
+    ]
+    lines = ",\n".join(f"    {json_text(record)}" for record in records)
+    yield f'  "rows": [\n{lines}\n  ],' if lines else '  "rows": [],'
+    yield f'  "equal": {json_text(is_equal(comparison, rows))}\n}}'
 
 
-def _rows(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
-    for row in comparison.rows(data):
-        count.add(row)
-        ours, theirs = _cell(comparison.ours, row.ours, data), _cell(comparison.theirs, row.theirs, data)
-        record = {"path": row.path, "differs": row.differs, "ours": ours, "theirs": theirs}
-        yield f"    {json_text(record)}"
-
-
-def compare_text(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
-    """Yield the table of `udt compare`, all rows counted on the way; one that differs begins with `*`."""
+def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> Iterator[str]:
+    """Yield the table of `udt compare`; a row that differs begins with `*`."""
     yield f"ours    {_extent(comparison.ours)}"
     yield f"theirs  {_extent(comparison.theirs)}"
-    yield from in_columns(_table(comparison, data, count), "llrlrll" if data else "llrrl")
-    yield str(comparison.summed(count))
+    values = ("value",) if data else ()
+    head = ("", "path", "ours", *values, "theirs", *values, "differs")
+    name = comparison.ours.name
+    told = [(*_texts_of(row, name, bool(data)), ", ".join(row.differs)) for row in rows]
+    yield from in_columns([head, *told], "llrlrll" if data else "llrrl")
+    yield str(comparison.summary(rows))
     orders = comparison.ours.rules.byte_order, comparison.theirs.rules.byte_order
     if orders[0] != orders[1]:
         yield f"byte order: ours {orders[0]}, theirs {orders[1]}"
-
-
-def _table(comparison: Comparison, data: bytes, count: Count) -> Iterator[tuple[str, ...]]:
-    with_values = bool(data)
-    values = ("value",) if with_values else ()
-    yield ("", "path", "ours", *values, "theirs", *values, "differs")
-    for row in comparison.rows(data):
-        count.add(row)
-        yield (*_texts_of(row, comparison.ours.name, with_values), ", ".join(row.differs))
 
 
 def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
@@ -435,7 +267,7 @@ def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]
 
 
 def _place_of(cell: ComparedLeaf | None) -> str:
-    return cell.place_text if cell else NOTHING
+    return place_text(cell.leaf) if cell else NOTHING
 
 
 def _value(cell: ComparedLeaf | None) -> str:

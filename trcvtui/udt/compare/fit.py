@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice, pairwise
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
@@ -193,8 +193,8 @@ class _Look:
     def __init__(self, layout: Layout, known: _Known) -> None:
         self.layout, self.members = layout, []
         self.stop = min(layout.leaf_count, MOST_LEAVES)
-        self.gaps = list(islice(layout.padding(), MOST_GAPS))
-        leaves = layout.page(0, self.stop).leaves
+        self.gaps = layout.padding()[:MOST_GAPS]
+        leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
             if leaf.bit is not None and not is_last:

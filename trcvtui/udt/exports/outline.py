@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from trcvtui.errors import mistake, one_line
+from trcvtui.errors import mistake
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.types import Array, Struct, Type, Union
 
-BASE_NAME = "base"  # of the part without a name: what the type EXTENDS
 MOST_FIELDS = 20_000
 
 
@@ -75,13 +74,3 @@ def count_fields(type_: Type, node: Node) -> int:
         return counts[type_]
 
     return count(type_, node)
-
-
-def quoted(text: str) -> str:
-    """Return the text in quotes, as YAML and ImHex read it."""
-    return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def bounds_text(type_: Array) -> str:
-    """Return the bounds as declared, such as `[0..9,1..2]`."""
-    return "[" + ",".join(f"{low}..{high}" for low, high in type_.bounds) + "]"

@@ -1,4 +1,4 @@
-"""A layout compiled: one `struct.Struct` for all leaves or for a page of them, and what follows it.
+"""A layout compiled: one `struct.Struct` for all leaves, and what follows it.
 
 Most leaves are one raw value of the `struct` each. Bits that share bytes, and the members of a UNION, which
 share all of them, are one raw value together, bytes that expand to many values.
@@ -7,7 +7,7 @@ share all of them, are one raw value together, bytes that expand to many values.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -47,24 +47,23 @@ class Plan(NamedTuple):
 
 
 class Codec:
-    """Reads the bytes base..end-1 as values, in leaf order.
+    """Reads bytes as values, in leaf order.
 
-    `read` returns the values of all leaves; it raises struct.error when the data does not reach to `end`.
+    `read` returns the values of all leaves; it raises struct.error when the data is too short.
     """
 
-    __slots__ = ("base", "conversions", "end", "expansions", "packer", "read")
+    __slots__ = ("conversions", "expansions", "packer", "read")
 
-    def __init__(self, plan: Plan, order: str, base: int = 0) -> None:
-        self.packer, self.base = struct.Struct(order + plan.format), base
+    def __init__(self, plan: Plan, order: str) -> None:
+        self.packer = struct.Struct(order + plan.format)
         self.conversions, self.expansions = plan.conversions, plan.expansions
-        self.end = base + self.packer.size
         # Where nothing is to convert, the whole decode is the one call into `struct`.
         direct: Reading = self.packer.unpack_from
-        is_direct = not (base or plan.conversions or plan.expansions)
+        is_direct = not (plan.conversions or plan.expansions)
         self.read = direct if is_direct else self._read
 
     def _read(self, data: Data) -> Values:
-        values = list(self.packer.unpack_from(data, self.base))
+        values = list(self.packer.unpack_from(data))
         for start, stop, to_value in self.conversions:
             values[start:stop] = map(to_value, values[start:stop])
         return tuple(self._expanded(values) if self.expansions else values)
@@ -80,90 +79,14 @@ class Codec:
 
     def read_filled(self, data: Data) -> Values:
         """Return the values of all leaves of data that may end anywhere, zeros after it."""
-        return self.read(bytes(data[: self.end]).ljust(self.end, b"\0"))
-
-
-class Page:
-    """Leaves that follow each other, with codecs for just these: one, but for leaves that overlap."""
-
-    __slots__ = ("_codecs", "end", "leaves", "start")
-
-    def __init__(self, start: int, leaves: tuple[Leaf, ...], codecs: tuple[Codec, ...]) -> None:
-        self.start, self.leaves, self._codecs = start, leaves, codecs
-        self.end = max((codec.end for codec in codecs), default=0)
-
-    def read(self, data: Data) -> Values:
-        """Return the values of the leaves; raise struct.error when the data does not reach to `end`."""
-        if len(self._codecs) == 1:
-            return self._codecs[0].read(data)
-        return tuple(chain.from_iterable(codec.read(data) for codec in self._codecs))
-
-    def read_part(self, data: Data) -> Values:
-        """Return the values of the leaves, None for each that is not wholly there."""
-        values = chain.from_iterable(codec.read_filled(data) for codec in self._codecs)
-        return present(self.leaves, tuple(values), len(data))
+        size = self.packer.size
+        return self.read(bytes(data[:size]).ljust(size, b"\0"))
 
 
 def present(leaves: Iterable[Leaf], values: Values, length: int) -> Values:
     """Return the values with None for each leaf that is not wholly in the first `length` bytes."""
     pairs = zip(leaves, values, strict=True)
     return tuple(value if leaf.offset + leaf.size <= length else None for leaf, value in pairs)
-
-
-# -- a page of leaves ----------------------------------------------------------------------------------------
-
-
-def page_of(start: int, leaves: Sequence[Leaf], order: str) -> Page:
-    """Compile leaves that follow each other; cheap, whatever the size of the layout."""
-    codecs, run = [], _LeafRun(leaves[0].offset if leaves else 0)
-    for leaf in leaves:
-        if not run.takes(leaf):
-            codecs.append(run.codec(order))
-            run = _LeafRun(leaf.offset)
-        run.add(leaf)
-    codecs.append(run.codec(order))
-    return Page(start, tuple(leaves), tuple(codecs))
-
-
-class _LeafRun:
-    """Leaves of which none begins before the one in front ends; the bits of a byte are one raw value."""
-
-    def __init__(self, base: int) -> None:
-        self.base = self.end = base
-        self.parts: list[str] = []
-        self.conversions: list[Conversion] = []
-        self.expansions: list[Expansion] = []
-        self.count = 0
-        self.bits: list[int] = []  # of the byte in front of `end`
-
-    def takes(self, leaf: Leaf) -> bool:
-        return leaf.offset >= self.end or self.goes_on(leaf)
-
-    def goes_on(self, leaf: Leaf) -> bool:
-        return leaf.bit is not None and bool(self.bits) and leaf.offset == self.end - 1
-
-    def add(self, leaf: Leaf) -> None:
-        if leaf.bit is not None and self.goes_on(leaf):
-            self.bits.append(leaf.bit)
-            return
-        self.close_bits()
-        self.parts.append(gap(leaf.offset - self.end) + ("s" if leaf.bit is not None else leaf.coding.code))
-        self.end = leaf.offset + leaf.size
-        if leaf.bit is not None:
-            self.bits = [leaf.bit]
-        elif leaf.coding.to_value:
-            self.conversions.append(Conversion(self.count, self.count + 1, leaf.coding.to_value))
-        self.count += 1
-
-    def close_bits(self) -> None:
-        if self.bits:
-            self.expansions.append(Expansion(self.count - 1, partial(_chosen_bits, tuple(self.bits))))
-            self.bits = []
-
-    def codec(self, order: str) -> Codec:
-        self.close_bits()
-        plan = Plan("".join(self.parts), self.count, tuple(self.conversions), tuple(self.expansions))
-        return Codec(plan, order, self.base)
 
 
 # -- a whole layout ------------------------------------------------------------------------------------------
@@ -255,10 +178,6 @@ def gap(size: int) -> str:
 
 def _first_bits(count: int, raw: bytes) -> tuple[bool, ...]:
     return BITS[raw[0]][:count]
-
-
-def _chosen_bits(bits: tuple[int, ...], raw: bytes) -> list[bool]:
-    return [BITS[raw[0]][bit] for bit in bits]
 
 
 def _rows_of_bits(row_size: int, columns: int, raw: bytes) -> list[bool]:

@@ -5,25 +5,21 @@ Rule: two profiles are one when every leaf lies at the same place and is stored 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from array import array
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.layout.codec import Codec, Page, codec_of, page_of
+from trcvtui.udt.layout.codec import Codec, codec_of
 from trcvtui.udt.layout.layout_tree import (
     Leaf,
     Node,
     PlacedArray,
     PlacedLeaf,
     find,
-    gaps,
-    kinds,
-    leaf_number_at,
-    leaves_within,
-    next_leaf,
-    walk,
+    leaves_of,
 )
 from trcvtui.udt.layout.placing import MOST_BYTES, MOST_LEAVES, Placing
 from trcvtui.udt.layout.rules import (
@@ -51,10 +47,8 @@ __all__ = [
     "rules_for",
 ]
 
-_PAGES_KEPT = 8
 
-
-# No slots: the compiled codec is kept on the layout, made when first asked for.
+# No slots: codec and leaves are kept on the layout, made when first asked for.
 @dataclass(frozen=True, eq=False)
 class Layout:
     """A type laid out; leaves are numbered from 0 in declared order, offsets and sizes are in bytes.
@@ -86,44 +80,34 @@ class Layout:
         """Return the codec of the whole layout, compiled once."""
         return codec_of(self.root, BYTE_ORDERS[self.rules.byte_order])
 
-    def leaves(self, start: int = 0, stop: int | None = None) -> Iterator[Leaf]:
-        """Yield the leaves of number start..stop-1 (default: all), made as they are asked for."""
-        return walk(self.root, "", 0, max(start, 0), self.leaf_count if stop is None else stop)
+    @cached_property
+    def _leaves(self) -> tuple[Leaf, ...]:
+        return tuple(leaves_of(self.root))
 
-    def kinds(self) -> Iterator[PlacedLeaf]:
-        """Yield every leaf of the declaration once, that of an ARRAY for all of its elements."""
-        return kinds(self.root)
+    def leaves(self, start: int = 0, stop: int | None = None) -> tuple[Leaf, ...]:
+        """Return the leaves of number start..stop-1 (default: all); they are made once."""
+        return self._leaves[max(start, 0) : None if stop is None else max(stop, 0)]
 
     def leaf(self, number: int) -> Leaf:
-        for leaf in self.leaves(number, number + 1):
-            return leaf
-        raise IndexError(number)
-
-    def page(self, start: int, stop: int) -> Page:
-        """Return the leaves of number start..stop-1 with a codec for just these; the last pages are kept."""
-        pages = self._pages
-        if (start, stop) not in pages:
-            if len(pages) >= _PAGES_KEPT:
-                del pages[next(iter(pages))]
-            leaves = tuple(self.leaves(start, stop))
-            pages[start, stop] = page_of(max(start, 0), leaves, BYTE_ORDERS[self.rules.byte_order])
-        return pages[start, stop]
+        return self._leaves[number]
 
     @cached_property
-    def _pages(self) -> dict[tuple[int, int], Page]:
-        return {}
+    def _owners(self) -> array[int]:
+        # Of every byte the number of the first leaf that covers it, -1 in a gap.
+        owners = array("i", [-1]) * self.size
+        for number in range(self.leaf_count - 1, -1, -1):
+            leaf = self._leaves[number]
+            owners[leaf.offset : leaf.offset + leaf.size] = array("i", [number]) * leaf.size
+        return owners
 
-    def leaf_at(self, place: int, bit: int | None = None) -> int | None:
-        """Return the number of the first leaf that covers the byte at `place`, or that bit of it."""
-        return leaf_number_at(self.root, place, bit)
+    def leaf_at(self, place: int) -> int | None:
+        """Return the number of the first leaf that covers the byte at `place`."""
+        number = self._owners[place] if 0 <= place < self.size else -1
+        return None if number < 0 else number
 
     def leaves_within(self, length: int) -> int:
         """Return how many leaves lie wholly in the first `length` bytes."""
-        return leaves_within(self.root, length)
-
-    def next_leaf(self, length: int) -> int | None:
-        """Return the number of the leaf that the byte after `length` bytes belongs to; None at the end."""
-        return next_leaf(self.root, length)
+        return sum(leaf.offset + leaf.size <= length for leaf in self._leaves)
 
     def number_of(self, path: str) -> int:
         """Return the number of the leaf at a path such as `st.arr[2].x`; raise UserError if there is none."""
@@ -138,17 +122,12 @@ class Layout:
             )
         return number
 
-    def padding(self) -> Iterator[tuple[int, int]]:
-        """Yield offset and size of every gap, in offset order; a byte of which one bit is used is none."""
-        first = end = 0
-        for start, stop in gaps(self.root):
-            if start > end:
-                if end > first:
-                    yield first, end - first
-                first = start
-            end = stop
-        if end > first:
-            yield first, end - first
+    def padding(self) -> list[tuple[int, int]]:
+        """Return offset and size of every gap, in offset order; a byte of which one bit is used is none."""
+        covered = bytearray(self.size)
+        for leaf in self._leaves:
+            covered[leaf.offset : leaf.offset + leaf.size] = b"\1" * leaf.size
+        return [(gap.start(), len(gap[0])) for gap in re.finditer(b"\0+", covered)]
 
     def __reduce__(self) -> tuple[object, ...]:
         # Between processes only the declaration travels; the tree is made again on the other side.

@@ -34,7 +34,7 @@ from trcvtui.udt.types import (
 
 # TRCV_C takes 65535 bytes at most; the limits leave room for DATA that is wrong on purpose (80A5).
 MOST_BYTES = 4 * 1024 * 1024
-MOST_LEAVES = 1024 * 1024
+MOST_LEAVES = 131_072  # twice as many as bytes fit into DATA: they stand in a list
 
 _N = TypeVar("_N", PlacedStruct, PlacedArray)
 

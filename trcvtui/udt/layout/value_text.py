@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 from typing import Final
 
 from trcvtui.errors import one_line
@@ -67,50 +66,34 @@ NO_DATA: Final = "no data"
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
     """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
-    return NO_DATA if value is None else text_of(leaf)(value, raw)
+    if value is None:
+        return NO_DATA
+    text, odd = _plain_text(leaf.type, leaf.size, value), leaf.coding.odd
+    return text + odd(raw) if odd is not None and len(raw) == leaf.size else text
 
 
-def text_of(leaf: Leaf) -> Callable[[Value, bytes], str]:
-    """Return what makes the texts of such leaves: of a value and its bytes, which may be b""."""
-    plain, odd, size = _plain_text_of(leaf), leaf.coding.odd, leaf.size
-    if odd is None:
-        return lambda value, raw: plain(value)
-    return lambda value, raw: plain(value) + (odd(raw) if len(raw) == size else "")
-
-
-def _plain_text_of(leaf: Leaf) -> Callable[[Value], str]:
-    match leaf.type:
+def _plain_text(type_: LeafType, size: int, value: Value) -> str:
+    match type_:
         case StringType():
-            return _quoted
-        case Enumeration() as type_:
-            return lambda value: f"{value} ({_name(type_, value)})"
+            return _quoted(value)
+        case Enumeration():
+            return f"{value} ({_name(type_, value)})"
         case Subrange(base=base, low=low, high=high):
-            text = _elementary_text_of(base, leaf.size)
-
-            def within(value: Value) -> str:
-                inside = isinstance(value, int) and low <= value <= high
-                return text(value) + ("" if inside else f" (not {low}..{high})")
-
-            return within
+            inside = isinstance(value, int) and low <= value <= high
+            return _plain_text(base, size, value) + ("" if inside else f" (not {low}..{high})")
         case Pointer():
-            return str
-        case Elementary() as row:
-            return _elementary_text_of(row, leaf.size)
-
-
-def _elementary_text_of(row: Elementary, size: int) -> Callable[[Value], str]:
-    match row.kind:
+            return str(value)
+    match type_.kind:
         case ValueKind.BOOL:
-            return lambda value: str(value).upper()
+            return str(value).upper()
         case ValueKind.BITS:
-            digits = f"0{2 * size}X"
-            return lambda value: f"{value} (16#{value:{digits}})"
+            return f"{value} (16#{value:0{2 * size}X})"
         case ValueKind.REAL:
-            return lambda value: real_text(float(value), size)
+            return real_text(float(value), size)
         case ValueKind.CHARACTER:
-            return _quoted
+            return _quoted(value)
         case _:
-            return str
+            return str(value)
 
 
 def real_text(value: float, size: int) -> str:

@@ -220,7 +220,7 @@ def _content(path: Path) -> bytes:
     try:
         data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
-        raise mistake(str(path), reason_of(failed), READABLE) from None
+        raise mistake(str(path), reason_of(failed), READABLE, "file") from None
     if len(data) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes of source text")
     return data

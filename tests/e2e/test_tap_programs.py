@@ -11,7 +11,6 @@ import pytest
 from tests.certificates import Certificates
 from tests.e2e.tapping import Tap
 from tests.e2e.terminal import need
-from tests.waiting import until
 
 pytestmark = pytest.mark.live
 
@@ -66,28 +65,3 @@ def test_snap7_reads_what_snap7_serves() -> None:
             assert tap.end()[0] == 0
     finally:
         server.stop()
-
-
-def test_socat_joins_two_serial_lines_with_a_tap_between(tmp_path: Path) -> None:
-    socat = need("socat")
-    ends = [tmp_path / name for name in ("plc", "tap1", "tap2", "device")]
-    pairs = [
-        subprocess.Popen([socat, *(f"PTY,raw,echo=0,link={end}" for end in two)])
-        for two in (ends[:2], ends[2:])
-    ]
-    try:
-        until(lambda: all(end.exists() for end in ends), lambda: [pair.poll() for pair in pairs])
-        with Tap(f"serial:{ends[2]},19200,8E1", listen=f"serial:{ends[1]},19200,8E1") as tap:
-            assert tap.said == f"T: serial:{ends[1]} to serial:{ends[2]}\n"
-            with ends[0].open("r+b", buffering=0) as plc, ends[3].open("r+b", buffering=0) as device:
-                for one, other in ((plc, device), (device, plc)):
-                    one.write(bytes(range(256)))
-                    got = b""
-                    while len(got) < 256:
-                        got += other.read(256)
-                    assert got == bytes(range(256))
-            assert tap.end()[0] == 0
-    finally:
-        for pair in pairs:
-            pair.kill()
-            pair.wait()

@@ -13,10 +13,10 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import seen_fleet
 from trcvtui.fleet.broker import (
+    BrokerRefusal,
     Connected,
     IncomingMessage,
     Lost,
-    Refused,
 )
 from trcvtui.fleet.event_log import EventLog
 from trcvtui.fleet.reader import (
@@ -276,7 +276,7 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
     assert broker.reader.told.startswith("broker, trcvtui/v1/s/a/L/figures: found 'Input data was truncated'")
     broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
     assert broker.reader.refused == 1001 and "truncated" in broker.reader.told
-    broker.tell(Refused("it lets us not read"), seconds=TELL_NS / SECOND)
+    broker.tell(BrokerRefusal("it lets us not read"), seconds=TELL_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
 
 

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
 
 import pytest
 
@@ -19,7 +18,6 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import LocalDriver
-from trcvtui.fleet.agent import Agent
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
@@ -161,7 +159,7 @@ def page() -> str:
     from prometheus_client.core import CollectorRegistry
 
     registry = CollectorRegistry()
-    registry.register(MetricsPage(cast(Agent, IdleAgent())))
+    registry.register(MetricsPage(IdleAgent()))
     return generate_latest(registry).decode()
 
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from ipaddress import ip_address
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
 from trcvtui.fleet.seen_fleet import UP
 from trcvtui.net.results import end_in_words
-
-if TYPE_CHECKING:
-    from trcvtui.fleet.agent import Agent
 
 MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
@@ -48,7 +45,7 @@ METRICS: Final = (
 )
 
 
-def _rows(agent: Agent, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+def _rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
     if labels == _AGENT:
         yield (), agent
     elif labels == _LINE:
@@ -68,7 +65,7 @@ def place_of_page(text: str) -> tuple[str, int]:
 class MetricsPage:
     """What prometheus-client asks when somebody reads the page."""
 
-    def __init__(self, agent: Agent) -> None:
+    def __init__(self, agent: Any) -> None:
         self._agent = agent
 
     def collect(self) -> Iterator[Any]:
@@ -83,7 +80,7 @@ class MetricsPage:
             yield family
 
 
-def serve_page(address: str, port: int, agent: Agent) -> Any:
+def serve_page(address: str, port: int, agent: Any) -> Any:
     """Serve the page; return what ends it."""
     try:
         from prometheus_client import start_http_server

@@ -89,7 +89,7 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     os.environ["TZ"] = "UTC"
     time.tzset()
     clock.wall_ns = lambda: int(NOW) * fleet_app.NS
-    fleet_app.ORDER_NS, fleet_app.FRAME_S, fleet_app.READ_S = 0, 3600.0, 3600.0
+    fleet_app.ORDER_NS, fleet_app.FRAME_S = 0, 3600.0
     reader = FleetReader(cast(BrokerConnection, PlantBroker()), SeenFleet(), "*")
     app = fleet_app.FleetApp(Broker("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:

@@ -6,7 +6,6 @@ import gzip
 import io
 import itertools
 import json
-import os
 import random
 import shutil
 import struct
@@ -33,9 +32,9 @@ from tests.recording.wire import (
 )
 from trcvtui.capture import pcap
 from trcvtui.capture.command import conversations_of
-from trcvtui.capture.packets import MOST_FRAGMENTED, NotRead
+from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
-from trcvtui.capture.plc_end import guess_plc, parse_plc
+from trcvtui.capture.plc_end import parse_plc
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
@@ -85,110 +84,73 @@ def test_a_conversation_from_syn_to_fin() -> None:
     assert conversation.listener is conversation.back
 
 
-def test_segments_out_of_order_wait_for_the_first() -> None:
-    events = listen([*handshake(), tcp(b"ghi", 107), tcp(b"def", 104), tcp(b"abc", 101)])
-    assert to_plc(events) == b"abcdefghi" and EventKind.RETRANSMISSION not in kinds(events)
+COPY, OTHER = EventKind.RETRANSMISSION, EventKind.DIFFERENT_COPY
+WRAP = 2**32 - 4
+# What the PLC was told, after these packets; how often these kinds of events come.
+STREAMS: dict[str, tuple[list[bytes], bytes, dict[EventKind, int]]] = {
+    "out of order": ([tcp(b"ghi", 107), tcp(b"def", 104), tcp(b"abc", 101)], b"abcdefghi", {COPY: 0}),
+    "a different copy": ([tcp(b"abcdef", 101), tcp(b"aXcdefg", 101)], b"abcdefg", {OTHER: 1}),
+    "one among those that wait": (
+        [tcp(b"CDE", 103), tcp(b"bcdef", 102), tcp(b"a", 101)], b"abCDEf", {OTHER: 1},
+    ),
+    "an equal copy": (
+        [tcp(b"abc", 101), tcp(b"def", 104), tcp(b"bcde", 102)], b"abcdef", {COPY: 1, OTHER: 0},
+    ),
+    "a SYN sent again": ([tcp(seq=100, flags=SYN), tcp(b"abc", 101)], b"abc", {COPY: 1}),
+    "a hole": (
+        [tcp(b"abc", 101), tcp(b"ghi", 107), *[answer(seq=501, ack=110)] * 30, tcp(b"jk", 110)],
+        b"abc???ghijk", {EventKind.MISSING: 1},
+    ),
+    "a hole at the end": ([tcp(b"abc", 101), answer(seq=501, ack=110)], b"abc??????", {}),
+    "an ACK before its packet": (
+        [answer(seq=501, ack=104), tcp(b"abc", 101), tcp(b"def", 104)], b"abcdef", {EventKind.MISSING: 0},
+    ),
+    **{
+        f"a keep-alive of {len(garbage)} bytes": (
+            [
+                tcp(b"abc", 101), answer(seq=501, ack=104), tcp(garbage, 103, 501),
+                answer(seq=501, ack=104), tcp(b"d", 104),
+            ],
+            b"abcd", {EventKind.KEEP_ALIVE: 1, EventKind.KEEP_ALIVE_ACK: 1, EventKind.BYTES: 2, COPY: 0},
+        )
+        for garbage in (b"", b"\0")
+    },
+    **{
+        f"a window probe that gets in: {gets_in}": (
+            [
+                tcp(b"abc", 101), answer(seq=501, ack=104, window=0), tcp(b"d", 104, 501),
+                answer(seq=501, ack=104 + gets_in, window=0), answer(seq=501, ack=104 + gets_in),
+                tcp(b"def"[gets_in:], 104 + gets_in, 501),
+            ],
+            b"abcdef",
+            {EventKind.ZERO_WINDOW: 1, EventKind.WINDOW_PROBE: 1, EventKind.WINDOW_OPENS: 1, COPY: 0},
+        )
+        for gets_in in (False, True)
+    },
+}  # fmt: skip
 
 
-def test_the_first_copy_counts_and_a_different_second_one_is_told() -> None:
-    events = listen([*handshake(), tcp(b"abcdef", 101), tcp(b"aXcdefg", 101)])
-    assert to_plc(events) == b"abcdefg"
-    assert [(one.at, one.size) for one in events if one.kind is EventKind.DIFFERENT_COPY] == [(0, 6)]
-    assert events[0].direction.retransmitted == 6
+@pytest.mark.parametrize("name", STREAMS)
+def test_segments_are_put_together(name: str) -> None:
+    packets, text, counts = STREAMS[name]
+    events = listen([*handshake(), *packets])
+    assert to_plc(events) == text and {event.conversation.number for event in events} == {1}
+    assert {kind: kinds(events).count(kind) for kind in counts} == counts
+    assert events[0].direction.missing == text.count(b"?")
 
 
-def test_the_first_copy_counts_among_those_that_wait() -> None:
-    events = listen([*handshake(), tcp(b"CDE", 103), tcp(b"bcdef", 102), tcp(b"a", 101)])
-    assert to_plc(events) == b"abCDEf" and kinds(events).count(EventKind.DIFFERENT_COPY) == 1
-
-
-def test_an_equal_second_copy_is_no_different_one() -> None:
-    events = listen([*handshake(), tcp(b"abc", 101), tcp(b"def", 104), tcp(b"bcde", 102)])
-    assert to_plc(events) == b"abcdef"
-    assert kinds(events).count(EventKind.RETRANSMISSION) == 1 and EventKind.DIFFERENT_COPY not in kinds(
-        events
-    )
-
-
-def test_sequence_numbers_wrap() -> None:
-    there = 2**32 - 4
-    events = listen(
-        [*handshake(there), tcp(b"abcdef", there + 1), tcp(b"jkl", there + 10), tcp(b"ghi", there + 7)]
-    )
+def test_numbers_wrap_and_a_new_syn_between_the_same_ends_is_a_new_conversation() -> None:
+    wrap = [tcp(b"abcdef", WRAP + 1), tcp(b"jkl", WRAP + 10), tcp(b"ghi", WRAP + 7)]
+    events = listen([*handshake(WRAP), *wrap])
     assert to_plc(events) == b"abcdefghijkl"
-
-
-def test_what_the_receiver_has_and_the_capture_has_not_is_a_hole() -> None:
-    events = listen(
-        [*handshake(), tcp(b"abc", 101), tcp(b"ghi", 107), *[answer(seq=501, ack=110)] * 30, tcp(b"jk", 110)]
-    )
-    assert to_plc(events) == b"abc???ghijk" and events[0].direction.missing == 3
-
-
-def test_a_hole_at_the_end_is_one_too() -> None:
-    events = listen([*handshake(), tcp(b"abc", 101), answer(seq=501, ack=110)])
-    assert to_plc(events) == b"abc??????"
-
-
-def test_a_packet_that_stands_after_its_ack_is_no_hole() -> None:
-    events = listen([*handshake(), answer(seq=501, ack=104), tcp(b"abc", 101), tcp(b"def", 104)])
-    assert to_plc(events) == b"abcdef"
-
-
-@pytest.mark.parametrize("garbage", [b"", b"\0"])
-def test_keep_alives_are_no_data(garbage: bytes) -> None:
-    events = listen(
-        [
-            *handshake(),
-            tcp(b"abc", 101),
-            answer(seq=501, ack=104),
-            tcp(garbage, 103, 501),
-            answer(seq=501, ack=104),
-            tcp(b"d", 104),
-        ]
-    )
-    assert to_plc(events) == b"abcd"
-    assert kinds(events)[3:] == [
-        EventKind.BYTES,
-        EventKind.KEEP_ALIVE,
-        EventKind.KEEP_ALIVE_ACK,
-        EventKind.BYTES,
-    ]
-    assert events[0].direction.retransmitted == 0
-
-
-@pytest.mark.parametrize("gets_in", [False, True])
-def test_a_window_probe_is_data_only_where_the_closed_window_took_it(gets_in: bool) -> None:
-    events = listen(
-        [
-            *handshake(),
-            tcp(b"abc", 101),
-            answer(seq=501, ack=104, window=0),
-            tcp(b"d", 104, 501),
-            answer(seq=501, ack=104 + gets_in, window=0),
-            answer(seq=501, ack=104 + gets_in),
-            tcp(b"def"[gets_in:], 104 + gets_in, 501),
-        ]
-    )
-    assert to_plc(events) == b"abcdef" and events[0].direction.retransmitted == 0
-    assert {EventKind.ZERO_WINDOW, EventKind.WINDOW_PROBE, EventKind.WINDOW_OPENS} <= set(kinds(events))
+    last = listen([*handshake(WRAP), *wrap, *handshake(9000, 9500), tcp(b"xyz", 9001)])[-1]
+    assert (last.conversation.number, last.at, last.data) == (2, 0, b"xyz")
 
 
 def test_rst_and_silence_are_events() -> None:
     events = listen([*handshake(), answer(seq=501, flags=RST)], step_ns=11_000_000_000)
     assert kinds(events).count(EventKind.SILENCE) == 3
     assert events[-1].kind is EventKind.RST and events[-1].conversation.end == ("rst", events[-1].direction)
-
-
-def test_a_new_syn_between_the_same_ends_is_a_new_conversation() -> None:
-    events = listen([*handshake(), tcp(b"abc", 101), *handshake(9000, 9500), tcp(b"xyz", 9001)])
-    assert events[-1].conversation.number == 2 and events[-1].at == 0 and events[-1].data == b"xyz"
-
-
-def test_a_syn_sent_again_is_the_same_conversation() -> None:
-    events = listen([tcp(seq=100, flags=SYN), *handshake(), tcp(b"abc", 101)])
-    assert {event.conversation.number for event in events} == {1} and to_plc(events) == b"abc"
-    assert kinds(events)[1] is EventKind.RETRANSMISSION
 
 
 def test_a_conversation_that_begins_in_the_middle_is_said_to() -> None:
@@ -321,7 +283,7 @@ def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> 
     late = cut(udp(b"0123456789"), 9, 8)
     for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
         found.take(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
-    assert found.not_read[NotRead.FRAGMENT] > 3000
+    assert found.not_read[SkippedPacket.FRAGMENT] > 3000
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -405,36 +367,37 @@ def test_the_json_of_a_conversation(tmp_path: Path, capsys: pytest.CaptureFixtur
     ]
 
 
-@pytest.mark.parametrize("plc", ["10.0.0.9", "10.0.0.9:51000"])
-def test_the_plc_end_can_be_given(plc: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "c.pcapng"
-    path.write_bytes(capture(handshake()))
-    (row,) = rows_of(path, "--plc", plc, capsys=capsys)
-    assert row["plc"] == "10.0.0.9:51000" and row["plc_guess"] == {"confidence": 1.0, "why": "--plc"}
+OF_PROJECT = 'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 51000\n'
+FROM_SIEMENS = capture(
+    [ethernet(V4, tcp(flags=SYN, source=("10.0.0.5", 51001), target=PARTNER))], pcap.ETHERNET
+)
+MIDDLE = capture([answer(b"a", 501, 101), tcp(b"b", 101, 502)])
 
 
-def test_a_vendor_s_mac_tells_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "c.pcapng"
-    path.write_bytes(
-        capture([ethernet(V4, tcp(flags=SYN, source=("10.0.0.5", 51001), target=PARTNER))], pcap.ETHERNET)
-    )
-    (row,) = rows_of(path, capsys=capsys)
+@pytest.mark.parametrize(
+    ("content", "words", "why", "confidence"),
+    [
+        (capture(handshake()), "--plc 10.0.0.9", "--plc", 1.0),
+        (capture(handshake()), "--plc 10.0.0.9:51000", "--plc", 1.0),
+        (FROM_SIEMENS, "", "MAC of Siemens", 0.7),
+        (MIDDLE, "--project p.toml", "port 51000 of the project", 0.8),
+    ],
+)
+def test_what_tells_the_plc_end(
+    content: bytes,
+    words: str,
+    why: str,
+    confidence: float,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "p.toml").write_text(OF_PROJECT, "utf-8")
+    (tmp_path / "one").write_bytes(content)
+    (row,) = rows_of(tmp_path / "one", *words.split(), capsys=capsys)
     assert row["plc"] == "10.0.0.9:51000"
-    assert row["plc_guess"] == {"confidence": 0.7, "why": "MAC of Siemens"}
-
-
-def test_the_ports_of_a_project_tell_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Seen from its first packet, the other end might be it."""
-    path, bench = tmp_path / "one", tmp_path / "p.toml"
-    path.write_bytes(capture([answer(b"a", 501, 101), tcp(b"b", 101, 502)]))
-    bench.write_text(
-        'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 51000\n',
-        "utf-8",
-    )
-    (row,) = rows_of(path, "--project", str(bench), capsys=capsys)
-    assert row["plc"] == "10.0.0.9:51000"
-    assert row["plc_guess"] == {"confidence": 0.8, "why": "port 51000 of the project"}
-    assert rows_of(path, capsys=capsys)[0]["plc"] == "10.0.0.5:2000"
+    assert row["plc_guess"] == {"confidence": confidence, "why": why}
 
 
 def test_the_text_stays_in_80_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -483,28 +446,19 @@ def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:
 def test_a_wrong_plc_end_is_one_line(text: str) -> None:
     with pytest.raises(UserError, match="--plc: found"):
         parse_plc(text)
-
-
-def test_plc_ends_of_both_kinds() -> None:
     assert parse_plc("[fd00::1]:2000") == (bytes.fromhex("fd" + "0" * 29 + "1"), 2000)
     assert parse_plc("fd00::1")[1] is None and parse_plc("10.0.0.5:2000") == (b"\n\0\0\5", 2000)
 
 
-def test_files_that_are_no_capture_are_one_line_and_exit_2(
+def test_files_that_are_no_capture_are_one_line_and_a_cut_one_is_read_up_to_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "gif").write_bytes(b"GIF89a")
+    (tmp_path / "cut").write_bytes(capture(handshake())[:-5])
     for name in ("gif", "nothing", "."):
         assert main(["conversations", str(tmp_path / name)]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
-
-
-def test_a_cut_file_gives_what_could_be_read_and_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "cut"
-    path.write_bytes(capture(handshake())[:-5])
-    assert main(["conversations", str(path)]) == 0
+    assert main(["conversations", str(tmp_path / "cut")]) == 0
     said = capsys.readouterr()
     assert "10.0.0.5:2000" in said.out and said.err.endswith("; read up to there\n")
 
@@ -576,46 +530,3 @@ def test_tshark_follows_the_same_bytes(tmp_path: Path) -> None:
     ).stdout
     followed = "".join(line for line in said.splitlines() if line and set(line) <= set("0123456789abcdef"))
     assert bytes.fromhex(followed) == to_plc(listen(packets)) == text
-
-
-@pytest.mark.live
-@pytest.mark.slow
-def test_a_capture_of_socat_has_the_bytes_that_it_sent(tmp_path: Path) -> None:
-    for tool in ("dumpcap", "socat"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    got, sent = tmp_path / "got", tmp_path / "sent"
-    sent.write_bytes(random.Random(4).randbytes(200_000))
-    listener = subprocess.Popen(
-        ["socat", "-d", "-d", "-u", "TCP-LISTEN:0,bind=127.0.0.1", f"CREATE:{got}"],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert listener.stderr is not None
-    port = next(line for line in listener.stderr if "listening on" in line).rpartition(":")[2].strip()
-    words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", "-"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as dump:
-        assert dump.stdout is not None and dump.stderr is not None
-        if not any(line.startswith(b"File:") for line in dump.stderr):
-            listener.kill()
-            listener.communicate()
-            pytest.skip("dumpcap may not capture here")
-        subprocess.run(["socat", "-u", f"OPEN:{sent}", f"TCP:127.0.0.1:{port}"], check=True)
-        listener.communicate()
-        assert got.read_bytes() == sent.read_bytes()
-        handle, events = dump.stdout.fileno(), list[ConversationEvent]()
-        reader = CaptureReader(lambda most: os.read(handle, most), "lo")
-        found = Conversations(events.append)
-        for packet in reader:
-            found.take(packet, reader.interfaces[packet.interface].link_type)
-            if any(event.kind is EventKind.FIN for event in events):
-                break
-        dump.terminate()
-    text = b""
-    for event in events:
-        if event.kind is EventKind.BYTES:
-            assert event.data == sent.read_bytes()[event.at : event.at + event.size]
-        text += bytes(event.size) if event.kind in (EventKind.BYTES, EventKind.MISSING) else b""
-    conversation = found.all[0]
-    assert len(text) == 200_000 and conversation.begins_with_syn and conversation.end is not None
-    assert guess_plc(conversation).says.address == (b"\x7f\0\0\1", int(port))

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import random
 import re
-import socket
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.certificates import Certificates
-from tests.e2e.tapping import PATIENCE, Tap
+from tests.e2e.tapping import Tap
 from tests.e2e.terminal import need
-from tests.waiting import until
 
 pytestmark = pytest.mark.live
 
@@ -26,20 +23,6 @@ def port_told(program: subprocess.Popen[bytes]) -> int:
         if told := re.search(rb"[: ]127\.0\.0\.1:(\d+)$", line.rstrip()):
             return int(told[1])
     raise AssertionError("it has ended")
-
-
-def test_socat_sends_a_file_and_takes_one_back(tmp_path: Path) -> None:
-    socat = need("socat")
-    there, back = tmp_path / "there", tmp_path / "back"
-    there.write_bytes(random.Random(1).randbytes(700_001))
-    far = [socat, "-dd", "-t10", "TCP-LISTEN:0,bind=127.0.0.1,fork", "EXEC:cat"]
-    with subprocess.Popen(far, stderr=subprocess.PIPE) as listens:
-        with Tap(str(port_told(listens))) as tap:
-            near = [socat, "-t10", "-", f"TCP:127.0.0.1:{tap.port}"]
-            with there.open("rb") as given, back.open("wb") as taken:
-                subprocess.run(near, stdin=given, stdout=taken, check=True, timeout=PATIENCE)
-        listens.kill()
-    assert back.read_bytes() == there.read_bytes()
 
 
 def test_tls_of_openssl_passes_unopened(tmp_path: Path) -> None:
@@ -82,45 +65,3 @@ def test_snap7_reads_what_snap7_serves() -> None:
             assert tap.end()[0] == 0
     finally:
         server.stop()
-
-
-def test_socat_joins_two_serial_lines_with_a_tap_between(tmp_path: Path) -> None:
-    socat = need("socat")
-    ends = [tmp_path / name for name in ("plc", "tap1", "tap2", "device")]
-    pairs = [
-        subprocess.Popen([socat, *(f"PTY,raw,echo=0,link={end}" for end in two)])
-        for two in (ends[:2], ends[2:])
-    ]
-    try:
-        until(lambda: all(end.exists() for end in ends), lambda: [pair.poll() for pair in pairs])
-        with Tap(f"serial:{ends[2]},19200,8E1", listen=f"serial:{ends[1]},19200,8E1") as tap:
-            assert tap.said == f"T: serial:{ends[1]} to serial:{ends[2]}\n"
-            with ends[0].open("r+b", buffering=0) as plc, ends[3].open("r+b", buffering=0) as device:
-                for one, other in ((plc, device), (device, plc)):
-                    one.write(bytes(range(256)))
-                    got = b""
-                    while len(got) < 256:
-                        got += other.read(256)
-                    assert got == bytes(range(256))
-            assert tap.end()[0] == 0
-    finally:
-        for pair in pairs:
-            pair.kill()
-            pair.wait()
-
-
-def test_datagrams_of_socat_go_there_and_back() -> None:
-    socat = need("socat")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far:
-        far.bind(("127.0.0.1", 0))
-        far.settimeout(PATIENCE)
-        with Tap(f"udp:{far.getsockname()[1]}", listen="udp:127.0.0.1:0") as tap:
-            command = [socat, "-t5", "-", f"UDP:127.0.0.1:{tap.port}"]
-            with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as near:
-                assert near.stdin is not None and near.stdout is not None
-                near.stdin.write(b"question")
-                near.stdin.flush()
-                data, came_from = far.recvfrom(100)
-                far.sendto(data[::-1], came_from)
-                assert near.stdout.read(8) == b"noitseuq"
-                near.kill()

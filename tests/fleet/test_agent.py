@@ -16,7 +16,6 @@ import pytest
 from tests.cli.test_cli import ENVIRONMENT
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.waiting import until
-from trcvtui.cli.main import main
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.engine import LocalDriver
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
@@ -178,21 +177,6 @@ def test_a_label_of_the_page_is_none_that_prometheus_takes_for_itself() -> None:
 
 
 # -- bad input -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ("", "found neither, expected --mqtt mqtts://HOST or --metrics ADDR:PORT"),
-        ("--metrics here", "--metrics: found 'here', expected ADDR:PORT"),
-        ("--mqtt mqtts://a:b@c", "a user or password in the URL"),
-        ("--mqtt mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_2(words: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["agent", str(PROJECT), *words.split()]) == 2
-    said = capsys.readouterr()
-    assert told in said.err and said.err.count("\n") == 1 and not said.out
 
 
 # -- on a broker -----------------------------------------------------------------------------------------

@@ -13,10 +13,10 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import seen_fleet
 from trcvtui.fleet.broker import (
+    BrokerRefusal,
     Connected,
     IncomingMessage,
     Lost,
-    SubscriptionRefused,
 )
 from trcvtui.fleet.event_log import EventLog
 from trcvtui.fleet.reader import (
@@ -276,7 +276,7 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
     assert broker.reader.told.startswith("broker, trcvtui/v1/s/a/L/figures: found 'Input data was truncated'")
     broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
     assert broker.reader.refused == 1001 and "truncated" in broker.reader.told
-    broker.tell(SubscriptionRefused("it lets us not read"), seconds=TELL_NS / SECOND)
+    broker.tell(BrokerRefusal("it lets us not read"), seconds=TELL_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
 
 
@@ -333,13 +333,20 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("http://x", "trcvtui fleet: found 'http://x', expected mqtts://HOST[:8883] or mqtt://HOST[:1883]"),
-        ("mqtts://a:b@c", "trcvtui fleet: found a user or password in the URL"),
-        ("mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
-        ("mqtts://c", "trcvtui fleet: found no terminal, expected a terminal"),
+        ("agent X", "found neither, expected --mqtt mqtts://HOST or --metrics ADDR:PORT"),
+        ("agent X --metrics here", "--metrics: found 'here', expected ADDR:PORT"),
+        ("agent X --mqtt mqtts://a:b@c", "a user or password in the URL"),
+        ("agent X --mqtt mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
+        (
+            "fleet http://x",
+            "trcvtui fleet: found 'http://x', expected mqtts://HOST[:8883] or mqtt://HOST[:1883]",
+        ),
+        ("fleet mqtts://a:b@c", "trcvtui fleet: found a user or password in the URL"),
+        ("fleet mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),
+        ("fleet mqtts://c", "trcvtui fleet: found no terminal, expected a terminal"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(words: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fleet", *words.split()]) == 2
+    assert main(words.replace("X", "configs/active.toml").split()) == 2
     said = capsys.readouterr()
     assert told in said.err and said.err.count("\n") == 1 and not said.out

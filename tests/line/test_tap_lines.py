@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from trcvtui.bench.bench import Bench
+from trcvtui.cli.main import main
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
 from trcvtui.line import tap_command as command
-from trcvtui.line.tap_command import Looks, forward
-from trcvtui.line.tap_observer import LookingOn, TapPlan
+from trcvtui.line.tap_command import ObserverSettings, forward
+from trcvtui.line.tap_observer import TapObserver, TapPlan
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of, route_of
 from trcvtui.project.file import read_project
@@ -116,7 +117,7 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     plan = TapPlan([route_of("T", "1999", "2000", ("", ""))], None, None, None)
     lines: list[str] = []
     said: list[str] = []
-    looking = LookingOn(plan, lambda ns: WatchLines(lines.append, None, 10_000_000, ns), list, said.append)
+    looking = TapObserver(plan, lambda ns: WatchLines(lines.append, None, 10_000_000, ns), list, said.append)
     second = 1_000_000_000
 
     def event(kind: TapEventKind, ms: int, way: int = TO, at: int = 0, data: bytes = b"") -> None:
@@ -146,7 +147,7 @@ def test_what_is_held_from_the_beginning_needs_a_screen(
     monkeypatch.setattr(command, "NO_SCREEN_NS", 1_000_000)
     before = [(each, signal.getsignal(each)) for each in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)]
     route = route_of("T", "127.0.0.1:0", "127.0.0.1:1", ("", ""))
-    looks = Looks(None, None, None, None, False, has_screen=False, holds=True)
+    looks = ObserverSettings(None, None, None, None, False, has_screen=False, holds=True)
     try:
         assert forward([route], looks, None) == 2
     finally:
@@ -154,3 +155,32 @@ def test_what_is_held_from_the_beginning_needs_a_screen(
             signal.signal(number, handler)
     told = "--hold: found no screen within 5 s, expected one that lets go what is held"
     assert capsys.readouterr().err.splitlines()[-1] == told
+
+
+ROW = '[[tap]]\nname = "T"\nlisten = "{}"\nto = "{}"\nconnect = "{}"\n'
+WRONG_PLACES = (
+    (("here:2", "3"), "LISTEN: found 'here:2', expected [ADDR:]PORT, udp:[ADDR:]PORT or serial:"),
+    (("2", "70000"), "CONNECT: found '70000', expected [ADDR:]PORT"),
+    (("2", "udp:3"), "CONNECT: found 'udp:3' after '2', expected two places of one kind"),
+    (("1502", "127.0.0.1:1502"), "expected another place than that of LISTEN"),
+    (("serial:/dev/x,9600,9N1", "serial:/dev/y"), "LISTEN: found 'serial:/dev/x,9600,9N1', expected"),
+    (("192.0.2.1:2", "3"), "LISTEN: found 192.0.2.1:2 (EADDRNOTAVAIL), expected an address that is free"),
+    (("serial:/dev/not-there", "serial:/dev/neither"), "/dev/not-there: found open ENOENT"),
+    (("x", "1", "C1"), "listen: found 'x', expected [ADDR:]PORT"),
+    (("udp:1", "2", "C1"), "expected two places of one kind"),
+    (("1", "2", "CX"), "found 'CX', expected"),
+    ((), "found neither, expected LISTEN and CONNECT, or a --project with [[tap]]"),
+)
+
+
+@pytest.mark.parametrize(("places", "said"), WRONG_PLACES)
+def test_a_wrong_place_is_one_line(
+    places: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "wrong.toml"
+    connect = 'dialect = "baosky"\n[[connect]]\nname = "C1"\nActiveEstablished = false\nLocalPort = 2000\n'
+    file.write_text(connect + (ROW.format(*places) if len(places) == 3 else ""))
+    words = places if len(places) == 2 else ("--project", str(file))
+    assert main(["tap", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line

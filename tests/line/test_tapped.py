@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from trcvtui.capture import pcap
-from trcvtui.capture.packets import Carried, carried_by
+from trcvtui.capture.packets import IpPayload, carried_by
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
 from trcvtui.line.tapped import TapPacket, TapPackets
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
@@ -57,7 +57,7 @@ def test_every_sum_is_right(opens: str, size: int) -> None:
     )
     for packet in packets:
         carried = carried_by(pcap.RAW_IP, packet.data, len(packet.data))
-        assert isinstance(carried, Carried)
+        assert isinstance(carried, IpPayload)
         inner = packet.data[carried.at : carried.end]
         ends = carried.source + carried.target + bytes((0, carried.protocol)) + len(inner).to_bytes(2, "big")
         assert checksum(ends + inner) == 0

@@ -30,19 +30,17 @@ from tests.recording.wire import (
 )  # fmt: skip
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.capture.pcap import ETHERNET, Packet, interface_block, open_capture, packet_block, section_block
+from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.cli.main import main
 from trcvtui.commands.words import Set
-from trcvtui.line.capture_player import CapturePlayer, plan_capture
+from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
 from trcvtui.line.packet_partners import PlayedEnd
-from trcvtui.line.watch_command import MISSING
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import RecordingWriter
 
 Record = dict[str, Any]
-COOKED = 113
 STATIC = """
 dialect = "baosky"
 [[connect]]
@@ -142,16 +140,6 @@ def test_without_a_project_both_directions_have_an_ad_hoc_shadow(watch: Watch) -
     seen = watch([*handshake(), *said])
     assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 5)
     assert seen.jobs("C1_FROM_PLC")[-1] == ("7008", 3)
-
-
-def test_a_connection_is_built_on_ethernet_as_on_any_link(watch: Watch) -> None:
-    packets = [*handshake(), *stream(12)]
-    on_ip = watch(packets)
-    watch.path.write_bytes(
-        capture([bytes(12) + b"\x08\x00" + each for each in packets], ETHERNET, 60_000_000)
-    )
-    assert watch.file(watch.path).records == on_ip.records
-    assert on_ip.jobs("C1_TO_PLC")[-1] == ("7008", 12)
 
 
 def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_path: Path) -> None:
@@ -372,22 +360,6 @@ def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path
     assert dones(seen) == [(12, None)]
 
 
-def test_random_packets_end_with_a_last_line(watch: Watch) -> None:
-    chance = random.Random(11)
-    for _ in range(30):
-        packets = [
-            chance.choice([tcp, answer])(
-                chance.randbytes(chance.randrange(40)),
-                chance.randrange(500),
-                chance.randrange(500),
-                chance.choice([ACK, ACK, SYN, FIN | ACK, RST, SYN | ACK]),
-                chance.choice([0, 8192]),
-            )
-            for _ in range(chance.randrange(1, 60))
-        ]
-        assert set(watch(packets).last) == {"assigned", "unassigned", "left_out"}
-
-
 # -- odd and hostile captures ------------------------------------------------------------------------------
 
 
@@ -402,13 +374,6 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def dones(seen: Watched, instance: str = "R1") -> list[tuple[int, str | None]]:
     return [(r["RCVD_LEN"], r.get("note")) for r in seen.of(instance) if r["DONE"]]
-
-
-def test_order_and_copies_of_segments_change_no_job(watch: Watch, tmp_path: Path) -> None:
-    one, two, three = (tcp(bytes([n] * 12), 101 + 12 * n, 501) for n in range(3))
-    all_there = answer(seq=501, ack=137)
-    shared = [*handshake(), one, one, three, two, two, three, all_there, one, all_there]
-    assert dones(watch(shared, "--project", str(project(tmp_path)))) == [(12, None)] * 3
 
 
 def test_a_connection_without_an_end_is_over_when_its_ends_connect_again(
@@ -427,12 +392,6 @@ def test_a_capture_that_ends_within_a_job_leaves_it_waiting(watch: Watch, tmp_pa
     assert dones(seen) == [(12, None)]
     assert seen.of("R1")[-1]["STATUS"] == "7006"
     assert seen.last["left_out"] == {}
-
-
-def test_a_capture_that_begins_and_ends_within_jobs_says_so(watch: Watch, tmp_path: Path) -> None:
-    seen = watch([*stream(7, 12, 12, seq=40)], "--project", str(project(tmp_path)), "--plc", "10.0.0.5")
-    assert seen.notes == ["begins in the middle"]
-    assert dones(seen) == [(12, None)] * 2
 
 
 def test_a_hole_of_two_gigabytes_costs_few_scans_and_frames_begin_where_they_began(
@@ -614,125 +573,8 @@ def _flags(frame: bytes) -> int:
     return frame[14 + (40 if frame[12:14] == b"\x86\xdd" else 20) + 13]
 
 
-def live_jobs(tmp_path: Path, pieces: tuple[int, ...]) -> tuple[list[tuple[int, int]], list[Packet]]:
-    """Return what a live TRCV_C of 12 bytes showed, and the packets that came to it."""
-    if shutil.which("dumpcap") is None:
-        pytest.skip("dumpcap is not installed")
-    bench = Bench(load_project(project(tmp_path, "EN_R = true\nCONT = true", local=0)), "live")
-    edges: list[StatusEdge] = []
-    began = clock.now_ns()
-
-    def scan() -> None:
-        bench.step(clock.now_ns() - began)
-        bench.runtime.settle()
-        edges.extend(bench.runtime.changed)
-
-    while (port := bench.runtime.listening_port("C1")) is None:
-        scan()
-    wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
-    connection = next(iter(bench.runtime._connections.values()))
-    total, text = 0, random.Random(3).randbytes(sum(pieces))
-    for size in pieces:
-        wire.send(text[total : total + size])
-        total += size
-        while connection.bytes_received < total:
-            scan()
-    packets = wire.end()
-    while not edges or edges[-1].outputs.status != 0x7002:
-        scan()
-    bench.close()
-    return [
-        _job(edge) for edge in edges if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
-    ], packets
-
-
-def _job(edge: StatusEdge) -> tuple[int, int]:
-    return edge.outputs.status, edge.outputs.rcvd_len or 0
-
-
 def _is_said(edge: StatusEdge) -> bool:
     return edge.outputs.status != 0x80A1  # EN_R is 1 before the connection stands: a matter of some scans
-
-
-def written(path: Path, packets: list[Packet], link_type: int = ETHERNET) -> Path:
-    blocks = [packet_block(0, packet.ns, packet.data) for packet in packets]
-    path.write_bytes(b"".join((section_block("tests"), interface_block(link_type, "t"), *blocks)))
-    return path
-
-
-def tagged(packet: Packet) -> Packet:
-    return packet._replace(data=packet.data[:12] + b"\x81\x00\x00\x07" + packet.data[12:])
-
-
-def cooked(packet: Packet) -> Packet:
-    return packet._replace(data=b"\0\0\0\1\0\6" + packet.data[6:12] + b"\0\0" + packet.data[12:])
-
-
-def reordered(packets: list[Packet]) -> list[Packet]:
-    """Return the packets with each third one after the next."""
-    found = list(packets)
-    for at in range(4, len(found) - 5, 3):
-        found[at], found[at + 1] = (
-            found[at + 1]._replace(ns=found[at].ns), found[at]._replace(ns=found[at + 1].ns),
-        )  # fmt: skip
-    return found
-
-
-def twice(packets: list[Packet]) -> list[Packet]:
-    return [each for packet in packets for each in (packet, packet)]
-
-
-@pytest.mark.live
-def test_a_capture_of_real_sockets_shows_what_the_live_block_showed(watch: Watch, tmp_path: Path) -> None:
-    jobs, packets = live_jobs(tmp_path, PIECES)
-    assert [size for word, size in jobs] == [12] * 6 + [0, 0] and [hex(word) for word, _ in jobs[-2:]] == [
-        "0x80a6", "0x80c5",
-    ]  # fmt: skip
-    bench = str(project(tmp_path))
-    rewritten = {
-        "as it was": (packets, ETHERNET),
-        "vlan": ([*map(tagged, packets)], ETHERNET),
-        "cooked": ([*map(cooked, packets)], COOKED),
-        "reordered": (reordered(packets), ETHERNET),
-        "twice": (twice(packets), ETHERNET),
-    }
-    for name, (changed, link_type) in rewritten.items():
-        path = written(tmp_path / "w.pcapng", changed, link_type)
-        seen = watch.file(path, "--project", bench, "--plc", "127.0.0.1").jobs("R1")
-        assert [(int(word, 16), size) for word, size in seen if word != "80A1"] == jobs, name
-
-
-@pytest.mark.live
-def test_a_packet_that_the_capture_lost_is_a_hole_in_its_job_alone(watch: Watch, tmp_path: Path) -> None:
-    jobs, packets = live_jobs(tmp_path, PIECES)
-    of_data = [n for n, packet in enumerate(packets) if len(packet.data) - 66 == 24]
-    path = written(tmp_path / "w.pcapng", packets[: of_data[0]] + packets[of_data[0] + 1 :])
-    seen = watch.file(path, "--project", str(project(tmp_path)), "--plc", "127.0.0.1")
-    dones = [(r["RCVD_LEN"], "note" in r) for r in seen.of("R1") if r["DONE"]]
-    assert dones == [(12, False)] * 2 + [(12, True)] * 2 + [(12, False)] * 2
-    assert len(jobs) == 8
-
-
-@pytest.mark.live
-@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
-def test_ad_hoc_shadows_take_the_bytes_of_a_real_sender(watch: Watch, tmp_path: Path, address: str) -> None:
-    for tool in ("dumpcap", "socat"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    kind = "TCP6-LISTEN:0,bind=[::1]" if ":" in address else "TCP-LISTEN:0,bind=127.0.0.1"
-    listener = subprocess.Popen(
-        ["socat", "-d", "-d", "-u", kind, "-"], stderr=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert listener.stderr is not None
-    said = next(line for line in listener.stderr if b"listening on" in line)
-    wire = Capturing(tmp_path / "real.pcapng", address, int(said.decode().rpartition(":")[2]))
-    for size in PIECES:
-        wire.send(bytes(size))
-    wire.end()
-    listener.communicate()
-    seen = watch.file(tmp_path / "real.pcapng")
-    assert sum(size for word, size in seen.jobs("C1_TO_PLC") if word == "7008") == sum(PIECES)
-    assert seen.last["left_out"] == {}
 
 
 class Frames:
@@ -745,7 +587,7 @@ class Frames:
         self._player.play([str(path)])
         self._player.close()
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert not lacking
         self.jobs += jobs_of(self._player.shadows.bench, changed)
 

@@ -348,13 +348,6 @@ def test_the_packets_that_are_kept_are_bounded(monkeypatch: pytest.MonkeyPatch, 
     assert Path(kept.files()[0]).stat().st_size < 600
 
 
-def test_the_help_has_a_line_to_copy_for_each_system(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["watch", "--help"]) == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    systems = [line[0] for line in lines if line[-4:] == ["|", "trcvtui", "watch", "-"]]
-    assert systems == ["Linux", "tcpdump", "macOS", "Windows", "ssh"]
-
-
 def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
     ours, theirs = multiprocessing.Pipe()
     reads, writes = os.pipe()

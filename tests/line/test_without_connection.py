@@ -15,8 +15,8 @@ from trcvtui.capture.command import take_captures
 from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, interface_block, packet_block, section_block
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.cli.main import main
+from trcvtui.line.capture_player import MISSING
 from trcvtui.line.on_screen import _played
-from trcvtui.line.watch_command import MISSING
 
 __all__ = ["watch"]
 

@@ -24,7 +24,7 @@ _IP_V6: Final = struct.Struct(">IHBB16s16s").unpack_from
 _PORTS: Final = struct.Struct(">HH").unpack_from
 
 
-class NotRead(Enum):
+class SkippedPacket(Enum):
     """Why a packet is none of TCP and UDP."""
 
     OTHER = "others"
@@ -33,7 +33,7 @@ class NotRead(Enum):
     CUT = "packets cut off before their ports"
 
 
-class Carried(NamedTuple):
+class IpPayload(NamedTuple):
     """What an IP packet carries: addresses of 4 or 16 bytes; where its header begins and its data ends."""
 
     protocol: int
@@ -143,26 +143,26 @@ def _past_vlans(data: bytes, at: int) -> int:
             return at if kind in _IP_TYPES else -1
 
 
-def carried_by(link_type: int, data: bytes, length: int) -> Carried | Fragment | NotRead:
+def carried_by(link_type: int, data: bytes, length: int) -> IpPayload | Fragment | SkippedPacket:
     """Return the TCP or UDP of a packet of which the wire had `length` bytes, or which piece of one it is."""
     at = ip_start(link_type, data)
     if at < 0:
-        return NotRead.OTHER
+        return SkippedPacket.OTHER
     try:
         if data[at] >> 4 == 4:
             return _in_version_4(data, at, length)
-        return _in_version_6(data, at, length) if data[at] >> 4 == 6 else NotRead.OTHER
+        return _in_version_6(data, at, length) if data[at] >> 4 == 6 else SkippedPacket.OTHER
     except (IndexError, struct.error):
-        return NotRead.CUT
+        return SkippedPacket.CUT
 
 
-def _in_version_4(data: bytes, at: int, length: int) -> Carried | Fragment | NotRead:
+def _in_version_4(data: bytes, at: int, length: int) -> IpPayload | Fragment | SkippedPacket:
     first, _, total, number, fragment, _, protocol, _, source, target = _IP_V4(data, at)
     if protocol not in (TCP, UDP):
-        return NotRead.OTHER
+        return SkippedPacket.OTHER
     start = at + (first & 15) * 4
     if first & 15 < 5:
-        return NotRead.OTHER
+        return SkippedPacket.OTHER
     # A total of 0: the sender's network card had yet to cut it into packets.
     end = at + total if total else length
     if fragment & 0x3FFF:
@@ -170,7 +170,7 @@ def _in_version_4(data: bytes, at: int, length: int) -> Carried | Fragment | Not
         head = data[: at + 6] + b"\0\0" + data[at + 8 : start]
         return _piece(of, (fragment & 0x1FFF) * 8, not fragment & 0x2000, head, at + 2, start - at, data, end)
     _PORTS(data, start)
-    return Carried(protocol, source, target, data[start : start + 4], start, end)
+    return IpPayload(protocol, source, target, data[start : start + 4], start, end)
 
 
 def _piece(
@@ -183,13 +183,17 @@ def _piece(
     data: bytes,
     end: int,
     more: int = 0,
-) -> Fragment | NotRead:
+) -> Fragment | SkippedPacket:
     """Return a piece of a packet that begins `more` bytes after its head in `data`."""
     content = data[len(head) + more : end]
-    return Fragment(of, at, is_last, head, length_at, counted, content) if end <= len(data) else NotRead.CUT
+    return (
+        Fragment(of, at, is_last, head, length_at, counted, content)
+        if end <= len(data)
+        else SkippedPacket.CUT
+    )
 
 
-def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | NotRead:
+def _in_version_6(data: bytes, at: int, length: int) -> IpPayload | Fragment | SkippedPacket:
     _, size, protocol, _, source, target = _IP_V6(data, at)
     start = at + 40
     end = start + size if size else length
@@ -209,9 +213,9 @@ def _in_version_6(data: bytes, at: int, length: int) -> Carried | Fragment | Not
         elif protocol == _AUTHENTICATION:
             protocol, said_at, start = data[start], start, start + 8 + data[start + 1] * 4
         else:
-            return NotRead.OTHER
+            return SkippedPacket.OTHER
     _PORTS(data, start)
-    return Carried(protocol, source, target, data[start : start + 4], start, end)
+    return IpPayload(protocol, source, target, data[start : start + 4], start, end)
 
 
 def macs_of(link_type: int, data: bytes) -> tuple[bytes, bytes]:

@@ -18,10 +18,10 @@ from typing import Final, NamedTuple
 from trcvtui.capture.packets import (
     TCP,
     UDP,
-    Carried,
     Fragment,
     Fragments,
-    NotRead,
+    IpPayload,
+    SkippedPacket,
     carried_by,
     ip_number,
     macs_of,
@@ -206,7 +206,7 @@ class Conversations:
     ) -> None:
         self.names: Callable[[int], str] = str  # of the interfaces under way; a serial line has that name
         self.all: list[Conversation] = []
-        self.not_read: Counter[NotRead] = Counter()
+        self.not_read: Counter[SkippedPacket] = Counter()
         self.drops = 0  # packets that the program that captured has lost
         self.unlisted = 0  # packets of conversations above the limit
         self.first_ns: int | None = None
@@ -327,7 +327,7 @@ class Conversations:
     def _take_unusual(self, packet: Packet, link_type: int) -> None:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
-            self.not_read[NotRead.JOURNAL] += 1
+            self.not_read[SkippedPacket.JOURNAL] += 1
             self.recorded_to = packet.ns
             return
         if self.first_ns is None:
@@ -339,7 +339,7 @@ class Conversations:
         if isinstance(found, Fragment):
             self._take_fragment(packet, link_type, found)
             return
-        if isinstance(found, NotRead):
+        if isinstance(found, SkippedPacket):
             self.not_read[found] += 1
             return
         if found.protocol == UDP:
@@ -347,9 +347,9 @@ class Conversations:
         elif len(data) >= found.at + 16:
             self._take_segment(packet, link_type, found)
         else:
-            self.not_read[NotRead.CUT] += 1
+            self.not_read[SkippedPacket.CUT] += 1
 
-    def _take_datagram(self, packet: Packet, link_type: int, found: Carried) -> None:
+    def _take_datagram(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
         key = b"".join((b"U", source, target, ports))
         direction = self._flows.get(key) or self._open(packet, link_type, key, found, "udp")
@@ -363,7 +363,7 @@ class Conversations:
         has_data = len(data) > _SERIAL_HEAD
         sender = RECEIVED_END if error else _SERIAL_ENDS.get(data[8]) if has_data else None
         if sender is None:
-            self.not_read[NotRead.OTHER if len(data) >= _SERIAL_HEAD else NotRead.CUT] += 1
+            self.not_read[SkippedPacket.OTHER if len(data) >= _SERIAL_HEAD else SkippedPacket.CUT] += 1
             return
         name = self.names(packet.interface).encode()
         direction = self._flows.get(b"S%d" % sender + name)
@@ -379,7 +379,7 @@ class Conversations:
         if has_data:
             self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
 
-    def _take_segment(self, packet: Packet, link_type: int, found: Carried) -> None:
+    def _take_segment(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
         seq, ack, offset, flags, window = _TCP_HEAD(packet.data, at + 4)
         begin, key = at + (offset >> 4) * 4, b"".join((source, target, ports))
@@ -442,17 +442,17 @@ class Conversations:
         return False
 
     def _take_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
-        self.not_read[NotRead.FRAGMENT] += 1
+        self.not_read[SkippedPacket.FRAGMENT] += 1
         whole = self._fragments.put(piece, packet.ns)
         if whole is None:
             return
         data, count = whole
-        self.not_read[NotRead.FRAGMENT] -= count
+        self.not_read[SkippedPacket.FRAGMENT] -= count
         self.not_read += Counter()  # what is 0 is not told
         self._take_unusual(packet._replace(data=data, length=len(data)), link_type)
 
     def _open(
-        self, packet: Packet, link_type: int, key: bytes, found: Carried, name: str
+        self, packet: Packet, link_type: int, key: bytes, found: IpPayload, name: str
     ) -> WireDirection | None:
         _, source, target, ports, _, _ = found
         ends = (source, int.from_bytes(ports[:2], "big")), (target, int.from_bytes(ports[2:], "big"))

@@ -114,7 +114,7 @@ def add_tap(parser: CommandParser) -> None:
 
 
 def _tap(args: Args) -> int:
-    from trcvtui.line.tap_command import Looks, forward
+    from trcvtui.line.tap_command import ObserverSettings, forward
     from trcvtui.net.tap import route_of
 
     if args.listen is None:
@@ -126,7 +126,9 @@ def _tap(args: Args) -> int:
     is_terminal = sys.stdout.isatty()
     has_screen = args.format is None and sys.stdin.isatty() and is_terminal
     shadows = args.project, args.plc, args.dialect, args.format
-    looks = Looks(*shadows, args.format is not None or is_terminal, has_screen, args.hold, args.armed)
+    looks = ObserverSettings(
+        *shadows, args.format is not None or is_terminal, has_screen, args.hold, args.armed
+    )
     return forward(routes, looks, _tap_record(args.record))
 
 

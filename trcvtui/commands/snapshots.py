@@ -19,7 +19,7 @@ class ReplySnapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class WaySnapshot:
+class DirectionSnapshot:
     """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
 
     `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these; `held_ns`: for
@@ -41,7 +41,7 @@ class WaySnapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class TalkSnapshot:
+class ConversationSnapshot:
     """A conversation of others. `tap` is the tap that it goes through, "" for one that is only watched.
 
     `seconds`: bytes of both directions in each of the newest seconds.
@@ -53,8 +53,8 @@ class TalkSnapshot:
     plc: str
     partner: str
     state: str  # connecting, open, ended, reset; UDP, serial
-    to_plc: WaySnapshot
-    from_plc: WaySnapshot
+    to_plc: DirectionSnapshot
+    from_plc: DirectionSnapshot
     seconds: tuple[int, ...]
     handshake_ns: int | None = None
 

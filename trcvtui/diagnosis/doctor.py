@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
-from trcvtui.capture.packets import NotRead
+from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import KnownEnds, fits_nothing, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
@@ -125,7 +125,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     if facts.troubles and not facts.found.packets:
         raise UserError(facts.troubles)
     if known is not None:
-        facts.found.not_read.pop(NotRead.JOURNAL, None)  # its journal
+        facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
         for line in facts.lines:
             line.harms = known.harms.get(line.connect or "", ())
     cases = [*cases_of(_wanted(facts, asked), asked.receivers, facts.last_ns)]

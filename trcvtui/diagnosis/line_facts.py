@@ -14,7 +14,7 @@ from math import log
 from typing import Final, NamedTuple
 
 from trcvtui.capture.command import take_captures
-from trcvtui.capture.packets import NotRead
+from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
 from trcvtui.capture.quality import Quality, qualities_of
 from trcvtui.capture.reassembly import (
@@ -531,7 +531,7 @@ def facts_of(
     found = collector.found
     take_captures(paths, found, troubles)
     first_ns = found.first_ns or 0
-    is_recording = NotRead.JOURNAL in found.not_read
+    is_recording = SkippedPacket.JOURNAL in found.not_read
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_Talk(found.all[len(collector.talks)]))

@@ -21,7 +21,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
 from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
-from trcvtui.commands.snapshots import Answer, EngineTiming, TalkSnapshot
+from trcvtui.commands.snapshots import Answer, ConversationSnapshot, EngineTiming
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
@@ -163,7 +163,7 @@ class Controller:
         self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
         self.over = ""  # why nothing more comes
         self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
-        self.talks: Callable[[], tuple[TalkSnapshot, ...]] = tuple  # these conversations
+        self.talks: Callable[[], tuple[ConversationSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
         self.files_judge: Judge | None = None  # of what files, or packets, tell
         self._asked = 0, ""  # number and text of the line that is carried out

@@ -84,19 +84,13 @@ class Subscribed(NamedTuple):
     number: int
 
 
-class SubscriptionRefused(NamedTuple):
-    """The broker does not let us read: most often the right is lacking."""
+class BrokerRefusal(NamedTuple):
+    """The broker does not let us read, or does not take what we publish: most often it lacks the right."""
 
     why: str
 
 
-class PublishRefused(NamedTuple):
-    """The broker does not take what we publish: most often it lacks the right."""
-
-    why: str
-
-
-News = Connected | Lost | IncomingMessage | Taken | Subscribed | SubscriptionRefused | PublishRefused
+News = Connected | Lost | IncomingMessage | Taken | Subscribed | BrokerRefusal
 
 
 class LastWill(NamedTuple):
@@ -324,7 +318,7 @@ class BrokerConnection:
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
         refused = [reason for reason in reasons if reason.is_failure]
         if refused:
-            self._append(SubscriptionRefused(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
+            self._append(BrokerRefusal(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
         if self._is_up:
             self._append(Subscribed(number))
         else:
@@ -339,7 +333,7 @@ class BrokerConnection:
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
         if reason is not None and reason.is_failure and reason.value != 0x10:  # 0x10: nobody listens
-            self._append(PublishRefused(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
+            self._append(BrokerRefusal(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
         self._append(Taken(number))
 
 

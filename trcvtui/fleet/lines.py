@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from msgspec.structs import replace
+
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage, FiguresMessage, RecentMessage, StatusMessage
 from trcvtui.history.bench_update import BenchUpdate
@@ -77,19 +79,7 @@ class SeenInstance:
             round(age_s, 3),
         )
         before, self.status = self.status, status
-        return before is None or _facts(before) != _facts(status)
-
-
-def _facts(status: StatusMessage) -> tuple[object, ...]:
-    return (
-        status.status,
-        status.error,
-        status.done,
-        status.busy,
-        status.jobs_done,
-        status.errors,
-        status.here,
-    )
+        return before is None or replace(before, t=status.t, age_s=status.age_s) != status
 
 
 class SeenLine:

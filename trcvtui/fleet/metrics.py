@@ -2,106 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from ipaddress import ip_address
-from typing import Any, Final, NamedTuple, Protocol
+from itertools import islice
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.fleet.lines import SeenBench
+from trcvtui.fleet.seen_fleet import UP
 from trcvtui.net.results import end_in_words
 
 MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
 
-class PageSource(Protocol):
-    """What the page tells of the one that runs the lines."""
-
-    seen: SeenBench
-    restarts: int
-
-    @property
-    def is_running(self) -> bool:
-        """Return whether the engine is there."""
-        ...
-
-    @property
-    def is_up(self) -> bool:
-        """Return whether the broker has taken us."""
-        ...
-
-    @property
-    def queued(self) -> int:
-        """Return how many messages wait."""
-        ...
-
-    @property
-    def dropped(self) -> int:
-        """Return how many messages had no room."""
-        ...
-
-
 class Metric(NamedTuple):
-    """One metric: what it tells, its labels, its rows out of an agent."""
+    """One metric: what it tells, and its value of an agent, of a line or of an instance, as `labels` say."""
 
     name: str
     kind: str  # gauge or counter
     about: str
     labels: tuple[str, ...]
-    rows: Callable[[PageSource], Iterable[tuple[tuple[str, ...], float]]]
+    value: Callable[[Any], float]
 
 
-def _of_lines(
-    value: Callable[[Any], float],
-) -> Callable[[PageSource], Iterator[tuple[tuple[str, ...], float]]]:
-    return lambda agent: (((line.name,), value(line)) for line in [*_bench(agent).lines.values()])
-
-
-def _of_instances(
-    value: Callable[[Any], float],
-) -> Callable[[PageSource], Iterator[tuple[tuple[str, ...], float]]]:
-    return lambda agent: (
-        ((each.line, each.name), value(each)) for each in [*_bench(agent).instances.values()] if each.status
-    )
-
-
-def _of_agent(
-    value: Callable[[PageSource], float],
-) -> Callable[[PageSource], list[tuple[tuple[str, ...], float]]]:
-    return lambda agent: [((), value(agent))]
-
-
-def _bench(agent: PageSource) -> SeenBench:
-    return agent.seen
-
-
+_AGENT: Final = ()
+_LINE: Final = ("line",)
 _INSTANCE: Final = ("line", "name")  # `instance` is a label of Prometheus itself
+_UP: Final = "1: the CONNECT is connected, the UDP_CONFIG ready, the port there"
 METRICS: Final = (
-    Metric(
-        "trcvtui_broker_up", "gauge", "1: the broker has taken the agent", (), _of_agent(lambda a: a.is_up)
-    ),
-    Metric("trcvtui_queued", "gauge", "messages that wait for the broker", (), _of_agent(lambda a: a.queued)),
-    Metric("trcvtui_dropped", "counter", "messages without room", (), _of_agent(lambda a: a.dropped)),
-    Metric(
-        "trcvtui_restarts", "counter", "engines that were started anew", (), _of_agent(lambda a: a.restarts)
-    ),
-    Metric("trcvtui_engine_up", "gauge", "1: the engine scans", (), _of_agent(lambda a: a.is_running)),
-    Metric(
-        "trcvtui_line_up",
-        "gauge",
-        "1: the CONNECT is connected, the UDP_CONFIG ready, the port there",
-        ("line",),
-        _of_lines(lambda line: line.state in ("connected", "created", "up")),
-    ),
-    Metric("trcvtui_received_bytes", "counter", "bytes", ("line",), _of_lines(lambda line: line.received)),
-    Metric("trcvtui_sent_bytes", "counter", "bytes", ("line",), _of_lines(lambda line: line.sent)),
-    Metric("trcvtui_status", "gauge", "STATUS", _INSTANCE, _of_instances(lambda i: int(i.status.status, 16))),
-    Metric("trcvtui_error", "gauge", "1: ERROR", _INSTANCE, _of_instances(lambda i: i.status.error)),
-    Metric("trcvtui_jobs_done", "counter", "DONEs", _INSTANCE, _of_instances(lambda i: i.jobs_done)),
-    Metric("trcvtui_errors", "counter", "ERROR edges", _INSTANCE, _of_instances(lambda i: i.errors)),
-    Metric(
-        "trcvtui_here_bytes", "gauge", "bytes of the job", _INSTANCE, _of_instances(lambda i: i.status.here)
-    ),
+    Metric("trcvtui_broker_up", "gauge", "1: the broker has taken the agent", _AGENT, lambda a: a.is_up),
+    Metric("trcvtui_queued", "gauge", "messages that wait for the broker", _AGENT, lambda a: a.queued),
+    Metric("trcvtui_dropped", "counter", "messages without room", _AGENT, lambda a: a.dropped),
+    Metric("trcvtui_restarts", "counter", "engines that were started anew", _AGENT, lambda a: a.restarts),
+    Metric("trcvtui_engine_up", "gauge", "1: the engine scans", _AGENT, lambda a: a.is_running),
+    Metric("trcvtui_line_up", "gauge", _UP, _LINE, lambda line: line.state in UP),
+    Metric("trcvtui_received_bytes", "counter", "bytes", _LINE, lambda line: line.received),
+    Metric("trcvtui_sent_bytes", "counter", "bytes", _LINE, lambda line: line.sent),
+    Metric("trcvtui_status", "gauge", "STATUS", _INSTANCE, lambda i: int(i.status.status, 16)),
+    Metric("trcvtui_error", "gauge", "1: ERROR", _INSTANCE, lambda i: i.status.error),
+    Metric("trcvtui_jobs_done", "counter", "DONEs", _INSTANCE, lambda i: i.jobs_done),
+    Metric("trcvtui_errors", "counter", "ERROR edges", _INSTANCE, lambda i: i.errors),
+    Metric("trcvtui_here_bytes", "gauge", "bytes of the job", _INSTANCE, lambda i: i.status.here),
 )
+
+
+def _rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+    if labels == _AGENT:
+        yield (), agent
+    elif labels == _LINE:
+        yield from (((line.name,), line) for line in [*agent.seen.lines.values()])
+    else:
+        yield from (((i.line, i.name), i) for i in [*agent.seen.instances.values()] if i.status)
 
 
 def place_of_page(text: str) -> tuple[str, int]:
@@ -115,7 +65,7 @@ def place_of_page(text: str) -> tuple[str, int]:
 class MetricsPage:
     """What prometheus-client asks when somebody reads the page."""
 
-    def __init__(self, agent: PageSource) -> None:
+    def __init__(self, agent: Any) -> None:
         self._agent = agent
 
     def collect(self) -> Iterator[Any]:
@@ -125,12 +75,12 @@ class MetricsPage:
         kinds = {"gauge": GaugeMetricFamily, "counter": CounterMetricFamily}
         for metric in METRICS:
             family = kinds[metric.kind](metric.name, metric.about, labels=metric.labels)
-            for labels, value in list(metric.rows(self._agent))[:MOST_ROWS]:
-                family.add_metric(list(labels), value)
+            for labels, of in islice(_rows(self._agent, metric.labels), MOST_ROWS):
+                family.add_metric(labels, metric.value(of))
             yield family
 
 
-def serve_page(address: str, port: int, agent: PageSource) -> Any:
+def serve_page(address: str, port: int, agent: Any) -> Any:
     """Serve the page; return what ends it."""
     try:
         from prometheus_client import start_http_server

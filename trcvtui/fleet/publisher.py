@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, PublishRefused, Taken
+from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, Taken
 
 HOLD_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
@@ -125,7 +125,7 @@ class Publisher:
                 case Lost(why):
                     self._up_at = None
                     self._tell(f"{why}; what comes is kept, the next try follows")
-                case PublishRefused(why):
+                case BrokerRefusal(why):
                     self._tell(why)
                 case Taken(number):
                     done = self._underway.pop(number, 0)

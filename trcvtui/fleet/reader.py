@@ -14,12 +14,12 @@ from trcvtui import clock
 from trcvtui.errors import UserError
 from trcvtui.fleet.broker import (
     BrokerConnection,
+    BrokerRefusal,
     Connected,
     IncomingMessage,
     Lost,
     News,
     Subscribed,
-    SubscriptionRefused,
 )
 from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, encoded, read, topic_of
@@ -111,7 +111,7 @@ class FleetReader:
                     each.clear()
             case Subscribed(number) if number in self._underway:
                 self._settling.append((now + SETTLED_NS, self._underway.pop(number)))
-            case SubscriptionRefused(why):
+            case BrokerRefusal(why):
                 self._tell(why, now)
 
     def _message(self, came: IncomingMessage, wall: float) -> None:

@@ -12,13 +12,13 @@ from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.snapshots import (
     Answer,
+    ConversationSnapshot,
     DoctorSnapshot,
     EngineTiming,
     Fired,
     PeerSnapshot,
     PlayerSnapshot,
     Position,
-    TalkSnapshot,
     TrialSnapshot,
 )
 from trcvtui.history.pin_waveform import WaveformDelta, with_changes
@@ -94,7 +94,7 @@ class BenchUpdate:
     over: str = ""  # why nothing more comes from the line that is shown
     position: Position | None = None  # of a replay in its recording
     shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
-    talks: tuple[TalkSnapshot, ...] = ()  # these conversations, the newest first
+    talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
     doctor: DoctorSnapshot = NOBODY_LOOKED
 
 

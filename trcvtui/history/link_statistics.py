@@ -23,8 +23,8 @@ from trcvtui.history.records import (
     Failures,
     LastLoss,
     Moment,
+    RejectedClients,
     Sizes,
-    TurnedAway,
 )
 from trcvtui.history.stream_index import KEPT_SIZES, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
@@ -53,7 +53,7 @@ class _LinkFacts:
         self.attempt: FailedAttempt | None = None
         self.dropped: Dropped | None = None
         self.said: Dropped | None = None  # of the handshake that ends next
-        self.turned: dict[str, TurnedAway] = {}
+        self.turned: dict[str, RejectedClients] = {}
         self.loss: LastLoss | None = None
         self.losses = 0
         self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
@@ -139,7 +139,7 @@ class LinkStatistics:
         elif event.what in TURNED_AWAY:
             before = link.turned.get(TURNED_AWAY[event.what])
             count = before.count + 1 if before else 1
-            link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
+            link.turned[TURNED_AWAY[event.what]] = RejectedClients(count, event.peer, at)
         elif event.what is What.LISTENING:  # a new endpoint: one that lost its partner has its listener
             link.forget_failures()
             link.listening, link.down_since = event.local, at

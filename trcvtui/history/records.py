@@ -246,7 +246,7 @@ class Dropped:
 
 
 @dataclass(frozen=True, slots=True)
-class TurnedAway:
+class RejectedClients:
     """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
 
     count: int
@@ -292,8 +292,8 @@ class Facts:
     failures: tuple[Failures, ...] = ()
     attempt: FailedAttempt | None = None
     dropped: Dropped | None = None
-    wrong_partner: TurnedAway | None = None
-    second_client: TurnedAway | None = None
+    wrong_partner: RejectedClients | None = None
+    second_client: RejectedClients | None = None
     loss: LastLoss | None = None
     losses: int = 0
     datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire

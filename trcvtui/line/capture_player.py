@@ -22,8 +22,8 @@ from trcvtui.capture.reassembly import (
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.line.conversations import Talks
-from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, Shadows
+from trcvtui.line.conversations import ConversationFigures
+from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, ShadowBench
 from trcvtui.line.shadows import NEVER_NS, ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
@@ -34,6 +34,7 @@ from trcvtui.recording.seam import Seam
 from trcvtui.scenario.scenario import load_bench
 
 MOST_LISTED: Final = 1000  # conversations in the last line
+MISSING: Final = "? missing in the capture"  # is said of a job that lacks bytes
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
 OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
@@ -47,8 +48,8 @@ _NOT_DONE_AGAIN: Final = frozenset(
 class ShadowLines(Protocol):
     """Who is told what shadows show."""
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Take what changed in a scan; `lacking` are those whose job lacks bytes."""
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
         ...
 
     def note(self, ns: int, number: int, text: str) -> None:
@@ -89,12 +90,12 @@ class CapturePlayer:
     ) -> None:
         self._first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
-        self.talks: Talks | None = None  # who counts what is taken
+        self.talks: ConversationFigures | None = None  # who counts what is taken
         self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
         self.overlaps: dict[int, int] = {}  # number of an unassigned conversation -> of who has its place
         self._over: list[int] = []  # conversations above what the last line lists
-        self.shadows = Shadows(fresh_bench(plan.project, "sim", seam), self._show)
+        self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._show)
         self._running: dict[int, _Running] = {}
         self._reading = Conversations(self.take)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
@@ -141,8 +142,11 @@ class CapturePlayer:
 
     def _show(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
         shown = [edge for edge in changed if edge.instance in self.shown]
+        ended = (
+            [edge.instance for edge in shown if edge.outputs.done or edge.outputs.error] if lacking else []
+        )
         if shown:
-            self.lines.scan(scan, shown, lacking)
+            self.lines.scan(scan, shown, [name for name in ended if name in lacking])
 
     def take(self, event: ConversationEvent) -> None:
         """Let time pass up to an event, and do what it says."""

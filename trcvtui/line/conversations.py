@@ -7,7 +7,7 @@ from typing import Final
 
 from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind
-from trcvtui.commands.snapshots import TalkSnapshot, WaySnapshot
+from trcvtui.commands.snapshots import ConversationSnapshot, DirectionSnapshot
 
 MOST_KEPT: Final = 512  # conversations with figures; those that are over go first
 MOST_SHOWN: Final = 64
@@ -16,7 +16,7 @@ SECOND: Final = 1_000_000_000
 _ENDS: Final = {EventKind.FIN: "ended", EventKind.RST: "reset"}
 
 
-class _Way:
+class _Direction:
     """What one direction has shown."""
 
     def __init__(self) -> None:
@@ -35,9 +35,9 @@ class _Way:
             self.second, self.in_second = second, 0
         self.in_second += size
 
-    def snapshot(self, second: int, now_ns: int) -> WaySnapshot:
+    def snapshot(self, second: int, now_ns: int) -> DirectionSnapshot:
         rate = max(self.rate, self.in_second) if second <= self.second + 1 else 0
-        return WaySnapshot(
+        return DirectionSnapshot(
             self.size, rate, self.segments, self.again, self.missing, self.is_closed, self.held, self.first,
             self.round_trip_ns, self.window, 0 if self.held is None else now_ns - self.held_since,
         )  # fmt: skip
@@ -50,7 +50,7 @@ class _Figures:
         self.talk, self.tap = talk, tap
         begins = "connecting" if talk.begins_with_syn else "open"
         self.state = begins if talk.protocol == "tcp" else talk.protocol
-        self.ways = _Way(), _Way()
+        self.ways = _Direction(), _Direction()
         self.plc = self.partner = ""
         self.syn_ns = 0
         self.handshake_ns: int | None = None
@@ -67,7 +67,7 @@ class _Figures:
             self.seconds.append((second, size))
 
 
-class Talks:
+class ConversationFigures:
     """The figures of conversations, as their events come."""
 
     def __init__(self) -> None:
@@ -142,17 +142,17 @@ class Talks:
         self.hold(number, True, None, b"")
         self.hold(number, False, None, b"")
 
-    def snapshot(self) -> tuple[TalkSnapshot, ...]:
+    def snapshot(self) -> tuple[ConversationSnapshot, ...]:
         """Return those that go on, the newest first, then those that are over."""
         listed = sorted(self._figures.values(), key=lambda each: (each.is_over, -each.talk.number))
         return tuple([self._shown(each) for each in listed[:MOST_SHOWN]])
 
-    def _shown(self, each: _Figures) -> TalkSnapshot:
+    def _shown(self, each: _Figures) -> ConversationSnapshot:
         second = self._newest // SECOND
         sizes = dict(each.seconds)
         seconds = tuple([sizes.get(second - ago, 0) for ago in range(SECONDS - 1, -1, -1)])
         to_plc, from_plc = (way.snapshot(second, self.now_ns) for way in each.ways)
-        return TalkSnapshot(
+        return ConversationSnapshot(
             each.talk.number, each.tap, each.plc, each.partner, each.state, to_plc, from_plc, seconds,
             each.handshake_ns,
         )  # fmt: skip

@@ -102,9 +102,9 @@ class ServedShadows:
         `watch` gives a conversation shadows of its own.
         """
         from trcvtui.engine.controller import Controller
-        from trcvtui.line.conversations import Talks
+        from trcvtui.line.conversations import ConversationFigures
 
-        player.talks = talks = Talks()
+        player.talks = talks = player.talks or ConversationFigures()
         self._controller = controller = Controller(player.shadows.bench)
         controller.talks, controller.shadows = talks.snapshot, player.shown
         controller.kernel, controller.watch, self._player = kernel, watch, player
@@ -122,11 +122,11 @@ class ServedShadows:
 
     # -- what shadows show is in the ledger; what is said of conversations, too --------------------------
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Tell whose job lacks bytes."""
-        for edge in changed:
-            if edge.instance in lacking and (edge.outputs.done or edge.outputs.error):
-                self.tell(edge.instance, "? missing in the capture")
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        from trcvtui.line.capture_player import MISSING
+
+        for instance in lacking:
+            self.tell(instance, MISSING)
 
     def note(self, ns: int, number: int, text: str) -> None:
         self.tell(f"C{number}", text)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.line.capture_player import CapturePlayer, Played, plan_capture, planned
+from trcvtui.line.capture_player import MISSING, CapturePlayer, Played, plan_capture, planned
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.replay.driver import serve_screen
@@ -41,11 +41,9 @@ class _Told:
         self.write: Callable[[str], None] = print
         self._left = MOST_NOTES
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Tell whose job lacks bytes."""
-        for edge in changed:
-            if edge.instance in lacking and (edge.outputs.done or edge.outputs.error):
-                self._tell(f"{edge.instance}: ? missing in the capture")
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        for instance in lacking:
+            self._tell(f"{instance}: {MISSING}")
 
     def note(self, ns: int, number: int, text: str) -> None:
         self._tell(f"C{number}: {text}")

@@ -50,7 +50,7 @@ class _Waits(Protocol):
         ...
 
 
-class Shadows:
+class ShadowBench:
     """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
 
     It is called after each scan that changed or told anything.
@@ -186,7 +186,7 @@ class PlayedEnd:
     `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nobody to talk to.
     """
 
-    def __init__(self, shadows: Shadows, connect: str, own: Endpoint, calls: bool) -> None:
+    def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:
         self.connect = connect
         self.left_out = 0
         self.is_over = False
@@ -409,7 +409,7 @@ class PlayedLine:
     `left_out` counts, by the number of their conversation, bytes that never reached the shadow.
     """
 
-    def __init__(self, shadows: Shadows, link: str, left_out: Counter[int]) -> None:
+    def __init__(self, shadows: ShadowBench, link: str, left_out: Counter[int]) -> None:
         self.gives_up_at = 0
         self.keeps_out = True
         self._shadows = shadows

@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
-from trcvtui.net.os.tap_ways import AskedWays
+from trcvtui.net.os.tap_ways import EventPipes
 from trcvtui.net.tap import Route, end_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ TYPED: Final = 1 << 16  # bytes of one read
 WRONG_INPUT: Final = 2
 
 
-class Looks(NamedTuple):
+class ObserverSettings(NamedTuple):
     """What shadows look on, and whether anybody is shown it; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
@@ -55,7 +55,7 @@ class Looks(NamedTuple):
     is_armed: bool = False
 
 
-def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> int:
+def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] | None) -> int:
     """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
@@ -71,7 +71,7 @@ def forward(routes: Sequence[Route], looks: Looks, record: IO[bytes] | None) -> 
             with record:
                 ours, theirs = loop.pair()
                 with theirs:
-                    started.append(_started(theirs.fileno(), record, RECORDS))
+                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=record))
                 loop.add_looker(ours, "the recording")
         loop.holds = looks.holds
         if screen is not None:
@@ -109,7 +109,7 @@ def forward_for(fd: str, project: str) -> int:
     from trcvtui.scenario.scenario import load_bench
 
     raise_limit()
-    ways, loop = AskedWays(int(fd)), Forwarder(_say)
+    ways, loop = EventPipes(int(fd)), Forwarder(_say)
     try:
         routes = routes_of(load_bench(Path(project)).taps)
         for route in routes:
@@ -142,9 +142,8 @@ class TapInBackground:
         self._asked = places, str(project), None, None
         self._ours, theirs = Forwarder.pair()
         with theirs:
-            words = [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(project)]
-            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            self._process = Popen(words, stdin=DEVNULL, env=environment, pass_fds=(theirs.fileno(),))
+            words = SERVES, str(theirs.fileno()), str(project)
+            self._process = _started(words, stdin=DEVNULL, pass_fds=(theirs.fileno(),))
 
     @property
     def is_running(self) -> bool:
@@ -161,7 +160,9 @@ class TapInBackground:
         _wait(self._process)
 
 
-def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: list[Popen[bytes]]) -> bool:
+def _look_on(
+    loop: Forwarder, routes: Sequence[Route], looks: ObserverSettings, started: list[Popen[bytes]]
+) -> bool:
     types = _can_type()
     if not (looks.is_shown or types):
         return True
@@ -170,7 +171,7 @@ def _look_on(loop: Forwarder, routes: Sequence[Route], looks: Looks, started: li
     asked = json.dumps((places, project, looks.plc, looks.dialect, looks.form, looks.is_shown))
     ours, theirs = loop.pair()
     with theirs:
-        started.append(_started(theirs.fileno(), None, LOOKS_ON, asked))
+        started.append(_started((LOOKS_ON, asked), stdin=theirs.fileno()))
     if ours.recv(1) != b"\n":  # it has said what is wrong
         ours.close()
         return False
@@ -219,9 +220,9 @@ class _Screen:
         self._loop, self._voice = loop, voice
         self._process: Popen[bytes] | None = None
         self._terminal: list[Any] = []
-        self._asked = AskedWays()  # at its end the screen has ended
+        self._asked = EventPipes()  # at its end the screen has ended
 
-    def open(self, routes: Sequence[Route], looks: Looks) -> bool:
+    def open(self, routes: Sequence[Route], looks: ObserverSettings) -> bool:
         import termios
 
         self._terminal = termios.tcgetattr(0)
@@ -232,9 +233,8 @@ class _Screen:
         asked = json.dumps((places, looks.project and str(looks.project), looks.plc, looks.dialect))
         with self._asked.theirs as theirs:
             kernel = ARMED_TAP if looks.is_armed else TAP
-            words = [sys.executable, "-P", "-c", SHOWS, str(theirs.fileno()), asked, kernel]
-            environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-            self._process = Popen(words, env=environment, pass_fds=(theirs.fileno(),))
+            words = SHOWS, str(theirs.fileno()), asked, kernel
+            self._process = _started(words, pass_fds=(theirs.fileno(),))
         if not self._asked.is_asked():
             return False
         ours = self._asked.hand_over()
@@ -297,10 +297,9 @@ def _can_type() -> bool:
     return os.name == "posix" and (stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or os.isatty(0))
 
 
-def _started(events: int, out: IO[bytes] | None, program: str, *asked: str) -> Popen[bytes]:
-    words = [sys.executable, "-P", "-c", program, *asked]
+def _started(words: tuple[str, ...], **given: Any) -> Popen[bytes]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return Popen(words, stdin=events, stdout=out, env=environment)
+    return Popen([sys.executable, "-P", "-c", *words], env=environment, **given)
 
 
 def _wait(process: Popen[bytes]) -> None:

@@ -10,7 +10,7 @@ import json
 import os
 import struct
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
@@ -30,6 +30,7 @@ from trcvtui.commands.table import parse_line
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
 from trcvtui.line.capture_player import CapturePlayer, Played, ShadowLines
+from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.shadows import plan_ad_hoc, plan_of_project
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import (
@@ -128,6 +129,14 @@ class TapPlan:
             self.plan.parts[number] = parts
 
 
+def asked_plan(
+    places: Iterable[Sequence[str]], project: str | None, plc: str | None, dialect: str | None
+) -> TapPlan:
+    """Return the plan of taps that another process names; raise UserError."""
+    routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
+    return TapPlan(routes, None if project is None else Path(project), plc, dialect)
+
+
 def _is_at(place: TapPlace, address: bytes, port: int | None) -> bool:
     if place.kind == "serial":
         return True
@@ -160,7 +169,7 @@ def _made(
     return made
 
 
-class LookingOn:
+class TapObserver:
     """Plays the events of a tap to shadows as they come; `order` hands the tap an order.
 
     Without `lines_of` there are orders alone: the tap sends no bytes, and nothing is played. It is called
@@ -179,6 +188,7 @@ class LookingOn:
         self._order, self._complain = order, complain
         self._lines = self._lines_of(0)
         self.player = self._player = CapturePlayer(plan.plan, (), 0, self)
+        self._talks = self._player.talks = ConversationFigures()
         plan.begin()
         self._player.shadows.bench.on_tap = self._intervene
         self._first_ns: int | None = None
@@ -189,7 +199,7 @@ class LookingOn:
 
     # -- what shadows show: written with the time of the first packet ------------------------------------
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         self._lines.scan(scan, changed, lacking)
 
     def note(self, ns: int, number: int, text: str) -> None:
@@ -212,8 +222,7 @@ class LookingOn:
                     self._open(event)
                 return
         self._now = max(event.ns - (self._first_ns or event.ns), self._now)
-        if self._player.talks is not None:
-            self._player.talks.now_ns = self._now
+        self._talks.now_ns = self._now
         if event.kind == TapEventKind.NOW:
             self._player.shadows.go_to(self._now)
         elif event.kind == TapEventKind.LOST:
@@ -223,28 +232,21 @@ class LookingOn:
 
     def _of(self, event: TapEvent, talk: Conversation) -> None:
         says = talk.there if event.way == TO else talk.back
+        to_plc = says is not self._plan.plan.guesses[talk.number].says
         if event.kind == TapEventKind.OURS:
-            is_plc = says is self._plan.plan.guesses[talk.number].says
-            way = "from-plc" if is_plc else "to-plc"
-            act = f"{way} {event.data.decode()}"
+            act = f"{'to-plc' if to_plc else 'from-plc'} {event.data.decode()}"
             self._player.shadows.bench.note(self._plan.routes[event.route].name, "tap", act)
             self.note(self._now, talk.number, f"ours: {act}")
         elif event.kind == TapEventKind.STANDS:
             for kind, who in ((EventKind.ANSWER, talk.back), (EventKind.ESTABLISHED, talk.there)):
                 self._play(ConversationEvent(event.ns, talk, who, kind, 0, 0, b""))
         elif event.kind == TapEventKind.HELD:
-            if self._player.talks is not None:
-                to_plc = says is not self._plan.plan.guesses[talk.number].says
-                held = event.at if event.data else None
-                self._player.talks.hold(talk.number, to_plc, held, event.data[1:])
+            self._talks.hold(talk.number, to_plc, event.at if event.data else None, event.data[1:])
         elif event.kind == TapEventKind.FIGURES:
-            if self._player.talks is not None:
-                to_plc = says is not self._plan.plan.guesses[talk.number].says
-                round_trip, window, again = FIGURES.unpack(event.data)
-                self._player.talks.measure(talk.number, to_plc, round_trip * 1000, window, again)
+            round_trip, window, again = FIGURES.unpack(event.data)
+            self._talks.measure(talk.number, to_plc, round_trip * 1000, window, again)
         elif event.kind == TapEventKind.OVER:
-            if self._player.talks is not None:
-                self._player.talks.end(talk.number)
+            self._talks.end(talk.number)
             self._forget(talk.number)
         else:
             kind = _KINDS[TapEventKind(event.kind)]
@@ -319,6 +321,10 @@ class LookingOn:
         self._order(TapOrder(route, command.conversation, way, command.verb, command.sizes, command.payload))
         return ""
 
+    def end_all(self) -> None:
+        """Take that nothing more comes of any conversation."""
+        self._talks.end_all()
+
     def close(self) -> Played:
         """Let the shadows settle; return what became of the conversations."""
         self._player.shadows.settle()
@@ -341,8 +347,7 @@ def look_on(asked: str) -> None:
         sys.stderr.flush()
 
     try:
-        routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
-        plan = TapPlan(routes, None if project is None else Path(project), plc, dialect)
+        plan = asked_plan(places, project, plc, dialect)
     except UserError as wrong:
         complain("\n".join(wrong.lines()))
         sys.exit(2)
@@ -351,7 +356,7 @@ def look_on(asked: str) -> None:
     def lines_of(first_ns: int) -> WatchLines:
         return WatchLines(sys.stdout.write, form, interval, first_ns)
 
-    looking = LookingOn(
+    looking = TapObserver(
         plan, lines_of if is_shown else None, lambda order: os.write(0, order.line()), complain
     )
     os.write(0, b"\n")

@@ -69,14 +69,14 @@ class _TapServed(ServedShadows):
     def run(self, fd: int, asked: Asked, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
-        from trcvtui.line.tap_observer import LookingOn, TapPlan
+        from trcvtui.line.tap_observer import TapObserver, asked_plan
         from trcvtui.line.tapped import TapPackets
-        from trcvtui.net.tap import events_of, route_of
+        from trcvtui.net.tap import events_of
         from trcvtui.recording.worker_process import FilesJudge
 
         places, project, plc, dialect = asked
-        routes = [route_of(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
-        plan = TapPlan(routes, None if project is None else Path(project), plc, dialect)
+        plan = asked_plan(places, project, plc, dialect)
+        to = plan.routes[0].to
 
         def order(given: TapOrder) -> None:
             with suppress(OSError):  # the tap has ended: soon it is said
@@ -88,10 +88,10 @@ class _TapServed(ServedShadows):
 
         kept, packets = KeptPackets(), TapPackets()
         kept.interfaces = lambda: [(RAW_IP, "tap"), *((RTAC_SERIAL, name) for name in packets.lines)]
-        end = plc or (str(routes[0].to).removeprefix("udp:") if len(routes) == 1 else None)
-        end = None if routes[0].to.kind == "serial" else end
+        end = plc or (str(to).removeprefix("udp:") if len(places) == 1 else None)
+        end = None if to.kind == "serial" else end
         self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
-        looking = LookingOn(plan, lines_of, order, lambda text: self.tell("tap", text))
+        looking = TapObserver(plan, lines_of, order, lambda text: self.tell("tap", text))
         self.show(looking.player, kernel)
         with suppress(OSError):
             os.write(fd, b"\n")
@@ -101,6 +101,5 @@ class _TapServed(ServedShadows):
                         kept.keep(Packet(ns, interface, data, len(data), remarks, 0))
                     looking.take(event)
                 self.serve()
-        if looking.player.talks is not None:
-            looking.player.talks.end_all()
+        looking.end_all()
         self.go_on("tap", OVER)

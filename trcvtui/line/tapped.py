@@ -47,7 +47,7 @@ class TapPacket(NamedTuple):
     comments: tuple[str, ...]
 
 
-class _TappedTalk:
+class _TappedConversation:
     """One conversation: its ends by way, what each has sent, our remarks on its next packets."""
 
     def __init__(self, kind: str, ends: tuple[tuple[bytes, int], tuple[bytes, int]]) -> None:
@@ -77,7 +77,7 @@ class TapPackets:
 
     def __init__(self) -> None:
         self.lines: list[str] = []  # names of serial lines; interface 1 is the first
-        self._talks: dict[int, _TappedTalk] = {}
+        self._talks: dict[int, _TappedConversation] = {}
         self._number = 0  # of IP packets
 
     def of(self, event: TapEvent) -> Iterator[TapPacket]:
@@ -112,7 +112,7 @@ class TapPackets:
             return
         kind, near, near_port, far, far_port = event.data.decode().split("|")
         if kind == "serial":
-            talk = self._talks[event.number] = _TappedTalk(kind, ((b"", 0), (b"", 0)))
+            talk = self._talks[event.number] = _TappedConversation(kind, ((b"", 0), (b"", 0)))
             self.lines.append(f"{near} - {far}")
             talk.interface = len(self.lines)
             return
@@ -120,7 +120,7 @@ class TapPackets:
         if addresses[0].version != addresses[1].version:
             addresses = [each if each.version == 6 else IPv6Address(f"::ffff:{each}") for each in addresses]
         ends = (addresses[0].packed, int(near_port)), (addresses[1].packed, int(far_port))
-        talk = self._talks[event.number] = _TappedTalk(kind, ends)
+        talk = self._talks[event.number] = _TappedConversation(kind, ends)
         if kind == "tcp" and not event.at:
             yield self._segment(talk, TO, event.ns, SYN)
         talk.stands = bool(event.at)
@@ -142,7 +142,7 @@ class TapPackets:
             for remarks in talk.remarks:
                 remarks.append(text)
 
-    def _data(self, talk: _TappedTalk, event: TapEvent) -> Iterator[TapPacket]:
+    def _data(self, talk: _TappedConversation, event: TapEvent) -> Iterator[TapPacket]:
         way, data, ns = event.way, event.data, event.ns
         if talk.kind == "serial":
             head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, _EVENT_OF[way], 0, 0)
@@ -157,7 +157,7 @@ class TapPackets:
             yield self._segment(talk, way, ns, ACK if at + MOST_PAYLOAD < len(data) else ACK | PSH, part)
 
     @staticmethod
-    def _remarks(talk: _TappedTalk, way: int) -> tuple[str, ...]:
+    def _remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
         said = talk.remarks[way]
         if not said:
             return ()
@@ -165,7 +165,9 @@ class TapPackets:
         said.clear()
         return found
 
-    def _segment(self, talk: _TappedTalk, way: int, ns: int, flags: int, data: bytes = b"") -> TapPacket:
+    def _segment(
+        self, talk: _TappedConversation, way: int, ns: int, flags: int, data: bytes = b""
+    ) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
         seq = talk.next[way] & 0xFFFFFFFF
         ack = talk.next[1 - way] & 0xFFFFFFFF if flags & ACK else 0
@@ -182,7 +184,7 @@ class TapPackets:
             self._remarks(talk, way),
         )
 
-    def _datagram(self, talk: _TappedTalk, way: int, ns: int, data: bytes) -> TapPacket:
+    def _datagram(self, talk: _TappedConversation, way: int, ns: int, data: bytes) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
         size = 8 + len(data)
         total = talk.sums[way] + 2 * size + _sum(data)

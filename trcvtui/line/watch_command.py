@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.errors import one_line
-from trcvtui.line.capture_player import MOST_LISTED, CapturePlayer, Played, plan_capture
+from trcvtui.line.capture_player import MISSING, MOST_LISTED, CapturePlayer, Played, plan_capture
 from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.net.os.packet_pipe import take_stdin
@@ -21,7 +21,6 @@ from trcvtui.wording import utc_text
 
 ENDS: Final = (signal.SIGINT, signal.SIGTERM)
 MOST_KNOWN: Final = 4096
-MISSING: Final = "? missing in the capture"
 
 
 class WatchLines:
@@ -36,15 +35,14 @@ class WatchLines:
         self._first_ns = first_ns
         self._known: dict[tuple[str, Outputs] | None, str] = {}  # lines of JSON without their beginning
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
-        """Write one line for each instance that changed; `lacking` are those whose job lacks bytes."""
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+        """Write one line for each instance that changed."""
         if self._lines is not None and not lacking:
             head = self._head(scan)
             self._write("".join([head + self._rest(edge) for edge in changed]))
             return
         for edge in changed:
-            of_job = edge.instance in lacking and (edge.outputs.done or edge.outputs.error)
-            self._say(scan, outputs_record(edge) | ({"note": MISSING} if of_job else {}))
+            self._say(scan, outputs_record(edge) | ({"note": MISSING} if edge.instance in lacking else {}))
 
     def _head(self, scan: int) -> str:
         time = utc_text(self._first_ns + (scan - 1) * self._interval_ns)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.capture import pcap
-from trcvtui.capture.packets import TCP, UDP, Carried, carried_by
+from trcvtui.capture.packets import TCP, UDP, IpPayload, carried_by
 from trcvtui.errors import mistake
 from trcvtui.files import replacing
 from trcvtui.net.results import is_loopback
@@ -113,7 +113,7 @@ class _Copy:
 
     def _clear_ip(self, data: bytearray) -> None:
         found = carried_by(pcap.RAW_IP, bytes(data), len(data))
-        if not isinstance(found, Carried) or not _is_ours(found, data):
+        if not isinstance(found, IpPayload) or not _is_ours(found, data):
             data[:] = bytes(len(data))  # nobody knows what is in it
             return
         if self._out.payload:
@@ -145,5 +145,5 @@ class _Copy:
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 
 
-def _is_ours(found: Carried, data: bytearray) -> bool:
+def _is_ours(found: IpPayload, data: bytearray) -> bool:
     return data[0] == 0x45 and len(data) >= _IP_HEADER + _HEADERS[found.protocol]

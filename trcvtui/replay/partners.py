@@ -30,10 +30,10 @@ from trcvtui.replay.recorded_run import (
     CallPlace,
     DatedMessage,
     DialledAttempt,
+    InheritedSocket,
     OwnAct,
     Partner,
     RecordedRun,
-    Standing,
 )
 
 T = TypeVar("T")
@@ -107,7 +107,7 @@ class PartnersAgain(Replay):
         for one in told.standing:
             self._sockets[one.handle] = self._standing(one)
 
-    def _standing(self, one: Standing) -> _Socket:
+    def _standing(self, one: InheritedSocket) -> _Socket:
         socket = _Socket(one.owner)
         socket.listens = one.use is SocketUse.LISTENS
         socket.is_udp = one.use is SocketUse.DATAGRAMS

@@ -124,7 +124,7 @@ class DialledAttempt:
         return is_refused or over.scan < scan
 
 
-class Standing(NamedTuple):
+class InheritedSocket(NamedTuple):
     """What a CONNECT holds where a file begins in the middle: a socket, and what that is for."""
 
     owner: str
@@ -138,7 +138,9 @@ class RecordedRun:
     `first`: the last scan before these entries; `standing`: the sockets that there were then.
     """
 
-    def __init__(self, peers: Collection[str], standing: Iterable[Standing] = (), first: int = 0) -> None:
+    def __init__(
+        self, peers: Collection[str], standing: Iterable[InheritedSocket] = (), first: int = 0
+    ) -> None:
         self.first, self.standing = first, tuple(standing)
         self.scan = first
         self._times: deque[int] = deque()  # of the newest scans
@@ -181,7 +183,7 @@ class RecordedRun:
             self._times.popleft()
         return self._times[scan - self.scan - 1]
 
-    def _stand(self, one: Standing) -> None:
+    def _stand(self, one: InheritedSocket) -> None:
         if one.use is SocketUse.STANDS:
             partner = Partner(UNKNOWN_END, CallPlace(self.first), is_known=False)
             self.stands[one.handle] = self._partners[one.handle] = partner

@@ -23,7 +23,7 @@ from trcvtui.project.keys import is_played
 from trcvtui.project.project import Project
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.partners import PartnersAgain, WhyGuess
-from trcvtui.replay.recorded_run import RecordedRun, Standing
+from trcvtui.replay.recorded_run import InheritedSocket, RecordedRun
 from trcvtui.replay.run_again import REST_LINE, Roots, RunAgain, declared
 from trcvtui.scenario.report import JsonLines, outputs_record
 from trcvtui.udt.layout.coding import Value
@@ -149,7 +149,7 @@ class WhatIf:
         self._refuse_not_played()
         self._changed, self._notes = self._with_sets(dialect, change)
         self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
-        standing = [Standing(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
+        standing = [InheritedSocket(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
         self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
         self._told.follow(keyframes.entries())
         self._held = _Held(self.pins)

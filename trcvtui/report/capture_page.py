@@ -10,9 +10,8 @@ from trcvtui.capture.command import capture_notes, conversation_row
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.history.records import Moment
-from trcvtui.line.capture_player import CapturePlayer, plan_capture
+from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
 from trcvtui.line.shadows import ShadowPlan, known_ends
-from trcvtui.line.watch_command import MISSING
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.report.page import ReportSource
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
@@ -29,13 +28,12 @@ class _CaptureNotes:
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
         self._interval_ns = interval_ns
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: frozenset[str]) -> None:
+    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert self.notes is not None
         self.notes.scanned()
         at = Moment(scan, (scan - 1) * self._interval_ns)
-        for edge in changed:
-            if edge.instance in lacking and edge.outputs.lit in ("done", "error"):
-                self.events.add(EventNote(at, edge.instance, MISSING))
+        for instance in lacking:
+            self.events.add(EventNote(at, instance, MISSING))
 
     def note(self, ns: int, number: int, text: str) -> None:
         self.events.add(EventNote(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))

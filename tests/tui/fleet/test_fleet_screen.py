@@ -18,7 +18,6 @@ from trcvtui.fleet.broker import Broker, Connected, IncomingMessage, Lost
 from trcvtui.fleet.topics import StatusMessage
 from trcvtui.tui.fleet import app as fleet_app
 from trcvtui.tui.fleet.app import FleetApp
-from trcvtui.tui.widgets.line_view import Row
 
 MIDDLE = (100, 30)
 SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: f"{size[0]}x{size[1]}")
@@ -28,10 +27,7 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let tests call the frames and say what time it is, in UTC."""
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
-    monkeypatch.setattr(fleet_app, "READ_S", 3600.0)
-    monkeypatch.setattr("gc.disable", lambda: None)
     monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
-    monkeypatch.setattr(fleet_app, "quiet_collector", lambda: None)
     monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
     monkeypatch.setenv("TZ", "UTC")
     if hasattr(time, "tzset"):
@@ -223,28 +219,6 @@ async def test_a_broker_that_is_away_stands_in_the_head_and_the_lines_stay() -> 
 async def test_an_empty_broker_says_what_to_do() -> None:
     async with on_fleet(SMALL, is_filled=False) as screen:
         assert "no line yet" in screen.text and "trcvtui agent PROJECT.toml --mqtt" in screen.text
-
-
-async def test_ten_thousand_lines_are_a_list_of_which_the_rows_in_view_are_made(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    async with on_fleet(SMALL, is_filled=False) as screen:
-        for number in range(200):
-            screen.broker.tell(screen.broker.message(f"s/a{number}/state", ONLINE))
-            lines = (f"s/a{number}/L{line}/figures" for line in range(50))
-            screen.broker.tell(*(screen.broker.message(line, figures()) for line in lines))
-        await screen.tell()
-        made = set[int]()
-        row_at = screen.app.main.table.row_at
-
-        def noted(y: int) -> Row:
-            made.add(y)
-            return row_at(y)
-
-        monkeypatch.setattr(screen.app.main.table, "row_at", noted)
-        await screen.press("end")
-        assert "a99/L9 " in screen.chosen and "10000 lines" in screen.text
-        assert made <= {*range(9900, 10_000), *range(100)}
 
 
 async def test_hostile_texts_reach_the_terminal_as_plain_characters() -> None:

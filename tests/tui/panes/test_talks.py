@@ -10,9 +10,9 @@ from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind, WireDirection
-from trcvtui.commands.snapshots import ARMED_TAP, TAP, TalkSnapshot
+from trcvtui.commands.snapshots import ARMED_TAP, TAP, ConversationSnapshot
 from trcvtui.history.bench_update import BenchUpdate
-from trcvtui.line.conversations import SECONDS, Talks
+from trcvtui.line.conversations import SECONDS, ConversationFigures
 from trcvtui.tui.prompt import PromptInput
 
 SECOND = 1_000_000_000
@@ -22,7 +22,7 @@ class Told:
     """Figures of one conversation that is told event by event."""
 
     def __init__(self) -> None:
-        self.talks = Talks()
+        self.talks = ConversationFigures()
         self.talk = Conversation(1, "tcp", NS)
         there = self.talk.there = WireDirection(self.talk, (bytes([10, 0, 0, 9]), PARTNER[1]), b"")
         back = self.talk.back = WireDirection(self.talk, (bytes([10, 0, 0, 5]), PLC[1]), b"")
@@ -36,7 +36,7 @@ class Told:
         self.talks.take(event, from_plc, "T")
 
     @property
-    def shown(self) -> TalkSnapshot:
+    def shown(self) -> ConversationSnapshot:
         return self.talks.snapshot()[0]
 
 

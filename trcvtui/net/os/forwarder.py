@@ -73,7 +73,7 @@ class PollOfSelect:
         return [(fd, mask) for fds, mask in zip(ready, (IN, OUT, OUT), strict=True) for fd in fds]
 
 
-class LookerOn:
+class Observer:
     """Who is told events over a socket, and may give orders over it. He never makes the loop wait."""
 
     def __init__(
@@ -187,7 +187,7 @@ class Forwarder:
         self._heard: dict[int, Callable[[int], None]] = {}
         self._timers: list[tuple[int, int, Callable[[], None]]] = []
         self._timer_numbers = count()
-        self._lookers: tuple[LookerOn, ...] = ()
+        self._lookers: tuple[Observer, ...] = ()
         self.holds = False  # each direction from its beginning
         self._ends = False
         self._ticks = 0
@@ -240,7 +240,7 @@ class Forwarder:
         self, sock: socket.socket, what: str, gives_orders: bool = False, wants_bytes: bool = True
     ) -> None:
         """Tell events to one more, and obey him; `what` he does, for when he is gone."""
-        looker = LookerOn(self, sock, what, gives_orders, wants_bytes)
+        looker = Observer(self, sock, what, gives_orders, wants_bytes)
         self._lookers += (looker,)
         self._tell_all(looker)
 
@@ -280,7 +280,7 @@ class Forwarder:
         for lane in self._lanes():
             lane.let_go()
 
-    def lose(self, looker: LookerOn) -> None:
+    def lose(self, looker: Observer) -> None:
         """Go on without one who looks on; what was held goes on, too."""
         self._lookers = tuple([each for each in self._lookers if each is not looker])
         if not self._ends:
@@ -300,20 +300,20 @@ class Forwarder:
                 if looker.wants_bytes or kind is not TapEventKind.BYTES:
                     looker.take(head, data)
 
-    def tell_again(self, looker: LookerOn, loss: bytes) -> None:
+    def tell_again(self, looker: Observer, loss: bytes) -> None:
         """Tell one who has missed something how much that is, and what there is now."""
         numbers = b"".join([number.to_bytes(4, "little") for route in self.routes for number in route.talks])
         self._tell_one(looker, TapEventKind.LOST, 0, 0, 0, loss + numbers)
         self._tell_all(looker)
 
-    def _tell_all(self, looker: LookerOn) -> None:
+    def _tell_all(self, looker: Observer) -> None:
         for route in self.routes:
             for number, talk in route.talks.items():
                 self._tell_one(looker, TapEventKind.OPEN, route.place, number, 1, talk.said)
 
     @staticmethod
     def _tell_one(
-        looker: LookerOn, kind: TapEventKind, place: int, number: int, at: int, data: bytes, way: int = TO
+        looker: Observer, kind: TapEventKind, place: int, number: int, at: int, data: bytes, way: int = TO
     ) -> None:
         looker.take(EVENT.pack(kind, way, place, number, at, time.time_ns(), len(data)), data)
 

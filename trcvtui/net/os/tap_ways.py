@@ -11,7 +11,7 @@ from trcvtui.net.os.forwarder import Forwarder
 ASKED: Final = b"+"
 
 
-class AskedWays:
+class EventPipes:
     """The tap's end. `fd` is readable when a way is asked for, and when nobody is there who could ask."""
 
     def __init__(self, fd: int | None = None) -> None:

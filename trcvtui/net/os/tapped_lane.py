@@ -62,7 +62,7 @@ class TapLoop(Protocol):
         ...
 
 
-class Talk(Protocol):
+class TapConversation(Protocol):
     """A conversation with two lanes; it knows what its ends are."""
 
     loop: TapLoop
@@ -162,7 +162,7 @@ class TapEnd:
 class TapLane:
     """One direction of one conversation: what waits between its source and its target, in this order."""
 
-    def __init__(self, talk: Talk, way: int, source: TapEnd, target: TapEnd) -> None:
+    def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         self.talk, self.way, self.source, self.target = talk, way, source, target
         source.reads = target.writes = self
         self.loop = talk.loop
@@ -379,7 +379,7 @@ class TapLane:
 class DatagramLane(TapLane):
     """One direction of datagrams: none is joined with another, and what there is no room for is lost."""
 
-    def __init__(self, talk: Talk, way: int, source: TapEnd, target: TapEnd) -> None:
+    def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         super().__init__(talk, way, source, target)
         self._sizes: deque[int] = deque()  # of the datagrams that are held
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import ClassVar, Final
@@ -23,7 +22,7 @@ from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.messages import FleetEntryOpened, KeyClicked
 from trcvtui.tui.settings import ScreenSettings, load_settings
-from trcvtui.tui.terminal_app import TerminalApp, quiet_collector
+from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.help import KeyTable, key_rows
 from trcvtui.tui.widgets.line_view import Row, pane_title
@@ -34,9 +33,7 @@ from trcvtui.wording import count
 
 NS: Final = 1_000_000_000
 FRAME_S: Final = 1 / 20
-LOOK_NS: Final = 10_000_000  # of a frame, for messages
-READ_S: Final = 0.002  # between two looks, while what the broker has retained comes
-READ_NS: Final = 25_000_000  # of such a look
+LOOK_NS: Final = 20_000_000  # of a frame, for messages
 ORDER_NS: Final = NS // 2  # between two orders of the list
 OLD_NS: Final = 10 * NS  # until errors are looked at whether they are of the last hour
 NONE_FITS: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
@@ -272,7 +269,6 @@ class FleetApp(TerminalApp):
     ) -> None:
         super().__init__(settings or ScreenSettings())
         self._reader = reader
-        self._is_reading = False
         self.main = FleetScreen(broker, pattern, reader)
 
     def on_mount(self) -> None:
@@ -284,22 +280,7 @@ class FleetApp(TerminalApp):
 
     def frame(self) -> None:
         """Hear what has come, and show it."""
-        if self._is_reading:
-            return  # it looks by itself
         self.hear(LOOK_NS)
-        self._read_on()
-
-    def _read_on(self) -> None:
-        is_reading = self._reader.is_up and not self._reader.is_complete
-        if is_reading != self._is_reading:
-            self._is_reading = is_reading
-            gc.disable() if is_reading else quiet_collector()
-        if is_reading:
-            self.set_timer(READ_S, self._read)
-
-    def _read(self) -> None:
-        self.hear(READ_NS)
-        self._read_on()
 
     def hear(self, most_ns: int) -> None:
         """Hear for at most so long what has come, and show it."""

@@ -17,7 +17,7 @@ from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import LineFeed
 from trcvtui.tui.panes.composer import Composer
-from trcvtui.tui.panes.talks import TalkList
+from trcvtui.tui.panes.talks import ConversationList
 from trcvtui.tui.peer_commands import (
     CHECK,
     EVERY_SPLIT,
@@ -229,7 +229,7 @@ class PeerPanel(Vertical):
         self._title = ""
         self.lines = LineFeed(view_model, actions)
         self.peers = PeerList(view_model)
-        self.talks = TalkList(view_model, actions)
+        self.talks = ConversationList(view_model, actions)
         self.composer = Composer(view_model, actions)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._notes = PeerNotes(view_model)

@@ -6,7 +6,11 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.commands.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
+from trcvtui.commands.snapshots import (
+    ARMED_TAP,
+    ConversationSnapshot,
+    DirectionSnapshot,
+)
 from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -41,7 +45,7 @@ INTERVENTIONS: Final = (
 )
 
 
-class TalkList(LineView):
+class ConversationList(LineView):
     """Two rows for each conversation; the cursor is the direction that keys intervene in."""
 
     KEYS: ClassVar = (*((each.key, each.label) for each in INTERVENTIONS), ("w", "shadow"))
@@ -49,7 +53,7 @@ class TalkList(LineView):
         *((each.key, f"intervene('{each.key}')", each.label) for each in INTERVENTIONS),
         ("w", "shadow", "shadow"),
     ]
-    DEFAULT_CSS = "TalkList { height: 1fr; display: none; }"
+    DEFAULT_CSS = "ConversationList { height: 1fr; display: none; }"
 
     def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="talks")
@@ -95,7 +99,7 @@ class TalkList(LineView):
             self._chosen = talks[0].number if talks else 0, True
         return self._chosen
 
-    def _talk(self) -> TalkSnapshot | None:
+    def _talk(self) -> ConversationSnapshot | None:
         number = self._here()[0]
         return next((talk for talk in self._view_model.talks if talk.number == number), None)
 
@@ -146,20 +150,20 @@ class TalkList(LineView):
             (self._actions.submit if acts else self._actions.open_prompt)(f"{line} {verb} {number}")
 
 
-def _asking(line: str, way: WaySnapshot) -> str:
+def _asking(line: str, way: DirectionSnapshot) -> str:
     """Return the beginning of a line; `drop` begins with all that is held."""
     if line.endswith(" drop"):
         return f"{line} {way.held or 0}"
     return line if line.endswith("#") else f"{line} "
 
 
-def _lamp(way: WaySnapshot) -> list[Part]:
+def _lamp(way: DirectionSnapshot) -> list[Part]:
     if way.held is None:
         return [("       ", "")]
     return [(" HELD ", "hold"), (" ", "")]
 
 
-def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
+def _ends(talk: ConversationSnapshot, is_roomy: bool) -> list[Part]:
     ends = f"{talk.partner} → {talk.plc}" if is_roomy else talk.partner
     parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
     if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
@@ -167,21 +171,21 @@ def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
     return parts
 
 
-def _figures(way: WaySnapshot, is_roomy: bool) -> list[Part]:
+def _figures(way: DirectionSnapshot, is_roomy: bool) -> list[Part]:
     if way.round_trip_ns is None or way.window is None:
         return []
     window = f"window {way.window} " if is_roomy and way.window else ""
     return [(f" {'round trip' if is_roomy else 'rtt'} {duration(way.round_trip_ns)} {window}", "dim")]
 
 
-def _spark(talk: TalkSnapshot) -> list[Part]:
+def _spark(talk: ConversationSnapshot) -> list[Part]:
     shown = talk.seconds[-SPARKS:]
     most = max(shown, default=0)
     bars = "".join(BARS[-(-size * (len(BARS) - 1) // most) if most else 0] for size in shown)
     return [(f" {bars} ", "key")]
 
 
-def _remarks(way: WaySnapshot) -> list[Part]:
+def _remarks(way: DirectionSnapshot) -> list[Part]:
     told: list[Part] = []
     if way.held:
         told.append((f" {way.held} B held", "warn"))

@@ -12,7 +12,7 @@ from functools import partial
 from itertools import takewhile
 from typing import Final, NamedTuple
 
-from trcvtui.commands.snapshots import BESIDE, Answer, Fired, PeerSnapshot, TalkSnapshot
+from trcvtui.commands.snapshots import BESIDE, Answer, ConversationSnapshot, Fired, PeerSnapshot
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import HistoryRequest, HistoryWindow
@@ -338,7 +338,7 @@ class ViewModel:
         return self.live.shadows if self.live is not None else frozenset()
 
     @property
-    def talks(self) -> tuple[TalkSnapshot, ...]:
+    def talks(self) -> tuple[ConversationSnapshot, ...]:
         return self.live.talks if self.live is not None else ()
 
     @property

@@ -133,6 +133,11 @@ def advice_of_scenario(name: str, condition: Condition) -> Advice:
     return advice_on(evidence_then(line, edge, NOTHING_KNOWN, until, bench.project, 10_000_000))
 
 
+def rules_of(told: Advice) -> tuple[str, ...]:
+    """Return the names of the rules that spoke, that of the last attempt first."""
+    return (*(["last_attempt"] if told.code is not None else []), *(rule.__name__ for rule in told.rules))
+
+
 def as_told(told: Advice) -> Iterator[str]:
     yield told.why
     yield from (f"- {cause}" for cause in told.causes)
@@ -150,7 +155,7 @@ def test_a_situation_is_told_by_its_rule(section: str) -> None:
     for rule, case in golden.cases("advice", section):
         told = advice_of(case)
         said.append((f"{rule}: {case}", as_told(told)))
-        if rule not in (told.rules or ("-",)):
+        if rule not in (rules_of(told) or ("-",)):
             wrong.append((case, rule, told))
     assert wrong == []
     golden.agree("advice", section, said)
@@ -186,7 +191,7 @@ def test_a_partner_that_does_not_read_is_named() -> None:
         told.do("pulse S REQ", "run 3")
     told.do("run 2")
     answer = told.of("S")
-    assert (set(answer.rules), answer.do[0]) == ({"stalled_peer", "does_not_read"}, "`peer P1 resume`")
+    assert (set(rules_of(answer)), answer.do[0]) == ({"stalled_peer", "does_not_read"}, "`peer P1 resume`")
 
 
 CUT = ("peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
@@ -207,9 +212,9 @@ def test_facts_survive_a_flood_that_the_lines_do_not() -> None:
 
 def test_a_reset_stream_is_not_called_shifted_any_more() -> None:
     told = Told(*UP, *CUT, "set X EN_R=1", "run 20")
-    assert "shifted_by_a_drop" in told.of("X").rules
+    assert "shifted_by_a_drop" in rules_of(told.of("X"))
     told.do("pulse X COM_RST", "run 5", "peer P1 connect", "run 5", "peer P1 send random 96 seed=1", "run 5")
-    assert "shifted_by_a_drop" not in told.of("X").rules
+    assert "shifted_by_a_drop" not in rules_of(told.of("X"))
 
 
 def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell() -> None:
@@ -222,7 +227,7 @@ def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell(
 def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:
     half, again = "peer P1 send random 48 seed=1", ("set X EN_R=0", "run 2", "set X EN_R=1", "run 2")
     told = Told(*UP, half, "run 3", *again, half, "run 3")
-    assert "shifted_by_a_drop" not in told.of("X").rules
+    assert "shifted_by_a_drop" not in rules_of(told.of("X"))
 
 
 def test_a_frame_that_is_all_here_is_complete_and_a_slow_sender_is_not_stuck() -> None:
@@ -283,9 +288,9 @@ def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_wa
         told.do(f"peer {name} connect", "run 60")
         assert told.evidence("TRCV_C_1").condition == Condition.ESTABLISHING
         advised = told.of("TRCV_C_1")
-        assert (advised.code, advised.rules[0]) == (code, "last_attempt")
+        assert (advised.code, rules_of(advised)[0]) == (code, "last_attempt")
     told.do("peer good connect", "run 20", "peer good close", "run 20")
-    assert "last_attempt" not in told.of("TRCV_C_1").rules
+    assert "last_attempt" not in rules_of(told.of("TRCV_C_1"))
 
 
 def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built() -> None:

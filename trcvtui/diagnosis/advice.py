@@ -298,15 +298,15 @@ JOB: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 class Advice:
     """`why` is how things stand, `causes` what is proven, the most telling first; `do` is what to do.
 
-    `code`: that whose row of the table says more than the row of the code that is shown. `rules`: the
-    names of those that spoke.
+    `code`: that whose row of the table says more than the row of the code that is shown. `rules`: those
+    that spoke.
     """
 
     why: str
     causes: tuple[str, ...] = ()
     do: tuple[str, ...] = ()
     code: int | None = None
-    rules: tuple[str, ...] = ()
+    rules: tuple[Tell, ...] = ()
 
     @property
     def checks(self) -> tuple[str, ...]:
@@ -319,13 +319,12 @@ def advice_on(e: Evidence) -> Advice:
     words = because(failed.cause, e.block) if failed is not None else ""
     first = _attempt_told(e, words)
     rules = () if first and _stops_it(e) else _asked(e)
-    told = [(tell.__name__, sentence) for tell in (serial.port_trouble, *rules) if (sentence := tell(e))]
+    told = [(tell, sentence) for tell in (serial.port_trouble, *rules) if (sentence := tell(e))]
     parts = [sentence.partition(DO) for sentence in (*first, *(sentence for _, sentence in told))]
     causes, do = (tuple(dict.fromkeys(part[n] for part in parts if part[n])) for n in (0, 2))
-    spoke = (*(("last_attempt",) if first else ()), *(name for name, _ in told))
     if first:  # which may say a cause already, after its own words
         causes = (causes[0], *(cause for cause in causes[1:] if cause not in causes[0]))
-    return Advice(why(e), causes, do, _attempt_code(e), spoke)
+    return Advice(why(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in told))
 
 
 def _asked(e: Evidence) -> tuple[Tell, ...]:

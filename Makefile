@@ -27,7 +27,6 @@ quick: $(READY)
 lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/python .ci/words.py
 
 types: $(READY)
 	$(BIN)/mypy

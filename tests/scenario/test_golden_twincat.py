@@ -6,7 +6,7 @@ import pytest
 
 from tests.scenario.scenarios import TWINCAT, failures
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
+from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartialFrameDropped
 from trcvtui.blocks.status import Reach
 from trcvtui.dialects.twincat.rules import COM_ERRORS
 from trcvtui.scenario.runner import Runner, VirtualPace
@@ -57,7 +57,7 @@ ALIKE = {
 def test_a_connection_that_closes_in_a_frame_leaves_a_note_and_no_bytes() -> None:
     bench = played("6-t04")
     events = [line.event for line in bench.runtime.ledger]
-    assert PartDropped("RD", "RX", 0, 2, "connection closed") in events
+    assert PartialFrameDropped("RD", "RX", 0, 2, "connection closed") in events
     assert not any(isinstance(event, FrameEnded) for event in events)
     assert bench.runtime.snapshot().combuffers[0].count == 0
 
@@ -95,6 +95,6 @@ def test_with_its_switch_a_part_ends_where_en_r_falls() -> None:
     runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
     assert not runner.play((*scenario.start, *scenario.steps)).passed
     events = [line.event for line in bench.runtime.ledger]
-    assert PartDropped("RD", "RX", 0, 1, "EN_R fell") in events
+    assert PartialFrameDropped("RD", "RX", 0, 1, "EN_R fell") in events
     assert FrameEnded("RD", "RX", 1, 2, "suffix") in events
     bench.close()

@@ -90,7 +90,7 @@ class Undo:
     edits: Edits = field(compare=False)
 
 
-Mend = Add | AddData | Change | Remove | Undo
+Remedy = Add | AddData | Change | Remove | Undo
 MENDS = (Add, AddData, Change, Remove, Undo)
 
 

@@ -21,8 +21,8 @@ from typing import Final
 
 from benchmarks.figures import FULL, Effort, Figure, against, alternate, ratios, spread
 from benchmarks.plc import ManyReceivers
+from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import read_project
 

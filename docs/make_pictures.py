@@ -17,8 +17,8 @@ from typing import Final, NamedTuple
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.paths import demo_path
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp

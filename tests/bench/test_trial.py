@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.split_test import trial_text
 from trcvtui.commands.snapshots import TrialSnapshot
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.file import load_project
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.advice import Advice, advice_on
 from trcvtui.diagnosis.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.link_statistics import facts_while
 from trcvtui.plc.ledger import Line, StatusEdge

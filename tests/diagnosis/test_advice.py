@@ -16,6 +16,7 @@ import pytest
 
 from tests import golden
 from tests.bench.told import UP, Told
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
@@ -25,7 +26,6 @@ from trcvtui.diagnosis.advice import RULES, Advice, Moves, advice_on, rows
 from trcvtui.diagnosis.evidence import NOTHING_KNOWN, Evidence, evidence_then
 from trcvtui.diagnosis.job import DO
 from trcvtui.dialects import DIALECTS
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import Moment
 from trcvtui.history.stream_index import StreamIndex

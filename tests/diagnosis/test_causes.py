@@ -70,21 +70,25 @@ def errors(path: Path) -> Iterator[tuple[Condition, dict[str, Any]]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ALL, ids=lambda path: f"{path.parent.name}-{path.stem}")
-def test_every_error_of_a_scenario_names_its_cause(path: Path) -> None:
-    plans_faults = "\nfault " in path.read_text()
-    for condition, cause in errors(path):
-        assert set(cause) == {"text", "call", "errno", "peer", "injected"}, condition
-        assert cause["text"] and cause["text"].isprintable(), condition
-        assert (cause["call"] or "-") in CALLS.get(condition, "-").split(), (condition, cause)
-        assert cause["errno"] is None or cause["errno"] in KNOWN_ERRORS, (condition, cause)
-        assert cause["errno"] is None or cause["call"] is not None, (condition, cause)
-        if cause["call"] not in (None, "recv"):  # recv: 0 bytes, or what came in them, is no errno
-            assert cause["errno"] is not None, (condition, cause)
-        if cause["call"] in LINKED and "udp" not in path.stem:
-            assert cause["peer"], (condition, cause)
-        assert cause["injected"] is False or plans_faults, (condition, cause)
-        assert cause["injected"] == cause["text"].startswith("injected fault: "), (condition, cause)
+def test_every_error_of_a_scenario_names_its_cause() -> None:
+    for path in ALL:
+        for condition, cause in errors(path):
+            is_told(condition, cause, path)
+
+
+def is_told(condition: Condition, cause: dict[str, Any], path: Path) -> None:
+    where, plans_faults = (path.stem, condition, cause), "\nfault " in path.read_text()
+    assert set(cause) == {"text", "call", "errno", "peer", "injected"}, where
+    assert cause["text"] and cause["text"].isprintable(), where
+    assert (cause["call"] or "-") in CALLS.get(condition, "-").split(), where
+    assert cause["errno"] is None or cause["errno"] in KNOWN_ERRORS, where
+    assert cause["errno"] is None or cause["call"] is not None, where
+    if cause["call"] not in (None, "recv"):  # recv: 0 bytes, or what came in them, is no errno
+        assert cause["errno"] is not None, where
+    if cause["call"] in LINKED and "udp" not in path.stem:
+        assert cause["peer"], where
+    assert cause["injected"] is False or plans_faults, where
+    assert cause["injected"] == cause["text"].startswith("injected fault: "), where
 
 
 @pytest.mark.slow

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.paths import demo_path

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS, failures, play
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.paths import demo_path
 from trcvtui.project.file import load_project

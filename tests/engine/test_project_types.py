@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.engine.test_project_save import driven, say
-from trcvtui.engine.engine import LocalDriver
+from tests.local_driver import LocalDriver
 from trcvtui.project.file import load_project
 
 PROJECT = """# mine

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.bench.bench_project import TELEGRAM, bench_project
+from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import Fired
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.engine.trigger_watch import read_trigger
 from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest

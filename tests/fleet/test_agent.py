@@ -15,9 +15,9 @@ import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
+from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage

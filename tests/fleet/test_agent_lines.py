@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.line.live_screen import CaptureDriver

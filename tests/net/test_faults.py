@@ -38,13 +38,13 @@ def test_an_empty_plan_is_not_active_and_takes_nothing() -> None:
     assert plan.take("bind", "C1") is None
 
 
-@pytest.mark.parametrize("call", CALLS)
-def test_every_call_has_a_default_errno(call: str) -> None:
-    plan = FaultPlan()
-    plan.add(call)
-    assert plan.take(call, "C1") == injected(call, DEFAULT_ERROR[call])
-    assert plan.take(call, "C1") is None
-    assert not plan.active
+def test_every_call_has_a_default_errno() -> None:
+    for call in CALLS:
+        plan = FaultPlan()
+        plan.add(call)
+        assert plan.take(call, "C1") == injected(call, DEFAULT_ERROR[call])
+        assert plan.take(call, "C1") is None
+        assert not plan.active
 
 
 def test_only_the_named_call_of_the_named_owner_fails() -> None:
@@ -117,11 +117,6 @@ def test_what_is_no_fault_is_refused_in_one_line(
 
 
 # -- the kernel that obeys it --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
-def test_with_an_empty_plan_it_keeps_the_contract(fact: Fact) -> None:
-    fact(FaultyBench())
 
 
 @pytest.mark.slow

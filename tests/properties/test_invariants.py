@@ -10,7 +10,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from tests.properties.bench_machine import BenchMachine
 
-LEAST_SCANS = int(os.environ.get("TRCVTUI_RANDOM_SCANS", "24000"))
+LEAST_SCANS = int(os.environ.get("TRCVTUI_RANDOM_SCANS", "9000"))
 SCANS_AN_EXAMPLE = 320  # what one example runs through on average, cautiously
 
 

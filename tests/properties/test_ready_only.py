@@ -17,7 +17,7 @@ from trcvtui.commands.table import parse_line
 from trcvtui.plc.instance import Instance
 from trcvtui.project.file import read_project
 
-EXAMPLES = 250 if "TRCVTUI_SOAK" in os.environ else 30
+EXAMPLES = 250 if "TRCVTUI_SOAK" in os.environ else 12
 LEAST_SCANS = 5_000
 
 

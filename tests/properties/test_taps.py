@@ -18,7 +18,7 @@ import pytest
 
 from tests.e2e.tapping import PATIENCE, Tap, calling, exactly, listening, reset
 
-CONVERSATIONS = 10_000 if "TRCVTUI_SOAK" in os.environ else 200
+CONVERSATIONS = 10_000 if "TRCVTUI_SOAK" in os.environ else 80
 AT_ONCE = 50
 NAME_BYTES = 4
 

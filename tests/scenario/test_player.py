@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.driver import EngineDriver, start_engine
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.local_driver import LocalDriver
 from tests.properties.drawn_projects import projects
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import Answer
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept

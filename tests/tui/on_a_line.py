@@ -9,10 +9,10 @@ from contextlib import asynccontextmanager
 from rich.style import Style
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import SMALL, follow, screen_text
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 

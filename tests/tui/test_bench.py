@@ -8,9 +8,9 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.tui.looking import BOTH, WIDE, follow, screen_text
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 

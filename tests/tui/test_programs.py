@@ -6,10 +6,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from tests.local_driver import LocalDriver
 from tests.tui.looking import BOTH, SMALL, WIDE
 from tests.tui.test_bench import Stepped
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 

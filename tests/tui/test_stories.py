@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.scenario.scenario import load_bench

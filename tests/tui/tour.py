@@ -19,8 +19,8 @@ from textual.app import App
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen

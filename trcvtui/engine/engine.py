@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
-from trcvtui.commands.snapshots import EngineTiming
-from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.controller import Controller
 from trcvtui.engine.timing import Punctuality, be_punctual, quiet_collector
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError
 from trcvtui.files import close_files, noting_reads
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.signals import OF_A_TERMINAL, leave
 
 if TYPE_CHECKING:
@@ -246,36 +245,3 @@ class Engine:
         if now < self._collected_at + least:
             return False
         return now + self._collect_ns <= until or now > self._asked_at + PATIENCE_NS
-
-
-class LocalDriver:
-    """The bench in this process, for simulation and tests; `scan` lets scans pass."""
-
-    def __init__(self, bench: Bench) -> None:
-        self.console = Controller(bench)
-        self._number = 0
-        self._picture: BenchUpdate | None = None
-
-    def submit(self, line: str) -> int:
-        self._number += 1
-        self.console.take(self._number, line)
-        return self._number
-
-    def scan(self, scans: int = 1) -> None:
-        for _ in range(scans):
-            self.console.scan()
-
-    def request(self, request: UpdateRequest) -> None:
-        self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
-
-    def picture(self) -> BenchUpdate | None:
-        picture, self._picture = self._picture, None
-        return picture
-
-    def restart(self) -> None:
-        bench = self.console.bench
-        bench.close()
-        self.console = Controller(fresh_bench(bench.project, bench.kernel_name))
-
-    def close(self) -> None:
-        self.console.bench.close()

@@ -6,6 +6,7 @@ the first difference. Their scenarios and recordings stay in the folder of the t
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,7 @@ def test_the_story_of_len_has_three_done_with_the_bytes_that_a_reset_threw_away(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif("TRCVTUI_SOAK" not in os.environ, reason="takes half a minute: make soak")
 def test_an_unchanged_what_if_of_more_than_128_mib_is_the_run(tmp_path: Path) -> None:
     send = "peer P1 send random 65535 seed=1 repeat=2100 every=T#20ms"
     case = Case("", messages(0, 65535, "run T#200ms", send, "run T#43s"), dialect="baosky")

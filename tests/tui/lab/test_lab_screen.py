@@ -11,10 +11,10 @@ from typing import cast
 
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.lab.lab import DATA, JOB, LabBytes

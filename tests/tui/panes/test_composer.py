@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
@@ -19,7 +20,6 @@ from trcvtui.commands.snapshots import ReplySnapshot
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_call

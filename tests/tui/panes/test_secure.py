@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL
+from tests.local_driver import LocalDriver
 from tests.tui.looking import BOTH
 from tests.tui.panes.test_pins_of_dialects import Bench
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 

@@ -11,10 +11,10 @@ from textual import events
 from textual.app import App
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow, screen_text
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.panes.timing import LABEL, Timing

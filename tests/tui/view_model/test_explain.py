@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.snapshots import Fired
-from trcvtui.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])

@@ -104,16 +104,6 @@ def test_after_its_last_call_a_vector_leaves_what_the_table_says(vector: Vector,
     bench.close()
 
 
-def test_the_command_line_plays_them_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files = []
-    for vector in VECTORS:
-        path = tmp_path / f"{vector.id}.toml"
-        path.write_text(scenario_of(vector), encoding="utf-8")
-        files.append(str(path))
-    assert main(["scenario", *files]) == 0
-    assert capsys.readouterr().out.count("passed") == len(VECTORS)
-
-
 def test_a_wrong_expectation_fails(tmp_path: Path) -> None:
     path = tmp_path / "vector.toml"
     for vector in VECTORS:

@@ -195,13 +195,16 @@ def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
         assert {packet.data[20:24] for packet in came} == {struct.pack(">HH", 32768, 32769)}
 
 
+ASKED_ON = ["record", "--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+ASKED_ON += ["--kernel", "sim", "--duration", "T#3s"]
+
+
 def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]
-    assert main(asked) == 0
+    assert main([*ASKED_ON, "--out", str(out), str(project)]) == 0
     assert len(names(out)) > 1
     for name in names(out):
+        assert main(["replay", str(out / name), "--check"]) == 0  # from the beginning of its run
         found = entries(out / name)
         [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
         assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
@@ -213,25 +216,12 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
         assert min(times) >= at - 180_000_000  # 100 before, 50 after, and what is rounded to scans
 
 
-def test_a_file_of_a_trigger_runs_again_from_the_beginning_of_its_run(project: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    assert (
-        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
-    )
-    for name in names(out):
-        assert main(["replay", str(out / name), "--check"]) == 0
-
-
 def test_a_file_of_a_trigger_after_too_long_a_run_says_what_it_lacks(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(files, "MOST_OLD_BYTES", 1000)
     out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    assert (
-        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
-    )
+    assert main([*ASKED_ON, "--out", str(out), str(project)]) == 0
     last = entries(out / names(out)[-1])
     gaps = [one for one in last if isinstance(one, EntriesLost)]
     assert gaps[0].why == files.ELSEWHERE

@@ -27,7 +27,6 @@ quick: $(READY)
 lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/python .ci/words.py
 
 types: $(READY)
 	$(BIN)/mypy
@@ -48,11 +47,11 @@ scenarios: $(READY)
 # Beside two busy loops: what fails there is a bug until proven otherwise. Of golden traces those of cut wires.
 ROUNDS ?= 20
 CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml)
-LIVE   := test_a_scenario_holds_on_real_sockets_with_the_same_status_walk_for_the_same_causes
+LIVE   := test_a_scenario_on_real_sockets
 RECORD := tests/recording/test_record_command.py::test_
 TESTS  ?= tests/e2e/test_tap_screen.py tests/recording/test_black_box.py tests/tui/fleet/test_fleet_screen.py \
           tests/properties/test_killed_runs.py $(RECORD)record_ends_cleanly_when_all_its_programs_are_told_to \
-          $(CUT:configs/scenarios/baosky/%.toml='tests/scenario/test_golden_traces.py::$(LIVE)[%]')
+          $(CUT:configs/scenarios/baosky/%.toml='tests/scenario/test_every_scenario.py::$(LIVE)[baosky/%]')
 stress: $(READY)
 	@$(BIN)/python .ci/stress.py $(ROUNDS) $(TESTS)
 

@@ -197,7 +197,7 @@ SHOWN: Final = (
             ("block", "received"), CONFIGS / "twincat-line.toml", FRAMER, WIDE),
     Picture("framings", "`B`: framing advice: how the bytes may be cut, why, what it gives, what enter does",
             ("framings",), CONFIGS / "twincat-line.toml", FRAMINGS, PANE),
-    Picture("yank", "`y`: what the pane shows in twelve formats", ("yank",), demo_path(),
+    Picture("yank", "`y`: what the pane shows in five formats", ("yank",), demo_path(),
             (*DEMO, keys("5", "y"))),
     Picture("palette", "`ctrl+p`: every action by name", ("palette",), demo_path(),
             (*DEMO, keys("ctrl+p"), Typed("tri"))),

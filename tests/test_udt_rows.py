@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_cli import run
+from tests.cli.conftest import Run
+from tests.cli.conftest import run as run
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.conftest import own_folders as own_folders  # yanks go there
 from tests.tui.lab.test_lab_screen import lab, project
@@ -45,22 +46,20 @@ def not_on_the_page() -> list[str]:
     return [name for name in known if name not in quoted and name.removeprefix("codesys") not in quoted]
 
 
-def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
-    return " ".join(run(capsys, "udt", command, "--help")[1].split())
+def help_of(command: str, run: Run) -> str:
+    return " ".join(run("udt", command, "--help")[1].split())
 
 
 def test_every_row_stands_on_the_page() -> None:
     assert not_on_the_page() == []
 
 
-async def test_a_made_up_format_is_one_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+async def test_a_made_up_format_is_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     monkeypatch.setitem(FORMATS, MADE_UP_FORMAT.name, MADE_UP_FORMAT)
     file = tmp_path / "a.made"
     file.write_text(TYPE)
     assert read_file(file).names() == ["Telegram"]
-    assert ".made Made-up text" in help_of("show", capsys)
+    assert ".made Made-up text" in help_of("show", run)
     here = replace(load_project(CONFIGS / "udt-mismatch.toml"), base=tmp_path)
     assert complete("udt open a", here) == "udt open a.made"
     assert not_on_the_page() == [".made"]
@@ -73,15 +72,13 @@ async def test_a_made_up_format_is_one_row(
         assert ".made Made-up text" in menu
 
 
-def test_a_made_up_layout_is_one_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_made_up_layout_is_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     assert PROFILE_WORDS[: len(layout_names())] == tuple(layout_names())
     made = replace(LAYOUTS["packed"], name="made-up", text_forms=("nul",))
     monkeypatch.setitem(LAYOUTS, made.name, made)
     (tmp_path / "a.st").write_text(TYPE)
-    assert ", made-up," in help_of("show", capsys)
-    _, shown, _ = run(capsys, "udt", "show", str(tmp_path / "a.st"), "--layout", "made-up")
+    assert ", made-up," in help_of("show", run)
+    _, shown, _ = run("udt", "show", str(tmp_path / "a.st"), "--layout", "made-up")
     assert "2 bytes, align 1, layout made-up" in shown
     assert Profile("made-up", "little") in profiles_for(ELEMENTARY["INT"])
     assert not_on_the_page() == ["made-up"]

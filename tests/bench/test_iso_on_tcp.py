@@ -8,7 +8,7 @@ import pytest
 
 from tests.bench.iso_desk import PASSIVE, Desk
 from tests.scenario.scenarios import CONFIGS, failures, play
-from tests.scenario.test_golden_traces import walk
+from tests.scenario.test_every_scenario import walk
 from trcvtui.bench.bench import Bench
 from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.layers.layer_kernel import LayerKernel

@@ -12,7 +12,8 @@ import trcvtui.net.os.network as os_namespace
 from tests.engine.test_driver import wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.cli.main import KERNELS, main
+from trcvtui.cli.main import main
+from trcvtui.cli.options import KERNELS
 from trcvtui.commands.words import Link
 from trcvtui.engine.driver import start_engine
 from trcvtui.plc.ledger import BenchNote

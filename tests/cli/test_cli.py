@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import trcvtui
-from trcvtui.cli.main import COMMANDS, _arguments, main
+from tests.cli.conftest import Run
+from trcvtui.cli.main import COMMANDS, main, parser_of
 
 TELEGRAM = "TYPE Telegram : STRUCT id : DINT; speed : REAL; flag : BOOL; END_STRUCT END_TYPE\n"
 TWO_TYPES = TELEGRAM + "TYPE Other : STRUCT a : INT; END_STRUCT END_TYPE\n"
@@ -24,23 +25,11 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Work in a folder with good and bad files."""
     (tmp_path / "telegram.st").write_text(TELEGRAM)
     (tmp_path / "two.st").write_text(TWO_TYPES)
-    (tmp_path / "folder.st").mkdir()
-    (tmp_path / "folder.toml").mkdir()
-    for name in ("garbage.st", "garbage.toml", "garbage.hex", "garbage.json"):
-        (tmp_path / name).write_bytes(bytes(range(256)) * 4)
-    (tmp_path / "list.json").write_text("[1, 2]")
-    (tmp_path / "broken.json").write_text('{"id": ')
     (tmp_path / "values.json").write_text('{"id": 1, "speed": 1.5}')
     (tmp_path / "wrong.json").write_text('{"id": "x", "sped": 1}')
     (tmp_path / "rx.hex").write_text("01 00 00 00\n00 00 c0 3f\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def run(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, str, str]:
-    code = main(argv)
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def process(*argv: str, code: str = "") -> list[str]:
@@ -53,91 +42,16 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
 # -- mistakes: one line on stderr, exit 2, nothing on stdout ---------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("argv", "said"),
-    [
-        # the arguments themselves
-        ("frob", "trcvtui: argument COMMAND: invalid choice: 'frob'"),
-        ("status 80C5 --format xml", "trcvtui status: argument --format: invalid choice: 'xml'"),
-        ("status 80C5 --dialekt x", "trcvtui: unrecognized arguments: --dialekt x"),
-        ("scenario", "trcvtui scenario: the following arguments are required: FILE.toml"),
-        ("scenario --kernel fast x.toml", "trcvtui scenario: argument --kernel: invalid choice: 'fast'"),
-        ("udt", "trcvtui udt: the following arguments are required: WHAT"),
-        ("udt show --lay packed telegram.st", "trcvtui: unrecognized arguments: --lay"),
-        ("scenario --format xml nix.toml", "--format: found 'xml', expected one of text, jsonl"),
-        # status
-        ("status 1234", "CODE: found 16#1234, expected a code in the table"),
-        ("status 80G5", "CODE: found '80G5', expected a STATUS word"),
-        ("status 80C5 --dialect siemnes", "--dialect: found 'siemnes', expected one of baosky"),
-        (
-            "status 8085 --dialect baosky",
-            "CODE: found 16#8085, expected a code of baosky; it is one of s7-1500, s7",
-        ),
-        ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of ClearComBuffer"),
-        ("status 7006 --block TSEND_C", "CODE: found 16#7006, expected a code in the table of TSEND_C"),
-        # the UDT file
-        ("udt show nix.st", "nix.st: found No such file or directory"),
-        ("udt show folder.st", "folder.st: found Is a directory"),
-        ("udt show garbage.st", "garbage.st"),
-        ("udt show values.json", "values.json: found suffix '.json'"),
-        ("udt show two.st", "two.st: found 2 types: Telegram, Other"),
-        (
-            "udt show telegram.st --type Telegramm",
-            "--type: found 'Telegramm', expected a type of telegram.st",
-        ),
-        ("udt show telegram.st --layout cap5", "layout: found 'cap5', expected one of baosky"),
-        (
-            "udt show telegram.st --byte-order middle",
-            "byte order: found 'middle', expected one of little, big",
-        ),
-        # bytes
-        ("udt decode telegram.st 0102030G", "HEX, position 8: found 'G', expected hex bytes"),
-        ("udt decode telegram.st 01 02 030", "HEX, position 7: found '030' with 3 digits"),
-        ("udt decode telegram.st @nix.hex", "nix.hex: found No such file or directory"),
-        ("udt decode telegram.st @folder.st", "folder.st: found Is a directory"),
-        ("udt decode telegram.st @garbage.hex", "garbage.hex: found binary data"),
-        ("udt decode telegram.st @values.json", "values.json, position 1: found '{'"),
-        ("udt decode telegram.st -", "stdin: found "),  # pytest's stdin refuses to be read
-        # values
-        ("udt encode telegram.st nix.json", "nix.json: found No such file or directory"),
-        ("udt encode telegram.st folder.st", "folder.st: found Is a directory"),
-        ("udt encode telegram.st garbage.json", "garbage.json: found binary data"),
-        ("udt encode telegram.st broken.json", "broken.json, line 1, column 8: found no JSON"),
-        ("udt encode telegram.st list.json", "list.json: found JSON, but a list"),
-        ("udt encode telegram.st -", "stdin: found "),
-        # project files
-        ("scenario nix.toml", "nix.toml: found "),
-        ("scenario folder.toml", "folder.toml: found "),
-        ("scenario garbage.toml", "garbage.toml"),
-        ("run nix.toml", "nix.toml: found "),
-        ("run folder.toml", "folder.toml: found "),
-        ("run garbage.toml", "garbage.toml"),
-    ],
-)
-def test_a_mistake_is_one_line_on_stderr_exit_2_and_nothing_on_stdout(
-    argv: str, said: str, files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = run(capsys, *argv.split())
-    assert (code, out) == (2, "")
-    assert err.startswith(said)
-    assert err.count("\n") == 1 and err.endswith("\n")
-    assert "Traceback" not in err
-
-
-def test_several_mistakes_of_one_file_are_one_line_each(
-    files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = run(capsys, "udt", "encode", "telegram.st", "wrong.json")
+def test_several_mistakes_of_one_file_are_one_line_each(files: Path, run: Run) -> None:
+    code, out, err = run("udt", "encode", "telegram.st", "wrong.json")
     assert (code, out) == (2, "")
     assert len(err.splitlines()) == 2
     assert "Telegram.id" in err and "sped" in err
 
 
 @pytest.mark.parametrize("argv", [["\x1b[2J"], ["status", "\x1b[2J"], ["udt", "show", "\x1b[2J\n.st"]])
-def test_escape_codes_in_an_argument_are_shown_not_sent(
-    argv: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = run(capsys, *argv)
+def test_escape_codes_in_an_argument_are_shown_not_sent(argv: list[str], run: Run) -> None:
+    code, out, err = run(*argv)
     assert (code, out) == (2, "")
     assert "\x1b" not in err
     assert err.count("\n") == 1
@@ -147,10 +61,8 @@ def test_escape_codes_in_an_argument_are_shown_not_sent(
 
 
 @pytest.mark.parametrize("spelling", ["80C5", "16#80C5", "W#16#80C5", "0x80c5"])
-def test_status_of_a_code_is_json_with_the_keys_of_the_contract(
-    spelling: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = run(capsys, "status", spelling, "--format", "json", "--dialect", "baosky")
+def test_status_of_a_code_is_json_with_the_keys_of_the_contract(spelling: str, run: Run) -> None:
+    code, out, err = run("status", spelling, "--format", "json", "--dialect", "baosky")
     assert (code, err) == (0, "")
     [one] = json.loads(out)
     assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
@@ -160,187 +72,157 @@ def test_status_of_a_code_is_json_with_the_keys_of_the_contract(
 
 @pytest.mark.parametrize("spelling", ["80C5", "80c5", "16#80C5", "W#16#80C5", "word#16#80c5", "0x80C5"])
 def test_status_of_a_code_is_a_card_of_the_default_dialect_and_names_the_others(
-    spelling: str, capsys: pytest.CaptureFixture[str]
+    spelling: str, run: Run
 ) -> None:
-    code, out, err = run(capsys, "status", spelling)
+    code, out, err = run("status", spelling)
     assert (code, err) == (0, "")
     assert out.startswith("16#80C5  The partner closed")
     assert "look at" in out
     assert out.count("16#80C5") == 1
     *_, last = out.splitlines()
     assert last == "also in: s7-1500, s7-1200, s7-1200-legacy, twincat (--dialect NAME, or --all)"
-    assert run(capsys, "status", spelling, "--dialect", "Baosky") == (0, out, "")
-    _, everywhere, _ = run(capsys, "status", spelling, "--all")
+    assert run("status", spelling, "--dialect", "Baosky") == (0, out, "")
+    _, everywhere, _ = run("status", spelling, "--all")
     assert everywhere.startswith(out.removesuffix(f"{last}\n")) and "also in" not in everywhere
     assert [line for line in everywhere.splitlines() if line.endswith((" · twincat", " · s7-1500"))]
 
 
-def test_a_code_that_the_default_dialect_lacks_is_explained_by_one_that_has_it(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    code, out, err = run(capsys, "status", "80C9")
+def test_a_code_that_the_default_dialect_lacks_is_explained_by_one_that_has_it(run: Run) -> None:
+    code, out, err = run("status", "80C9")
     assert (code, err) == (0, "")
     first, _, card, *_, last = out.splitlines()
     assert first.startswith("baosky has no such code") and "s7-1500" in first
     assert card.startswith("16#80C9")
     assert last.startswith("also in: s7-1200, ")
-    _, named, _ = run(capsys, "status", "80C9", "--dialect", "s7-1500")
+    _, named, _ = run("status", "80C9", "--dialect", "s7-1500")
     assert out.endswith(named), "without the first line where the dialect was named"
-    assert run(capsys, "status", "23")[1].splitlines()[2].startswith("16#0017  23 COMERROR")
+    assert run("status", "23")[1].splitlines()[2].startswith("16#0017  23 COMERROR")
 
 
-def test_status_alone_is_the_table_of_the_default_dialect_and_with_all_the_whole_one(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    _, own, _ = run(capsys, "status")
+def test_status_alone_is_the_table_of_the_default_dialect_and_with_all_the_whole_one(run: Run) -> None:
+    _, own, _ = run("status")
     assert {line.split()[0] for line in own.splitlines()} == {"baosky"}
-    code, text, _ = run(capsys, "status", "--all")
+    code, text, _ = run("status", "--all")
     assert code == 0
     assert [line.split()[:2] for line in text.splitlines() if line.startswith("baosky")] == [
         line.split()[:2] for line in own.splitlines()
     ]
-    _, as_json, _ = run(capsys, "status", "--format", "json")
+    _, as_json, _ = run("status", "--format", "json")
     codes = [one["code"] for one in json.loads(as_json)]
     assert [line.split()[1] for line in text.splitlines()] == codes
     assert {"16#0000", "16#7006", "16#80C5"} <= set(codes)
 
 
-def test_status_of_one_block_leaves_out_the_codes_of_the_other(capsys: pytest.CaptureFixture[str]) -> None:
-    _, out, _ = run(capsys, "status", "--block", "TRCV_C")
-    assert "16#7008" in out
-    assert "16#7009" not in out
-
-
-def test_the_codes_of_an_inner_block_are_known_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
-    _, out, _ = run(capsys, "status", "--block", "tdiscon", "--dialect", "baosky")
+def test_the_codes_of_one_block_are_known_by_its_name(run: Run) -> None:
+    _, out, _ = run("status", "--block", "TRCV_C")
+    assert "16#7008" in out and "16#7009" not in out
+    _, out, _ = run("status", "--block", "tdiscon", "--dialect", "baosky")
     assert [line.split()[1] for line in out.splitlines()] == [
         *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
     ]
 
 
-def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_read(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    code, out, err = run(capsys, "--help")
+def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_read(run: Run) -> None:
+    code, out, err = run("--help")
     assert (code, err) == (0, "")
     assert max(map(len, out.splitlines())) <= 80
     shown = [line.split("  ")[1] for line in out.partition("options:")[0].splitlines() if line[:2] == "  "]
     assert [line.split()[0] for line in shown] == list(COMMANDS)
-    _, _, refused = run(capsys, "frob")
+    _, _, refused = run("frob")
     assert re.findall("'([a-z]+)'", refused)[1:] == list(COMMANDS)
     for line in shown:
-        assert _arguments(line.split()).command is not None
+        assert parser_of(line.split()).parse_args(line.split()).command is not None
 
 
-def test_the_help_of_status_names_the_dialects(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = run(capsys, "status", "--help")
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_commands_options_and_files(shell: str, run: Run) -> None:
+    code, out, err = run("completion", shell)
     assert (code, err) == (0, "")
-    assert "dialects: baosky" in out
+    assert {*COMMANDS, "decode", "dialect"} <= {*re.findall("[a-z]+", out)}
+    if shell == "bash":
+        ask = 'COMP_WORDS=(trcvtui scenario --d); COMP_CWORD=2; _shtab_trcvtui; echo "${COMPREPLY[@]}"'
+        done = subprocess.run(["bash", "-c", f"{out}\n{ask}"], capture_output=True, text=True, check=True)
+        assert done.stdout == "--dialect\n"
 
 
 # -- udt ------------------------------------------------------------------------------------------------
 
 
-def test_udt_show_tells_members_and_padding(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = run(capsys, "udt", "show", "telegram.st", "--format", "json")
+def test_udt_show_tells_members_and_padding_of_a_layout(files: Path, run: Run) -> None:
+    code, out, err = run("udt", "show", "telegram.st", "--format", "json")
     assert (code, err) == (0, "")
     shown = json.loads(out)
     assert (shown["type"], shown["size"], shown["layout"]) == ("Telegram", 12, "baosky")
     assert [member["path"] for member in shown["members"]] == ["id", "speed", "flag"]
     assert shown["padding"] == [{"offset": 9, "size": 3}]
-
-
-def test_udt_show_takes_type_layout_and_byte_order(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     argv = "udt show two.st --type Telegram --layout packed --byte-order big --format json"
-    code, out, _ = run(capsys, *argv.split())
-    assert code == 0
-    shown = json.loads(out)
+    shown = json.loads(run(*argv.split())[1])
     assert (shown["size"], shown["layout"], shown["byte_order"]) == (9, "packed", "big")
-
-
-def test_udt_show_is_a_table_for_people(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = run(capsys, "udt", "show", "telegram.st")
-    assert code == 0
-    assert out.startswith("Telegram: 12 bytes")
+    assert run("udt", "show", "telegram.st")[1].startswith("Telegram: 12 bytes")
 
 
 @pytest.mark.parametrize("given", ["01000000 0000c03f", "0x01,0x00,0x00,0x00, 16#0000C03F", "@rx.hex"])
-def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(
-    given: str, files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = run(capsys, "udt", "decode", "telegram.st", "--format", "json", given)
+def test_udt_decode_takes_hex_as_people_write_it_as_far_as_it_goes(given: str, files: Path, run: Run) -> None:
+    code, out, err = run("udt", "decode", "telegram.st", "--format", "json", given)
     assert (code, err) == (0, "")
     decoded = json.loads(out)
     assert decoded["values"] == {"id": 1, "speed": 1.5, "flag": None}
     assert decoded["complete"] is False
 
 
-def test_udt_decode_needs_no_quotes_around_spaced_hex(
-    files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _, quoted, _ = run(capsys, "udt", "decode", "telegram.st", "01 00 00 00")
-    _, loose, _ = run(capsys, "udt", "decode", "telegram.st", "01", "00", "00", "00")
+def test_udt_decode_needs_no_quotes_around_spaced_hex(files: Path, run: Run) -> None:
+    _, quoted, _ = run("udt", "decode", "telegram.st", "01 00 00 00")
+    _, loose, _ = run("udt", "decode", "telegram.st", "01", "00", "00", "00")
     assert quoted == loose
     assert "4 of 12 bytes" in quoted
 
 
-def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(
-    files: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(files: Path, run: Run) -> None:
     (files / "text.st").write_text("TYPE Text : STRUCT t : STRING[3]; END_STRUCT END_TYPE\n")
     argv = ("udt", "decode", "text.st", "--layout", "packed", "--format", "json", "03 03 7f 9b 1b")
-    code, out, err = run(capsys, *argv)
+    code, out, err = run(*argv)
     assert (code, err) == (0, "")
     assert out.isascii() and out.replace("\n", "").isprintable()
     assert json.loads(out)["values"] == {"t": "\x7f\x9b\x1b"}
 
 
 def test_udt_encode_is_hex_on_stdout_and_decodes_back(
-    files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    files: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, out, err = run(capsys, "udt", "encode", "telegram.st", "values.json")
+    code, out, err = run("udt", "encode", "telegram.st", "values.json")
     assert (code, err) == (0, "")
     assert out == "01 00 00 00 00 00 c0 3f 00 00 00 00\n"
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(out.encode())))
-    _, decoded, _ = run(capsys, "udt", "decode", "telegram.st", "--format", "json", "-")
+    _, decoded, _ = run("udt", "decode", "telegram.st", "--format", "json", "-")
     assert json.loads(decoded)["values"] == {"id": 1, "speed": 1.5, "flag": False}
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(decoded.encode())))
+    assert run("udt", "encode", "telegram.st", "-")[1] == out
 
 
-def test_what_udt_decode_prints_as_json_udt_encode_takes(
-    files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _, out, _ = run(capsys, "udt", "decode", "telegram.st", "--format", "json", "@rx.hex")
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(out.encode())))
-    code, out, _ = run(capsys, "udt", "encode", "telegram.st", "-")
-    assert (code, out) == (0, "01 00 00 00 00 00 c0 3f 00 00 00 00\n")
-
-
-def test_the_help_of_udt_names_the_layouts(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = run(capsys, "udt", "decode", "--help")
-    assert code == 0
-    assert "layouts: baosky" in out and "cap4" in out
+def test_the_help_names_what_only_an_import_can_tell(run: Run) -> None:
+    for words, said in (("status", "dialects: baosky"), ("udt decode", "layouts: baosky")):
+        code, out, err = run(*words.split(), "--help")
+        assert (code, err) == (0, "") and said in out
 
 
 # -- exit codes and streams -------------------------------------------------------------------------------
 
 
 def test_version_is_data_and_says_when_there_are_no_fast_lanes(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv(trcvtui.LANE, raising=False)
-    assert run(capsys, "--version") == (0, f"trcvtui {trcvtui.__version__}\n", "")
+    assert run("--version") == (0, f"trcvtui {trcvtui.__version__}\n", "")
     monkeypatch.setenv(trcvtui.LANE, "slow")
-    assert run(capsys, "--version") == (0, f"trcvtui {trcvtui.__version__}, slow lane\n", "")
+    assert run("--version") == (0, f"trcvtui {trcvtui.__version__}, slow lane\n", "")
 
 
-def test_ctrl_c_is_130_without_a_word(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_is_130_without_a_word(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*args: object) -> str:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("trcvtui.dialects.status_report.explain", interrupted)
-    assert run(capsys, "status") == (130, "", "")
+    assert run("status") == (130, "", "")
 
 
 def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
@@ -364,26 +246,6 @@ def test_a_full_disk_after_stdout_is_one_line() -> None:
     assert done.stderr == b"stdout: found 'No space left on device', expected room for the output\n"
 
 
-# -- what is imported when -------------------------------------------------------------------------------
-
-IMPORTED = """
-import sys
-from trcvtui.cli.main import COMMANDS, _arguments, main
-main(sys.argv[1:])
-print(*(name for name in ("textual", "rich", "asyncio", "multiprocessing", "socket") if name in sys.modules))
-"""
-
-
-@pytest.mark.parametrize(
-    "argv", ["status 80C5 --format json", "udt decode telegram.st 01 --format json", "udt show telegram.st"]
-)
-def test_headless_commands_import_nothing_heavy(argv: str, files: Path) -> None:
-    done = subprocess.run(
-        process(*argv.split(), code=IMPORTED), env=ENVIRONMENT, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[-1] == ""
-
-
 # -- run ------------------------------------------------------------------------------------------------
 
 
@@ -399,7 +261,7 @@ def test_the_demo_needs_a_terminal(capfd: pytest.CaptureFixture[str]) -> None:
 STARTED = """
 import os, sys
 import trcvtui.engine.driver as driver
-from trcvtui.cli.main import COMMANDS, _arguments, main
+from trcvtui.cli.main import main
 os.isatty = lambda number: True
 def started(path, kernel, netns=False, read_only=False, record=None):
     print(path.name, kernel, "textual" in sys.modules)

@@ -12,7 +12,7 @@ from tests.cli.test_cli import ENVIRONMENT
 
 ROOT = Path(__file__).parents[2]
 SCREEN = "textual rich asyncio"
-LIBRARY = "argparse dataclasses inspect ssl multiprocessing subprocess paho prometheus_client sqlite3"
+LIBRARY = "ssl multiprocessing subprocess paho prometheus_client sqlite3"
 RUN = "import sys; from trcvtui.cli.main import main; main(); "
 SCENARIO = "configs/scenarios/baosky/0000-not-called.toml"
 TYPES = "udt show trcvtui/demo/telegram.st --type Telegram"
@@ -26,7 +26,7 @@ STARTS = {
     "udt show": (
         RUN,
         TYPES,
-        f"{SCREEN} {LIBRARY} json pathlib socket trcvtui.blocks trcvtui.net",
+        f"{SCREEN} {LIBRARY} json socket csv base64 trcvtui.udt.exports trcvtui.blocks trcvtui.net",
     ),
     "scenario": (
         RUN,
@@ -36,7 +36,7 @@ STARTS = {
     "the engine": (
         "import sys, trcvtui.engine.engine; ",
         "",
-        f"{SCREEN} argparse dataclasses inspect ssl",
+        f"{SCREEN} argparse ssl",
     ),
     "a project without TLS": (LOAD + "load_bench(Path('configs/active.toml')); ", "", "ssl"),
     "the screen": (

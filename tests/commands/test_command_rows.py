@@ -12,7 +12,7 @@ import pytest
 from tests.bench.bench_project import bench_project
 from tests.cli.test_commands_page import not_in_the_page
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.conditions import read_instance
+from trcvtui.commands.conditions import parse_instance
 from trcvtui.commands.table import COMMANDS, CommandRow, RecordRow, parse_line, to_line
 from trcvtui.commands.tokens import Words
 from trcvtui.errors import UserError
@@ -29,7 +29,7 @@ class Zero:
 
 
 def read_zero(words: Words, project: Project) -> Any:
-    return Zero(read_instance(words, project).name)
+    return Zero(parse_instance(words, project).name)
 
 
 def its_instances(words: list[str], project: Project) -> Iterable[str]:

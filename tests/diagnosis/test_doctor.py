@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests import golden
 from tests.diagnosis.doctor_cases import (
     FAULTS,
     HEALTHY,
@@ -43,19 +44,27 @@ def found_in(made: Built, folder: Path) -> list[dict[str, Any]]:
     return sorted(best.values(), key=lambda one: -one["confidence"])
 
 
-@pytest.mark.parametrize("number", range(len(FAULTS)), ids=[make.__name__ for _, make, _ in FAULTS])
-def test_the_cause_of_a_fault_is_named_first(number: int, tmp_path: Path) -> None:
-    cause, make, kinds = FAULTS[number]
-    for seed in range(1001, 1003):
-        found = found_in(built(cause, make, kinds[seed % len(kinds)], seed), tmp_path)
-        assert [one["cause"] for one in found][:1] == [cause], (seed, found)
-        assert found[0]["evidence"] and found[0]["mend"]
+def test_the_cause_of_a_fault_is_named_first_and_told_in_its_words(tmp_path: Path) -> None:
+    said, wrong = [], []
+    for cause, make, kinds in FAULTS:
+        for seed in range(1001, 1003):
+            found = found_in(built(cause, make, kinds[seed % len(kinds)], seed), tmp_path)
+            first: dict[str, Any] = (
+                found[0] if found else {"cause": "", "title": "", "evidence": [], "mend": []}
+            )
+            if first["cause"] != cause or not (first["evidence"] and first["mend"]):
+                wrong.append((cause, seed, found))
+            if seed == 1001:
+                texts = [f"- {text}" for text in first["evidence"]]
+                texts += [f"> {mend['text']}" for mend in first["mend"]]
+                said.append((f"{cause}: {first['title']}", texts))
+    assert wrong == []
+    golden.agree("doctor", "captures", said)
 
 
-@pytest.mark.parametrize("make", HEALTHY, ids=[make.__name__ for make in HEALTHY])
-def test_a_healthy_line_has_no_finding(make: Any, tmp_path: Path) -> None:
-    for seed in range(1001, 1004):
-        assert found_in(built("", make, make.__name__, seed), tmp_path) == [], seed
+def test_a_healthy_line_has_no_finding(tmp_path: Path) -> None:
+    made = [built("", make, make.__name__, seed) for make in HEALTHY for seed in range(1001, 1004)]
+    assert [(one.what, found) for one in made if (found := found_in(one, tmp_path))] == []
 
 
 def written(cause: str, folder: Path) -> Path:

@@ -16,7 +16,7 @@ from tests.e2e.tapping import PATIENCE, calling, exactly, listening
 from tests.e2e.terminal import TRCVTUI, Terminal
 
 pytestmark = [pytest.mark.live, pytest.mark.slow]
-WORDS = "from trcvtui.cli.main import tap_screen"
+WORDS = "from trcvtui.cli.line import tap_screen"
 
 
 class Line:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.replay.test_recorded_run import again
+from tests.replay.journals import again
 from tests.waiting import until
 from trcvtui import clock
 from trcvtui.engine.controller import Controller, fresh_bench

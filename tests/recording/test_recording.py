@@ -18,8 +18,8 @@ from typing import IO
 
 import pytest
 
-from tests.recording.test_replay import SCENARIOS, recorded
-from tests.scenario.scenarios import CONFIGS
+from tests.recording.test_replay import recorded
+from tests.scenario.scenarios import CONFIGS, SCENARIOS
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP

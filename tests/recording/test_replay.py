@@ -15,7 +15,7 @@ from tests.certificates import NEEDS_OPENSSL
 from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import Bench as Workbench
 from tests.net.sim.net_sim import SimNetwork
-from tests.scenario.scenarios import BAOSKY, CONFIGS, SIEMENS, PatientPace
+from tests.scenario.scenarios import CONFIGS, PatientPace
 from trcvtui.bench.bench import Bench
 from trcvtui.errors import UserError
 from trcvtui.net.kernel import Kernel
@@ -31,11 +31,6 @@ from trcvtui.scenario.scenario import load_scenario
 
 MUTATIONS = 1000
 BARE = re.compile(r"<TlsError\.\w+: ('\w+')>")  # a word of an enum comes back as the plain word, its equal
-SCENARIOS = [
-    path
-    for path in sorted(CONFIGS.rglob("*.toml"))
-    if "[scenario]" in path.read_text(encoding="utf-8") and path.parent.name != "tls"
-]
 
 
 def run(path: Path, kernel: str, seam: Seam, pace: Pace) -> tuple[str, list[str]]:
@@ -57,32 +52,12 @@ def recorded(path: Path, kernel: str = "sim") -> tuple[tuple[str, list[str]], li
     return run(path, kernel, SeamRecorder(entries.append), pace), entries
 
 
-def holds(path: Path, kernel: str) -> None:
-    """Record a scenario, and replay it from the bytes of its journal."""
-    seen, entries = recorded(path, kernel)
-    replay = Replay(entries_of(blocks(entries), "R"), "R")
-    assert run(path, kernel, replay, VirtualPace()) == seen
-    replay.end()
-
-
 @pytest.mark.parametrize(
     ("call", "args"), [(SKIP, ()), (SKIP, ("1",)), (SKIP, (-1,)), (SKIP, (1 << 41,)), (DO, ()), (DO, (1,))]
 )
 def test_a_journal_with_a_strange_command_ends_there(call: str, args: tuple[object, ...]) -> None:
     with pytest.raises(UserError, match="an answer that this call can give"):
         list(entries_of(blocks([Answered("bench", call, args, None)]), "R"))
-
-
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_scenario_that_was_recorded_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
-    holds(path, "sim")
-
-
-@pytest.mark.live
-@pytest.mark.slow
-@pytest.mark.parametrize("path", (BAOSKY + SIEMENS)[::4], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_scenario_on_real_sockets_gives_the_same_ledger_and_jsonl_again(path: Path) -> None:
-    holds(path, "live")
 
 
 @NEEDS_OPENSSL

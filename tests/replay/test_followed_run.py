@@ -10,8 +10,9 @@ from random import Random
 
 import pytest
 
+from tests.replay.journals import InMemory
 from tests.replay.test_keyframes import lines
-from tests.replay.test_time_line import LAST, InMemory, journal
+from tests.replay.test_time_line import LAST, journal
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.replay.test_recorded_run import recorded
-from tests.replay.test_time_line import LAST, InMemory, Stood, journal
+from tests.replay.journals import InMemory, recorded
+from tests.replay.test_time_line import LAST, Stood, journal
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.plc.ledger import Line
 from trcvtui.recording.journal import Entry

@@ -2,100 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import shutil
-from collections.abc import Iterable
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 
-from tests.scenario.scenarios import BAOSKY, CONFIGS, SIEMENS
-from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import EngineTiming
-from trcvtui.engine.controller import Controller, fresh_bench
+from tests.replay.journals import again, jsonl, on_the_screen, recorded
+from tests.scenario.scenarios import BAOSKY, CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.files import noting_reads
-from trcvtui.history.bench_update import UpdateRequest
-from trcvtui.recording.files import FileSink, RecordTo
-from trcvtui.recording.journal import READ, Answered, Entry, Keyframe, RunBegins, blocks, entries_of
-from trcvtui.recording.recorder import RunRecorder
-from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check, print_jsonl
-from trcvtui.replay.run_again import RunAgain
-from trcvtui.scenario.command import run_files
-from trcvtui.scenario.scenario import load_bench
-
-SCENARIOS = [
-    path
-    for path in sorted(CONFIGS.rglob("*.toml"))
-    if "[scenario]" in path.read_text(encoding="utf-8") and path.parent.name != "tls"
-]
-
-
-class Kept:
-    """A sink that keeps the entries."""
-
-    trouble = ""
-    first_scan = 0
-
-    def __init__(self) -> None:
-        self.entries: list[Entry] = []
-
-    def keyframe(self, frame: Keyframe) -> None:
-        """Do nothing: the entries are enough."""
-
-    def take(self, entries: Iterable[Entry]) -> None:
-        self.entries += entries
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class InMemory(RecordTo):
-    """`--record` without a file."""
-
-    def sink(self, file: Path) -> FileSink:
-        return KEPT
-
-
-KEPT = Kept()
-
-
-def recorded(path: Path, *overrides: str, file: Path | None = None) -> tuple[str, list[Entry]]:
-    """Return what a scenario has printed as jsonl, and its journal; with a file, on real sockets."""
-    KEPT.entries = []
-    out = io.StringIO()
-    record = InMemory(Path("R.pcapng")) if file is None else RecordTo(file)
-    with redirect_stdout(out):
-        run_files([path], "sim" if file is None else "live", "jsonl", None, overrides, record=record)
-    return out.getvalue(), KEPT.entries if file is None else list(Recording(file).entries())
-
-
-def again(entries: Iterable[Entry]) -> RunAgain:
-    return RunAgain(entries_of(blocks(entries), "R"), "R")
-
-
-def jsonl(entries: Iterable[Entry]) -> str:
-    out = io.StringIO()
-    print_jsonl(again(entries), out.write)
-    return out.getvalue()
-
-
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_recorded_scenario_holds_and_prints_the_same(path: Path) -> None:
-    text, entries = recorded(path)
-    assert check(again(entries)) == ""
-    assert jsonl(entries) == text
-
-
-@pytest.mark.live
-@pytest.mark.slow
-@pytest.mark.parametrize("path", (BAOSKY + SIEMENS)[1::6], ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_a_recorded_scenario_on_real_sockets_holds_and_prints_the_same(path: Path, tmp_path: Path) -> None:
-    text, entries = recorded(path, file=tmp_path / "R.pcapng")
-    assert check(again(entries)) == ""
-    assert jsonl(entries) == text
+from trcvtui.recording.journal import READ, Answered, RunBegins
+from trcvtui.replay.command import check
 
 
 def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path: Path) -> None:
@@ -128,7 +44,7 @@ def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: py
 
 
 def test_a_journal_that_ends_before_its_run_is_told() -> None:
-    _, entries = recorded(SCENARIOS[0])
+    _, entries = recorded(BAOSKY[0])
     assert "the end of the journal" in check(again(entries[: len(entries) // 2]))
     assert "the end of the journal" in check(again(entries[:-20]))
 
@@ -158,26 +74,6 @@ link C1 down
 link C1 up
 fault recv ECONNRESET
 remove connect C9"""
-
-
-def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
-    """Return a bench after these lines with five scans each, and its journal."""
-    kept = Kept()
-    recorder = RunRecorder(lambda: kept, waits=False)
-    with noting_reads(recorder.reads):
-        project = load_bench(path)
-        with recorder:
-            bench = fresh_bench(project, "sim", recorder.seam)
-            recorder.begin(bench, path, (), is_scenario=False)
-            console = Controller(bench)
-            for number, line in enumerate(lines.splitlines()):
-                console.take(number, line)
-                for _ in range(5):
-                    console.scan()
-                    console.picture(UpdateRequest(), EngineTiming(mode=""), 10)
-                    recorder.gap(bench)
-            bench.close()
-    return bench, kept.entries
 
 
 def test_what_the_screen_has_told_acts_again_in_its_scan() -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tests.replay.test_recorded_run import recorded
+from tests.replay.journals import InMemory, recorded
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.cli.main import main
@@ -17,8 +16,7 @@ from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache, with_changes
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry, Keyframe
-from trcvtui.recording.recording import BlockPlace
+from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS, ReplayDriver, opened
 from trcvtui.replay.run_again import RunAgain
@@ -34,26 +32,6 @@ INSTANCE = "TRCV_C_1"
 def journal() -> tuple[Entry, ...]:
     """Return the journal of a scenario in which a link goes down."""
     return tuple(recorded(LINK_DOWN)[1])
-
-
-class InMemory:
-    """A journal that needs no file; its blocks have no places."""
-
-    def __init__(self, entries: tuple[Entry, ...]) -> None:
-        self._entries = entries
-
-    def entries(self, first: int = 0) -> Iterator[Entry]:
-        assert not first
-        return iter(self._entries)
-
-    def index(self) -> tuple[()]:
-        return ()
-
-    def keyframes(self) -> tuple[()]:
-        return ()
-
-    def keyframe(self, place: BlockPlace) -> Keyframe:
-        raise AssertionError(place)
 
 
 class Stood:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
-from tests.replay.test_recorded_run import SCENARIOS, recorded
-from tests.replay.test_time_line import InMemory
-from tests.scenario.scenarios import CONFIGS
+from tests.replay.journals import InMemory, nothing_differs, recorded, what_if_nothing_changed
+from tests.scenario.scenarios import CONFIGS, SCENARIOS
 from trcvtui.cli.main import main
 from trcvtui.recording.journal import Answered, EntriesLost, Entry, Keyframe
 from trcvtui.recording.recording import IS_KEYFRAME, BlockPlace, RecordingWriter
@@ -22,41 +20,17 @@ from trcvtui.replay.recorded_run import RecordedRun
 from trcvtui.replay.what_if import Sum, WhatIf, print_both
 
 STORIES = CONFIGS / "scenarios" / "stories"
-EACH = 1 if os.environ.get("TRCVTUI_SOAK") else 8
-FAULTS = [
-    CONFIGS / "scenarios" / name
-    for name in (
-        "baosky/8086-accept-fails.toml",
-        "baosky/8087-poll-del-fails.toml",
-        "baosky/80aa-receive-fails.toml",
-        "baosky/80ab-tsend-link-down-sending.toml",
-        "baosky/inner-trcv-losses.toml",
-        "baosky/udp-80aa-receive-fails.toml",
-        "sim/attempt-limit.toml",
-        "twincat/6-t09-no-suffix-0017.toml",
-    )
-]
 
 
 def in_memory(entries: Sequence[Entry]) -> Keyframes:
     return Keyframes(InMemory(tuple(entries)), "R.pcapng")
 
 
-def what_if(path: Path, *sets: str, dialect: str | None = None, file: Path | None = None) -> WhatIf:
-    _, entries = recorded(path, file=file)
+def what_if(path: Path, *sets: str, dialect: str | None = None) -> WhatIf:
+    _, entries = recorded(path)
     run = WhatIf(in_memory(entries), sets, dialect)
     run.play()
     return run
-
-
-def nothing_differs(run: WhatIf) -> None:
-    was, now = run.sums()
-    assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
-
-
-@pytest.mark.parametrize("path", [*SCENARIOS[::EACH], *FAULTS], ids=lambda path: path.stem)
-def test_a_run_with_nothing_changed_is_the_recorded_one(path: Path) -> None:
-    nothing_differs(what_if(path))
 
 
 class Late(InMemory):
@@ -74,7 +48,7 @@ class Late(InMemory):
         return self._frame
 
 
-@pytest.mark.parametrize("path", SCENARIOS[7 :: EACH * 3], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SCENARIOS[7::24], ids=lambda path: path.stem)
 def test_a_run_from_a_keyframe_on_with_nothing_changed_is_the_recorded_one(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,12 +62,6 @@ def test_a_run_from_a_keyframe_on_with_nothing_changed_is_the_recorded_one(
         late = WhatIf(Keyframes(Late(whole, frame), "R.pcapng"), [], None)
         late.play()
         nothing_differs(late)
-
-
-@pytest.mark.live
-@pytest.mark.parametrize("name", ["80a6-short-frame-80c5", "80c5-fin-mid-send", "udp-7006-7008-receive"])
-def test_a_run_on_real_sockets_with_nothing_changed_is_the_recorded_one(name: str, tmp_path: Path) -> None:
-    nothing_differs(what_if(CONFIGS / "scenarios" / "baosky" / f"{name}.toml", file=tmp_path / "R.pcapng"))
 
 
 def test_the_story_of_len_is_mended_by_len() -> None:
@@ -246,9 +214,7 @@ def test_a_journal_with_strange_answers_ends_there() -> None:
     def strange(entry: Answered) -> Answered:
         return entry._replace(answer=7) if entry.call == "recv" and entry.owner == "C1" else entry
 
-    good = WhatIf(in_memory(entries_of_a_run(lambda entry: entry)), [], None)
-    good.play()
-    nothing_differs(good)
+    what_if_nothing_changed(entries_of_a_run(lambda entry: entry))
     told = RecordedRun(())
     told.follow(iter(entries_of_a_run(strange)))
     while not told.is_broken:

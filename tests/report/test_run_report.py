@@ -18,9 +18,8 @@ import pytest
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
 from tests.chromium import CHROMIUM, PATIENCE_S, chromium
-from tests.replay.test_recorded_run import Kept, jsonl, on_the_screen, recorded
-from tests.replay.test_time_line import InMemory
-from tests.scenario.scenarios import CONFIGS
+from tests.replay.journals import InMemory, jsonl, on_the_screen, recorded
+from tests.scenario.scenarios import CONFIGS, Kept
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.commands.words import Set

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,27 +13,35 @@ from typing import Any
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.words import Link
+from trcvtui.files import noting_reads
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.scenario.command import LivePace
+from trcvtui.recording.journal import Entry, Keyframe
+from trcvtui.recording.recorder import RunRecorder
+from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.runner import Pace, Runner, Verdict, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-BAOSKY = sorted((CONFIGS / "scenarios" / "baosky").glob("*.toml"))
-SIEMENS = sorted((CONFIGS / "scenarios" / "siemens").glob("*.toml"))
-LEGACY = sorted((CONFIGS / "scenarios" / "siemens-legacy").glob("*.toml"))
-TWINCAT = sorted((CONFIGS / "scenarios" / "twincat").glob("*.toml"))
-SIM_ONLY = sorted((CONFIGS / "scenarios" / "sim").glob("*.toml"))
+BAOSKY, SIEMENS, LEGACY, TWINCAT, SIM_ONLY, STORIES = (
+    sorted((CONFIGS / "scenarios" / folder).glob("*.toml"))
+    for folder in ("baosky", "siemens", "siemens-legacy", "twincat", "sim", "stories")
+)
+SCENARIOS = [*BAOSKY, *SIEMENS, *LEGACY, *SIM_ONLY, *STORIES, *TWINCAT]
 
 
 @dataclass(frozen=True)
 class Played:
-    """What one run gave: the verdict, the jsonl text, the ledger's words."""
+    """What one run gave: the verdict, the jsonl text, each event of its ledger, its journal if it has one."""
 
     verdict: Verdict
     text: str
-    edges: tuple[StatusEdge, ...]
+    events: tuple[object, ...]
+    entries: tuple[Entry, ...] = ()
+
+    @property
+    def edges(self) -> list[StatusEdge]:
+        return [event for event in self.events if isinstance(event, StatusEdge)]
 
     def reached(self) -> frozenset[tuple[str, int, bool]]:
         """Return (block, STATUS, whether a planned fault answered) for everything that showed."""
@@ -49,6 +59,25 @@ class Played:
         return [json.loads(line) for line in self.text.splitlines()][:-1]
 
 
+class Kept:
+    """A sink that keeps the entries."""
+
+    trouble = ""
+    first_scan = 0
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+
+    def keyframe(self, frame: Keyframe) -> None:
+        """Do nothing: the entries are enough."""
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        self.entries += entries
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 class PatientPace:
     """Real time passes between the scans, and each scan is on time: a late machine makes no gap shorter.
 
@@ -61,22 +90,32 @@ class PatientPace:
         bench.step()
 
 
-def play(path: Path, kernel: str, *overrides: str) -> Played:
+def play(
+    path: Path, kernel: str, *overrides: str, is_recorded: bool = False, calls_all: bool = False
+) -> Played:
     """Run one scenario; every handle must be free afterwards. `overrides` are those of `--set`."""
-    scenario = load_scenario(path, overrides)
-    bench = Bench(scenario.project, kernel)
-    out = io.StringIO()
-    report = JsonLines(out.write, bench.runtime.interval_ns, bench)
-    steps = *scenario.start, *scenario.steps
-    pace: Pace = PatientPace() if kernel == "live" else VirtualPace()
-    if kernel == "live" and any(isinstance(step.command, Link) for step in steps):
-        pace = LivePace()  # the stack finds a cut wire by the clock: scans have its time, too
-    verdict = Runner(bench, scenario.name, pace, report.scan).play(steps)
-    report.verdict(verdict)
-    edges = tuple(line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge))
-    bench.close()
+    kept = Kept()
+    recorder = RunRecorder(lambda: kept, waits=kernel == "sim") if is_recorded else None
+    with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+        scenario = load_scenario(path, overrides)
+    with recorder or nullcontext():
+        bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
+        bench.runtime.calls_all = calls_all
+        out = io.StringIO()
+        report = JsonLines(out.write, bench.runtime.interval_ns, bench)
+        steps = *scenario.start, *scenario.steps
+        pace: Pace = PatientPace() if kernel == "live" else VirtualPace()
+        if kernel == "live" and any(isinstance(step.command, Link) for step in steps):
+            pace = LivePace()  # the stack finds a cut wire by the clock: scans have its time, too
+        if recorder is not None:
+            recorder.begin(bench, path, overrides, is_scenario=True)
+            pace = RecordedPace(pace, recorder)
+        verdict = Runner(bench, scenario.name, pace, report.scan).play(steps)
+        report.verdict(verdict)
+        bench.close()
+    events = tuple(line.event for line in bench.runtime.ledger)
     assert bench.leaks() == ()
-    return Played(verdict, out.getvalue(), edges)
+    return Played(verdict, out.getvalue(), events, tuple(kept.entries))
 
 
 def failures(verdict: Verdict) -> str:

@@ -1,26 +1,17 @@
-"""Every scenario of configs/scenarios/twincat holds: frames, decisions and streams."""
+"""Frames, decisions and streams of configs/scenarios/twincat, where the ledger tells more than a trace."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.scenario.scenarios import TWINCAT, failures, play
+from tests.scenario.scenarios import TWINCAT, failures
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
+from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartialFrameDropped
 from trcvtui.blocks.status import Reach
 from trcvtui.dialects.twincat.rules import COM_ERRORS
 from trcvtui.scenario.runner import Runner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 from trcvtui.scenario.scenario_index import shown_by
-
-STREAMS = [path for path in TWINCAT if path.stem.startswith(("6-", "barcode"))]
-ROWS = 14  # of the table "every combination"
-
-
-def name_of(path: Path) -> str:
-    return path.stem
 
 
 def played(stem: str) -> Bench:
@@ -34,41 +25,6 @@ def played(stem: str) -> Bench:
     assert verdict.passed, failures(verdict)
     bench.close()
     return bench
-
-
-def test_each_row_and_each_stream_vector_has_a_scenario() -> None:
-    names = [path.stem for path in TWINCAT]
-    for start in [*(f"3-{n:02}-" for n in range(1, ROWS + 1)), *(f"6-t{n:02}-" for n in range(1, 10))]:
-        assert [name for name in names if name.startswith(start)], start
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", TWINCAT, ids=name_of)
-def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
-    result = play(path, "sim")
-    assert result.verdict.passed, failures(result.verdict)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", STREAMS, ids=name_of)
-def test_a_stream_is_framed_on_real_sockets_too(path: Path) -> None:
-    result = play(path, "live")
-    assert result.verdict.passed, failures(result.verdict)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", TWINCAT, ids=name_of)
-def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
-    seen = []
-    for calls_all in (True, False):
-        scenario = load_scenario(path)
-        bench = Bench(scenario.project, "sim")
-        bench.runtime.calls_all = calls_all
-        runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
-        verdict = runner.play((*scenario.start, *scenario.steps))
-        seen.append((verdict.traces, verdict.failures, [line.event for line in bench.runtime.ledger]))
-        bench.close()
-    assert seen[0] == seen[1]
 
 
 @pytest.mark.slow
@@ -101,7 +57,7 @@ ALIKE = {
 def test_a_connection_that_closes_in_a_frame_leaves_a_note_and_no_bytes() -> None:
     bench = played("6-t04")
     events = [line.event for line in bench.runtime.ledger]
-    assert PartDropped("RD", "RX", 0, 2, "connection closed") in events
+    assert PartialFrameDropped("RD", "RX", 0, 2, "connection closed") in events
     assert not any(isinstance(event, FrameEnded) for event in events)
     assert bench.runtime.snapshot().combuffers[0].count == 0
 
@@ -139,6 +95,6 @@ def test_with_its_switch_a_part_ends_where_en_r_falls() -> None:
     runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
     assert not runner.play((*scenario.start, *scenario.steps)).passed
     events = [line.event for line in bench.runtime.ledger]
-    assert PartDropped("RD", "RX", 0, 1, "EN_R fell") in events
+    assert PartialFrameDropped("RD", "RX", 0, 1, "EN_R fell") in events
     assert FrameEnded("RD", "RX", 1, 2, "suffix") in events
     bench.close()

@@ -13,7 +13,7 @@ from tests.scenario.scenarios import BAOSKY
 from tests.scenario.test_scenario_command import PASSIVE, PULSE, scenario
 from trcvtui.cli.main import main
 from trcvtui.errors import mistake
-from trcvtui.scenario.report import FORMATS, Junit
+from trcvtui.scenario.report import Junit
 
 Capture = pytest.CaptureFixture[str]
 
@@ -64,66 +64,64 @@ def document(capsys: Capture, *argv: str) -> tuple[int, Element, str]:
     return code, root, err
 
 
-def test_each_expectation_is_a_test_case_of_the_scenario(tmp_path: Path, capsys: Capture) -> None:
-    code, root, _ = document(capsys, scenario(tmp_path, PULSE + "\nexpect TRCV_C_1 STATUS=80A1"))
-    assert code == 0
-    (suite,) = root.findall("testsuite")
-    assert suite.get("name") == str(tmp_path / "story.toml")
-    assert [
-        (case.get("classname"), case.get("name"), case.get("time")) for case in suite.iter("testcase")
-    ] == [
-        ("story.toml", "003 expect TRCV_C_1 trace 0001 7001 7002 80A1!", "0.040"),
-        ("story.toml", "004 expect TRCV_C_1 STATUS=80A1", "0.000"),
-    ]
-    assert suite.findtext("system-out") == "TRCV_C_1: 0001 7001 7002 80A1!"
+def cases(root: Element) -> list[str]:
+    """Return a line a test case: its time, its name, its outcome with message and text."""
+    lines = []
+    for case in root.iter("testcase"):
+        ended = [f"{child.tag} {child.get('message')}: {child.text}" for child in case]
+        lines.append(" | ".join((case.get("time", ""), case.get("name", ""), *ended)))
+    return lines
 
 
-def test_a_failure_holds_the_line_and_what_was_found(tmp_path: Path, capsys: Capture) -> None:
-    code, root, _ = document(capsys, scenario(tmp_path, "run 1\nexpect TRCV_C_1 STATUS=7004\nrun 9"))
-    assert code == 1
-    failed, rest = root.iter("testcase")
-    failure = failed.find("failure")
-    assert failure is not None
-    assert failure.attrib == {"type": "expect", "message": "found: STATUS=7000"}
-    assert failure.text == "step 2: expect TRCV_C_1 STATUS=7004\nfound: STATUS=7000"
-    assert (rest.get("name"), rest.get("time")) == ("the scenario runs to its end", "0.090")
+NOT_REACHED = "skipped not reached: a wait before it failed: None"
+WHOLE = "the scenario runs to its end"
+CASES = {
+    "each expectation": (
+        f"{PULSE}\nexpect TRCV_C_1 STATUS=80A1",
+        ["0.040 | 003 expect TRCV_C_1 trace 0001 7001 7002 80A1!", "0.000 | 004 expect TRCV_C_1 STATUS=80A1"],
+    ),
+    "a failure holds the line and what was found": (
+        "run 1\nexpect TRCV_C_1 STATUS=7004\nrun 9",
+        [
+            "0.010 | 002 expect TRCV_C_1 STATUS=7004 | failure found: STATUS=7000: "
+            "step 2: expect TRCV_C_1 STATUS=7004\nfound: STATUS=7000",
+            f"0.090 | {WHOLE}",
+        ],
+    ),
+    "after a failed wait the expectations are skipped": (
+        "wait TRCV_C_1 STATUS=7004 within T#20ms\nrun 5\nexpect TRCV_C_1 LEN=1\nexpect peer P1 closed",
+        [
+            "0.020 | 001 wait TRCV_C_1 STATUS=7004 within T#20ms | failure found: STATUS=7000: "
+            "step 1: wait TRCV_C_1 STATUS=7004 within T#20ms\nfound: STATUS=7000",
+            f"0.000 | 003 expect TRCV_C_1 LEN=1 | {NOT_REACHED}",
+            f"0.000 | 004 expect peer P1 closed | {NOT_REACHED}",
+        ],
+    ),
+    "without an expectation one": ("run 3", [f"0.030 | {WHOLE}"]),
+}
 
 
-def test_after_a_failed_wait_the_expectations_are_skipped(tmp_path: Path, capsys: Capture) -> None:
-    steps = (
-        "wait TRCV_C_1 STATUS=7004 within T#50ms\nrun 5\nexpect TRCV_C_1 STATUS=7004\nexpect peer P1 closed"
-    )
+@pytest.mark.parametrize(("steps", "expected"), CASES.values(), ids=CASES)
+def test_the_test_cases_of_a_scenario(
+    steps: str, expected: list[str], tmp_path: Path, capsys: Capture
+) -> None:
     code, root, _ = document(capsys, scenario(tmp_path, steps))
-    assert code == 1
-    assert [[child.tag for child in case] for case in root.iter("testcase")] == [
-        ["failure"],
-        ["skipped"],
-        ["skipped"],
-    ]
-    assert root.get("time") == "0.050"
+    (suite,) = root.findall("testsuite")
+    assert (suite.get("name"), code) == (str(tmp_path / "story.toml"), int("failure" in "".join(expected)))
+    assert {case.get("classname") for case in suite.iter("testcase")} == {"story.toml"}
+    assert cases(root) == expected
+    if "80A1!" in steps:
+        assert suite.findtext("system-out") == "TRCV_C_1: 0001 7001 7002 80A1!"
 
 
-def test_a_command_that_fails_is_a_test_case_too(tmp_path: Path, capsys: Capture) -> None:
-    code, root, _ = document(capsys, scenario(tmp_path, "peer P1 send hex 01\nrun 1"))
-    assert code == 1
-    first = next(root.iter("testcase"))
-    assert first.get("name") == "001 peer P1 send hex 01"
-    failure = first.find("failure")
-    assert failure is not None and "not connected" in failure.get("message", "")
-
-
-def test_a_scenario_without_expectation_is_one_test_case(tmp_path: Path, capsys: Capture) -> None:
-    code, root, _ = document(capsys, scenario(tmp_path, "run 3"))
-    assert code == 0
-    (case,) = root.iter("testcase")
-    assert (case.get("name"), case.get("time")) == ("the scenario runs to its end", "0.030")
-
-
-def test_what_fails_in_start_is_told_as_start(tmp_path: Path, capsys: Capture) -> None:
+def test_a_command_that_fails_is_a_test_case_too_and_one_of_start_says_so(
+    tmp_path: Path, capsys: Capture
+) -> None:
     project = 'start = "expect TRCV_C_1 LEN=5"\n' + PASSIVE
-    _, root, _ = document(capsys, scenario(tmp_path, "run 1", project=project))
-    first = next(root.iter("testcase"))
-    assert first.get("name") == "start expect TRCV_C_1 LEN=5"
+    code, root, _ = document(capsys, scenario(tmp_path, "peer P1 send hex 01\nrun 1", project=project))
+    first, second, _ = cases(root)
+    assert code == 1 and first.startswith("0.000 | start expect TRCV_C_1 LEN=5 | failure")
+    assert second.startswith("0.000 | 001 peer P1 send hex 01 | failure") and "not connected" in second
 
 
 def test_a_wrong_file_is_an_error_beside_the_others(tmp_path: Path, capsys: Capture) -> None:
@@ -137,11 +135,6 @@ def test_a_wrong_file_is_an_error_beside_the_others(tmp_path: Path, capsys: Capt
     assert error.text.splitlines() == err.splitlines() and len(err.splitlines()) == 2
     assert error.get("message") == err.splitlines()[0]
     assert (first.get("errors"), second.get("errors"), second.get("failures")) == ("1", "0", "0")
-
-
-def test_a_file_that_is_not_there_still_gives_a_document(tmp_path: Path, capsys: Capture) -> None:
-    code, root, err = document(capsys, str(tmp_path / "nix.toml"))
-    assert (code, root.get("errors"), len(err.splitlines())) == (2, "1", 1)
 
 
 def test_a_file_that_turns_out_wrong_when_it_is_loaded_onto_the_bench_is_an_error_alone(
@@ -212,7 +205,3 @@ def test_every_scenario_of_the_project_gives_the_same_document_twice(capsys: Cap
 def test_the_time_of_a_live_run_is_the_clocks(tmp_path: Path, capsys: Capture) -> None:
     _, root, _ = document(capsys, scenario(tmp_path, "run 5"), "--kernel", "live")
     assert float(root.get("time", "nan")) >= 0.05
-
-
-def test_junit_is_a_format() -> None:
-    assert list(FORMATS) == ["text", "jsonl", "junit"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenario.scenarios import BAOSKY, CONFIGS, SIM_ONLY, play
+from tests.scenario.scenarios import CONFIGS
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.driver import EngineDriver, start_engine
@@ -171,25 +171,6 @@ def test_the_commands_of_start_are_taken_when_the_scenario_is_loaded(
     player = player_of(driver)
     assert [(step.number, step.state) for step in player.steps] == [(0, DONE), (0, FAILED), (1, TO_COME)]
     assert player.current == 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", BAOSKY + SIM_ONLY, ids=lambda path: path.stem)
-def test_step_by_step_every_scenario_goes_as_it_does_in_one_run(driver: LocalDriver, path: Path) -> None:
-    verdict = play(path, "sim").verdict
-    assert answer_to(driver, f"scenario load {path} sim") == ""
-    while not player_of(driver).finished:
-        driver.submit("scenario step")
-        while player_of(driver).running:
-            driver.console.rest()
-            driver.scan()
-        driver.console.rest()
-    player, picture = player_of(driver), picture_of(driver)
-    assert FAILED not in states(player)
-    assert picture.snapshot.scan == verdict.scans
-    for (name, newest), (known, whole) in zip(player.traces, verdict.traces, strict=True):
-        assert name == known
-        assert whole.endswith(newest.removeprefix("... "))
 
 
 # -- one bench in place of the other -------------------------------------------------------------------

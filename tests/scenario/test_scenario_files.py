@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenario.scenarios import BAOSKY, CONFIGS, LEGACY, SIEMENS
+from tests.scenario.scenarios import BAOSKY, CONFIGS
 from trcvtui.paths import configs_path
 from trcvtui.scenario import scenario as scenario_files
 from trcvtui.scenario.scenario import find_files, read_scenario_file
@@ -119,15 +119,6 @@ def test_steps_that_the_file_writes_otherwise_count_from_one(steps: str) -> None
     said = read_scenario_file(put("a.toml", f"{BENCH}[scenario]\nsteps = {steps}\n"))
     assert said is not None
     assert [(line.place, line.step) for line in said.lines] == [(1, 0), (2, 1), (3, 0), (4, 2)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
-def test_each_step_stands_at_its_place_in_its_file(path: Path) -> None:
-    said = read_scenario_file(path)
-    assert said is not None and not said.problem
-    file = path.read_text(encoding="utf-8").splitlines()
-    assert [line.text for line in said.lines] == [file[line.place - 1].strip() for line in said.lines]
 
 
 @pytest.mark.parametrize(

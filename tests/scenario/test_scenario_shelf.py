@@ -2,48 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
-from tests.scenario.scenarios import BAOSKY, LEGACY, SIEMENS, play
-from trcvtui.commands import words
+from tests.scenario.scenarios import BAOSKY
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
-from trcvtui.scenario.scenario import load_scenario
 from trcvtui.scenario.scenario_index import scenarios_of, shown_by
-
-
-def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[int, str]]:
-    """Return what a scenario shows as the bench itself reads its lines."""
-    found: set[tuple[int, str]] = set()
-    for step in steps:
-        match step.command:
-            case words.ExpectTrace(name, pattern):
-                scans = [atom.scan for atom in pattern.atoms if atom.scan is not None and atom.least]
-                found |= {(status, blocks[name]) for status, _ in scans}
-            case words.Wait(words.PinsAre(name, pins), _) | words.Expect(words.PinsAre(name, pins), _):
-                found |= {(int(value), blocks[name]) for pin, value in pins if pin == "STATUS"}
-            case words.Create(decl):
-                blocks[decl.name] = decl.block
-    return found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
-def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
-    scenario = load_scenario(path)
-    blocks = {decl.name: decl.block for decl in scenario.project.instances}
-    assert shown_by(path) == expected(scenario.steps, blocks)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
-def test_every_code_that_an_instance_shows_is_listed_for_its_block(path: Path) -> None:
-    dialect = load_scenario(path).project.dialect
-    shown = {(int(record["STATUS"], 16), record["block"]) for record in play(path, "sim").records()}
-    assert [f"{block} {code:04X}" for code, block in shown if dialect.row(code, block) is None] == []
 
 
 def test_the_shelf_names_the_files_by_code_and_block_as_seen_from_the_source() -> None:

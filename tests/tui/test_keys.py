@@ -202,7 +202,7 @@ async def test_the_palette_reaches_everything() -> None:
         "Peer P2", "Instance TRCV_C_2", "Pane Received", "Zoom the pane", "Command line", "Help", "Theme",
         "PLC to STOP", "Clear all faults", "Screenshot", "Quit", "Delete TRCV_C_1", "Create an instance",
         "Download TRCV_C_1: a new instance", "Resize rx", "Yank members as CSV", "Mark",
-        "Save the session as a scenario", "Yank the call in Structured Text",
+        "Save the session as a scenario", "Yank STATUS history as text",
     ):  # fmt: skip
         assert title in titles
 

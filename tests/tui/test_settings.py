@@ -10,7 +10,8 @@ import pytest
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from tests.tui.test_snapshots import FRAMES, READABLE, contrast
-from trcvtui.cli.main import LOOKS, main
+from trcvtui.cli.main import main
+from trcvtui.cli.options import LOOKS
 from trcvtui.commands.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped

@@ -27,7 +27,6 @@ from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.fields import ProjectPart
 from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
-from trcvtui.tui.forms.split_test_screen import TrialScreen
 from trcvtui.tui.framings import FramingScreen
 from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
@@ -36,7 +35,7 @@ from trcvtui.tui.main import MainScreen
 from trcvtui.tui.replay import ReplayScreen
 from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
-from trcvtui.tui.widgets.dialogs import ChoiceScreen, Dialog, FormDialog, ListDialog
+from trcvtui.tui.widgets.dialogs import ChoiceScreen, Dialog, FormDialog, ListDialog, ResultScreen
 from trcvtui.tui.widgets.help import HelpScreen
 from trcvtui.tui.widgets.screens import FullScreen, SideScreen
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -84,10 +83,10 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     UdtForm: udt_form,
     ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
     MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.view_model.project),
-    TrialScreen: lambda looker: TrialScreen(looker.app.view_model, looker.app.submit),
+    ResultScreen: lambda looker: ResultScreen("trial", "Every split", "", lambda width: []),
     ProblemsScreen: lambda looker: ProblemsScreen(["one"]),
     ChoiceScreen: lambda looker: ChoiceScreen("Types", [("abd", ""), ("xyz", "")], ""),
-    YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, None), "c"),
+    YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, False), "h"),
     HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),
     DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
     DoctorScreen: lambda looker: DoctorScreen(looker.app.view_model),

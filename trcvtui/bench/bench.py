@@ -18,7 +18,7 @@ from trcvtui.commands.peer import read_replies, read_routines
 from trcvtui.commands.reader import after
 from trcvtui.commands.snapshots import CheckSnapshot, PeerSnapshot
 from trcvtui.commands.table import record_row
-from trcvtui.commands.words import CheckOn, Mend, PeerSend
+from trcvtui.commands.words import CheckOn, PeerSend, Remedy
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
@@ -528,17 +528,17 @@ class Bench:
             for each in getattr(project, kind):
                 before = had.get(each.name)
                 if before != each:
-                    new = commands.Declare(each)
-                    orders.append(new if before is None else commands.Redeclare(before, each))
+                    new = commands.AddDeclaration(each)
+                    orders.append(new if before is None else commands.ReplaceDeclaration(before, each))
         for decl in project.instances:
             known = self.project.instance(decl.name)
             if known != decl:
                 made = commands.CreateInstance(decl)
-                orders.append(made if known is None else commands.Redeclare(known, decl))
+                orders.append(made if known is None else commands.ReplaceDeclaration(known, decl))
         self.project, self._works_on = project, _what_each_works_on(project)
         self.submit(*orders)
 
-    def mend(self, command: Mend) -> str:
+    def mend(self, command: Remedy) -> str:
         """Let the project be another one, and what runs with it."""
         edited = after(command, self.project)
         for edit in edits_of(command, self.project):
@@ -685,11 +685,11 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
         case (InstanceDecl(), None):
             return commands.DeleteInstance(edit.name)
         case (InstanceDecl(), InstanceDecl()):
-            return commands.Redeclare(before, decl)
+            return commands.ReplaceDeclaration(before, decl)
     was, now = (each if isinstance(each, commands.Part) else None for each in (before, decl))
     if now is None:
-        return commands.Withdraw(was) if was is not None else None
-    return commands.Declare(now) if was is None else commands.Redeclare(was, now)
+        return commands.RemoveDeclaration(was) if was is not None else None
+    return commands.AddDeclaration(now) if was is None else commands.ReplaceDeclaration(was, now)
 
 
 def _noted(edit: Edit) -> tuple[str, str]:

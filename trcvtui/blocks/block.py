@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol
@@ -79,19 +80,48 @@ class NoJob:
         return b""
 
 
-class StoppedBlock:
-    """What stands in the place of a block that an internal error has stopped; it is called no more."""
+class RunningJob(Job, Protocol):
+    """A job that can be ended from outside."""
 
-    job = NoJob()
+    def abandon(self, reason: str) -> None: ...
+
+    def detach(self, reason: str) -> None: ...
+
+
+class HasJob(Protocol):
+    @property
+    def job(self) -> RunningJob: ...
+
+
+class JobBlock:
+    """A block with a job. Its connection stays when the instance goes."""
+
+    def stop(self: HasJob, reason: str) -> None:
+        self.job.abandon(reason)
+
+    def detach(self: HasJob, reason: str) -> None:
+        self.job.detach(reason)
+
+
+class ScriptBlock:
+    """A block that moves no bytes: it shows what is in its script, one outcome a call."""
+
+    def __init__(self) -> None:
+        self.job = NoJob()
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def stop(self, reason: str) -> None:
+        self._script.clear()
+
+    def detach(self, reason: str) -> None: ...
+
+
+class StoppedBlock(ScriptBlock):
+    """What stands in the place of a block that an internal error has stopped; it is called no more."""
 
     def call(self, inputs: Inputs) -> Outcome:
         raise NotImplementedError
-
-    def stop(self, reason: str) -> None:
-        """Do nothing: no job runs."""
-
-    def detach(self, reason: str) -> None:
-        """Do nothing: no job runs."""
 
 
 class Block(Protocol):

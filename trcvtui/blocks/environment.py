@@ -37,7 +37,7 @@ class FrameEnded(NamedTuple):
     ending: str
 
 
-class PartDropped(NamedTuple):
+class PartialFrameDropped(NamedTuple):
     """What a block had of a frame was thrown away: `incomplete, 2 bytes, connection closed`."""
 
     instance: str
@@ -63,7 +63,7 @@ class LineHeld(NamedTuple):
     held: bool
 
 
-SerialNote = BytesArrived | BytesLost | FrameEnded | PartDropped | NoiseDropped | LineHeld
+SerialNote = BytesArrived | BytesLost | FrameEnded | PartialFrameDropped | NoiseDropped | LineHeld
 
 
 class JobStarted(NamedTuple):

@@ -15,8 +15,8 @@ from trcvtui.commands.tokens import (
     is_payload,
     leaf_bytes,
     leaf_value,
+    parse_payload,
     pin_value,
-    read_payload,
     struct_bytes,
 )
 from trcvtui.commands.words import (
@@ -74,7 +74,7 @@ def base_name(word: str) -> str:
     return re.split(r"[.\[+]", word, maxsplit=1)[0]
 
 
-def read_target(words: Words, project: Project) -> Target:
+def parse_target(words: Words, project: Project) -> Target:
     """Return what the next word stands for; raise UserError when it is no part of a variable."""
     word = words.next("the name of a DATA variable")
     decl = project.data_decl(base_name(word))
@@ -108,17 +108,17 @@ def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
     return Target(decl, path.removeprefix("."), offset, node.size if node.leaves else 0, False)
 
 
-def read_write(words: Words, project: Project) -> Write:
+def parse_write(words: Words, project: Project) -> Write:
     """Return `write rx.speed 12.5`, `write rx hex 01 02`, `write rx {speed=1.5}`; raise UserError."""
     start = words.place
-    target = read_target(words, project)
+    target = parse_target(words, project)
     payload = _bytes_for(target, words, project)
     return Write(target.decl.name, target.offset, payload, words.written(start))
 
 
 def _bytes_for(target: Target, words: Words, project: Project) -> bytes:
     if is_payload(words.peek()):
-        return _fitting(target, read_payload(words, project).content, words)
+        return _fitting(target, parse_payload(words, project).content, words)
     if words.peek().startswith("{") and not target.is_raw:
         return _struct_for(target, words.rest_text(VALUE_FORM), words)
     value = words.next(VALUE_FORM)
@@ -143,12 +143,12 @@ def _struct_for(target: Target, braces: str, words: Words) -> bytes:
     return whole[target.offset : target.offset + target.size]
 
 
-def read_data_condition(words: Words, project: Project) -> Condition:
+def parse_data_condition(words: Words, project: Project) -> Condition:
     """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError."""
     start = words.place
-    target = read_target(words, project)
+    target = parse_target(words, project)
     if is_payload(words.peek()):
-        payload = _fitting(target, read_payload(words, project).content, words)
+        payload = _fitting(target, parse_payload(words, project).content, words)
         return DataIs(target.decl.name, target.offset, payload, words.written(start))
     leaf = target.leaf(words)
     value = words.next(VALUE_FORM)
@@ -167,16 +167,16 @@ OF_UDP: Final = "listening, closed or received"
 SUBJECT: Final = "an instance, a DATA variable or peer NAME"
 
 
-def read_wait(words: Words, project: Project) -> Wait:
+def parse_wait(words: Words, project: Project) -> Wait:
     """Return `wait CONDITION [within T#..]`; raise UserError."""
     within = _read_within(words)
     return Wait(_read_condition(words, project), DEFAULT_LIMIT_NS if within is None else within)
 
 
-def read_expect(words: Words, project: Project) -> Expect | ExpectTrace:
+def parse_expect(words: Words, project: Project) -> Expect | ExpectTrace:
     """Return `expect CONDITION [within T#..]` or `expect X trace PATTERN`; raise UserError."""
     if words.peek(1) == "trace" and words.peek() != "peer":
-        instance = read_instance(words, project)
+        instance = parse_instance(words, project)
         words.next("trace")
         return ExpectTrace(instance.name, parse_pattern(" ".join(words.rest()), f"{words.where}: trace"))
     within = _read_within(words)
@@ -199,7 +199,7 @@ def _read_condition(words: Words, project: Project) -> Condition:
         return _read_peer_condition(words, project)
     name = base_name(word)
     if project.data_decl(name) is not None:
-        return read_data_condition(words, project)
+        return parse_data_condition(words, project)
     if project.instance(word) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data), "peer"]
         found = shown(name) if word else "nothing more"
@@ -208,7 +208,7 @@ def _read_condition(words: Words, project: Project) -> Condition:
 
 
 def _read_pins(words: Words, project: Project) -> PinsAre:
-    instance = read_instance(words, project)
+    instance = parse_instance(words, project)
     pins = {pin.name: pin for pin in project.pins(instance.block)}
     found = []
     for word in words.rest() or [words.next("a pin such as STATUS=7006")]:
@@ -222,14 +222,14 @@ def _read_pins(words: Words, project: Project) -> PinsAre:
 
 
 def _read_peer_condition(words: Words, project: Project) -> Condition:
-    peer = read_peer(words, project)
+    peer = parse_peer(words, project)
     state = words.next(f"received, or a state: {', '.join(PEER_STATES)}")
     if state == "received" and words.peek() == NOTHING:
         words.next(NOTHING)
         words.finish()
         return PeerReceived(peer.name, b"")
     if state == "received":
-        payload = read_payload(words, project)
+        payload = parse_payload(words, project)
         if len(payload.content) > KEPT_BYTES:
             raise words.wrong(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES}, which a peer keeps")
         return PeerReceived(peer.name, payload.content, payload.text)
@@ -241,42 +241,34 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
     return PeerIs(peer.name, state)
 
 
-def read_instance(words: Words, project: Project) -> InstanceDecl:
+def parse_instance(words: Words, project: Project) -> InstanceDecl:
     """Return the instance that the next word names; raise UserError."""
-    name = words.next("the name of an instance")
-    instance = project.instance(name)
-    if instance is None:
-        names = [known.name for known in project.instances]
-        raise words.unknown(name, names, "instance")
-    return instance
+    known = {instance.name: instance for instance in project.instances}
+    return known[words.one_of(known, "instance")]
 
 
-def read_peer(words: Words, project: Project) -> PeerDecl:
+def parse_peer(words: Words, project: Project) -> PeerDecl:
     """Return the peer that the next word names; raise UserError."""
-    name = words.next("the name of a peer")
-    peer = project.peer(name)
-    if peer is None:
-        names = [known.name for known in project.peers]
-        raise words.unknown(name, names, "peer")
-    return peer
+    known = {peer.name: peer for peer in project.peers}
+    return known[words.one_of(known, "peer")]
 
 
 PREFIX, SUFFIX = MARKS
 LONGEST: Final = 255  # LenPrefix is a BYTE
 
 
-def read_prefix(words: Words, project: Project) -> SetMark:
+def parse_prefix(words: Words, project: Project) -> SetMark:
     """Return `prefix RD hex 02`, `prefix RD text "x"` or `prefix RD none`; raise UserError."""
     return _mark(PREFIX, words, project)
 
 
-def read_suffix(words: Words, project: Project) -> SetMark:
+def parse_suffix(words: Words, project: Project) -> SetMark:
     """Return `suffix RD hex 0D 0A`; raise UserError."""
     return _mark(SUFFIX, words, project)
 
 
 def _mark(mark: str, words: Words, project: Project) -> SetMark:
-    instance = read_instance(words, project)
+    instance = parse_instance(words, project)
     if not block_row(instance.block).pointers:
         found = f"'{instance.name}', a {instance.block}"
         raise words.wrong(found, "a block with prefix and suffix, such as ReceiveData")
@@ -287,7 +279,7 @@ def _mark(mark: str, words: Words, project: Project) -> SetMark:
     if words.peek() == NONE:
         words.next(NONE)
     else:
-        given = read_payload(words, project)
+        given = parse_payload(words, project)
         payload, text = given.content, given.text
     lengths = block_row(instance.block).mark_lengths
     pin = lengths[MARKS.index(mark)] if lengths else ""  # a STRING tells its own length

@@ -16,12 +16,12 @@ from trcvtui.commands.peer import (
     check_message,
     check_routine,
     check_sequence,
+    parse_send,
     read_replies,
     read_routines,
-    read_send,
 )
 from trcvtui.commands.tokens import Words, quoted, unquoted
-from trcvtui.commands.words import Add, AddData, Change, Mend, Remove, Undo
+from trcvtui.commands.words import Add, AddData, Change, Remedy, Remove, Undo
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
@@ -140,11 +140,9 @@ INSTANCE: Final = "instance"
 PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 
-def read_add(words: Words, project: Project) -> Add | AddData:
+def parse_add(words: Words, project: Project) -> Add | AddData:
     """Return `add KIND NAME ...`; raise UserError."""
-    kind = words.next("what to add: " + ", ".join(KINDS))
-    if kind not in KINDS:
-        raise words.unknown(kind, KINDS, "kind")
+    kind = words.one_of(KINDS, "kind", "what to add: " + ", ".join(KINDS))
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
@@ -192,7 +190,7 @@ def _check_talk(decl: Declaration, project: Project, where: str) -> None:
 
 def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
     peer = decl.peer or next((peer.name for peer in project.peers), "")
-    send = read_send(Words(decl.text, where), project, peer)
+    send = parse_send(Words(decl.text, where), project, peer)
     size = len(send.payload)
     if send.split and sum(send.split) >= size:
         cuts = ",".join(map(str, send.split))
@@ -243,7 +241,7 @@ _CONTENT: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
 # -- set, remove, undo -------------------------------------------------------------------------------------
 
 
-def read_change(words: Words, project: Project) -> Change | None:
+def parse_change(words: Words, project: Project) -> Change | None:
     """Return `set [KIND] NAME KEY=VALUE ...`, None where pins of an instance are set; raise UserError."""
     kind, name = _named(words, project)
     if not kind or (kind == INSTANCE and not _is_of_declaration(words, name, project)):
@@ -309,7 +307,7 @@ def _changes(kind: str, words: Words) -> dict[str, Any]:
     return {key: None if isinstance(each, Given) and not each.text else each for key, each in content.items()}
 
 
-def read_remove(words: Words, project: Project) -> Remove:
+def parse_remove(words: Words, project: Project) -> Remove:
     """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
     kind, name = _named(words, project)
     words.next("the name of what is to be removed")
@@ -321,7 +319,7 @@ def read_remove(words: Words, project: Project) -> Remove:
     return Remove(kind, name, decl)
 
 
-def read_undo(words: Words, project: Project) -> Undo:
+def parse_undo(words: Words, project: Project) -> Undo:
     """Return `undo`; raise UserError where there is nothing to take back."""
     edits = taken_back(project)
     if not edits:
@@ -350,7 +348,7 @@ def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
 # -- what a line does to a project ------------------------------------------------------------------------
 
 
-def edits_of(command: Mend, project: Project) -> Edits:
+def edits_of(command: Remedy, project: Project) -> Edits:
     """Return what a line does to a project."""
     match command:
         case Add() | AddData():
@@ -366,7 +364,7 @@ def edits_of(command: Mend, project: Project) -> Edits:
             return taken_back(project)
 
 
-def told(command: Mend, project: Project) -> str:
+def told(command: Remedy, project: Project) -> str:
     """Return what a line has done to this project: what was before it, what is now, who begins anew."""
     if isinstance(command, Add | AddData):
         return told_on_the_way(command)

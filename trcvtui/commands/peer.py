@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.blocks.table import block_row
-from trcvtui.commands.conditions import read_instance, read_peer
+from trcvtui.commands.conditions import parse_instance, parse_peer
 from trcvtui.commands.counters_and_checksums import (
     CHECKSUMS,
     DIGITS,
@@ -21,7 +21,6 @@ from trcvtui.commands.counters_and_checksums import (
     as_order,
     in_order,
 )
-from trcvtui.commands.patterns import StreamPattern
 from trcvtui.commands.tokens import (
     MOST_BYTES,
     Payload,
@@ -29,7 +28,7 @@ from trcvtui.commands.tokens import (
     duration,
     leaf_bytes,
     leaf_value,
-    read_payload,
+    parse_payload,
     text_bytes,
     value_of,
 )
@@ -42,7 +41,6 @@ from trcvtui.commands.words import (
     Contains,
     FieldIs,
     Match,
-    Matches,
     PeerClose,
     PeerConnect,
     PeerListen,
@@ -79,7 +77,7 @@ _OPTION: Final = re.compile(rf"({'|'.join(OPTIONS)})=.*", re.DOTALL)
 _HOLE: Final = re.compile(r"\{([^{}]*)\}")
 
 
-def read_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
+def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
     """Return what stands after `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
     project = project.beside(peer)
     options = words.cut(lambda word: _OPTION.fullmatch(word) is not None)
@@ -119,7 +117,7 @@ def _read_message(words: Words, project: Project, holes_in_text: bool) -> tuple[
     start, form = words.place, words.peek()
     has_holes = form == "hex" or (form == "text" and holes_in_text)
     if not has_holes or not _HOLE.search(words.to_come()):
-        return read_payload(words, project), []
+        return parse_payload(words, project), []
     words.next("")
     if form == "hex":
         content, fills = _hex_with_holes(words.rest_text("hex bytes"), project, words)
@@ -220,17 +218,17 @@ def _with_room(content: bytes, fills: list[Fill], words: Words) -> bytes:
 MESSAGE: Final = "message"
 
 
-def read_any_send(words: Words, project: Project, peer: str) -> PeerSend:
+def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
     """Return `send message NAME`, or what a payload and its options say; raise UserError."""
     if words.peek() != MESSAGE:
-        return read_send(words, project, peer)
+        return parse_send(words, project, peer)
     words.next("")
     name = words.next("the name of a message")
     words.finish()
     return _send_of(_message(name, peer, project, words), peer, project, _place(project, name))
 
 
-def read_play(words: Words, project: Project, peer: str) -> PeerPlay:
+def parse_play(words: Words, project: Project, peer: str) -> PeerPlay:
     """Return `play NAME`; raise UserError."""
     name = words.next("the name of a sequence")
     words.finish()
@@ -252,7 +250,7 @@ def _place(project: Project, message: str) -> str:
 
 
 def _send_of(message: MessageDecl, peer: str, project: Project, where: str) -> PeerSend:
-    send = read_send(Words(message.text, where), project, peer)
+    send = parse_send(Words(message.text, where), project, peer)
     return PeerSend(
         peer,
         send.payload,
@@ -329,17 +327,17 @@ DIFFER: Final = whole(0, LONGEST - 1)
 ANY: Final = "any"
 
 
-def read_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop:
+def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop:
     """Return a `try-splits` command; raise UserError."""
     if words.peek() == "stop":
         words.next("")
         return TryStop(peer)
     aim = words.apart(lambda word: word == "on")
-    payload = read_payload(words, project)
+    payload = parse_payload(words, project)
     if not 2 <= len(payload.content) <= LONGEST:
         raise words.wrong(f"{len(payload.content)} byte(s)", f"2 to {LONGEST} bytes, which can be cut")
     aim.next("on and the name of an instance that receives")
-    instance = read_instance(aim, project)
+    instance = parse_instance(aim, project)
     if not block_row(instance.block).receives_stream:
         raise aim.wrong(f"'{instance.name}', a {instance.block}", "an instance that receives")
     gap, differ = 0, 0
@@ -359,7 +357,7 @@ SIZE: Final = whole(LEAST_SIZE, 65507)  # the largest datagram
 FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the command"
 
 
-def read_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
+def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
     """Return a `check` command; raise UserError."""
     word = words.next("on or off")
     if word == "off":
@@ -382,7 +380,7 @@ def read_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
 
 
 def _receiver(words: Words, project: Project) -> str:
-    instance = read_instance(words, project)
+    instance = parse_instance(words, project)
     if not block_row(instance.block).receives_stream or instance.data is None:
         raise words.wrong(f"'{instance.name}', a {instance.block}", "an instance that receives, with DATA")
     return instance.name
@@ -397,7 +395,7 @@ RULE: Final = whole(1, MOST_RULES)
 SEND: Final = "send"
 
 
-def read_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
+def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
     """Return a `reply` command; raise UserError."""
     word = words.next("on or off")
     if word == "off":
@@ -406,10 +404,10 @@ def read_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
         return ReplyOff(peer, number)
     if word != "on":
         raise words.wrong(shown(word), "on or off")
-    return read_rule(words, project, peer)
+    return parse_rule(words, project, peer)
 
 
-def read_rule(words: Words, project: Project, peer: str) -> ReplyOn:
+def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     """Return `MATCH send PAYLOAD`, as a project file has it in `replies`; raise UserError."""
     project = project.beside(peer)
     answer = words.apart(lambda word: word == SEND)
@@ -419,14 +417,14 @@ def read_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     match = MATCHES[kind](words, project)
     words.finish()
     answer.next("send and a payload")
-    send = read_send(answer, project, peer, holes_in_text=True)
+    send = parse_send(answer, project, peer, holes_in_text=True)
     if len(send.payload) > LONGEST_ANSWER:
         raise words.wrong(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} of an answer")
     return ReplyOn(peer, match, send)
 
 
 def _payload(words: Words, project: Project) -> Payload:
-    payload = read_payload(words, project)
+    payload = parse_payload(words, project)
     if len(payload.content) > LONGEST_MATCH:
         raise words.wrong(f"{len(payload.content)} bytes", f"at most {LONGEST_MATCH} to look for")
     return payload
@@ -440,25 +438,6 @@ def _contains(words: Words, project: Project) -> Contains:
 def _starts(words: Words, project: Project) -> Starts:
     payload = _payload(words, project)
     return Starts(payload.content, payload.text)
-
-
-def _matches(words: Words, project: Project) -> Matches:
-    expected = 'a pattern in double quotes such as "id=[0-9]+;"'
-    written = words.next(expected)
-    if len(written) < 3 or written[0] != '"' or written[-1] != '"':
-        raise words.wrong(shown(written), expected)
-    pattern = written[1:-1]
-    try:
-        found = re.compile(pattern.encode())
-    except (re.error, OverflowError, RecursionError) as wrong:
-        raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern") from None
-    if found.search(b"") is not None:
-        raise words.wrong(f"{shown(pattern)}, which fits where nothing is", "a pattern that needs a byte")
-    try:
-        StreamPattern(pattern.encode())
-    except ValueError as wrong:
-        raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern that a stream can be asked for") from None
-    return Matches(pattern)
 
 
 def _field(words: Words, project: Project) -> FieldIs:
@@ -484,7 +463,6 @@ def _field(words: Words, project: Project) -> FieldIs:
 MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {
     "contains": _contains,
     "starts": _starts,
-    "regex": _matches,
     "field": _field,
 }
 
@@ -544,7 +522,7 @@ def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Pro
         problems.append(Problem(f"{where}: replies", f"{len(decl.replies)} rules", f"at most {MOST_RULES}"))
     for number, text in enumerate(decl.replies, 1):
         try:
-            rules.append(read_rule(Words(text, f"{where}: replies #{number}"), project, decl.name))
+            rules.append(parse_rule(Words(text, f"{where}: replies #{number}"), project, decl.name))
         except UserError as wrong:
             problems += wrong.problems
     return rules
@@ -555,7 +533,7 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
     for number, text in enumerate(decl.says, 1):
         words = Words(text, f"{where}: says #{number}")
         try:
-            send = read_any_send(words, project, decl.name)
+            send = parse_any_send(words, project, decl.name)
             words.finish()
         except UserError as wrong:
             problems += wrong.problems
@@ -629,20 +607,20 @@ SIMPLE: Final = {
     "resume": SimpleVerb(PeerResume, lambda peer, now: peer.resume()),
 }
 TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
-    "send": read_any_send,
-    "play": read_play,
-    "reply": read_reply,
-    "check": read_check,
-    "try-splits": read_trial,
+    "send": parse_any_send,
+    "play": parse_play,
+    "reply": parse_reply,
+    "check": parse_check,
+    "try-splits": parse_trial,
 }
 VERBS: Final = (*SIMPLE, *TALKS)
 OF_CONNECTIONS: Final = ("connect", "rst", "shutdown", "try-splits")
 OF_UDP: Final = "one of " + ", ".join(verb for verb in VERBS if verb not in OF_CONNECTIONS)
 
 
-def read_peer_command(words: Words, project: Project) -> BenchCommand:
+def parse_peer_command(words: Words, project: Project) -> BenchCommand:
     """Return a `peer` command; raise UserError."""
-    peer = read_peer(words, project)
+    peer = parse_peer(words, project)
     verb = words.next(f"one of {', '.join(VERBS)}")
     if verb not in VERBS:
         raise words.unknown(verb, VERBS, "peer command")

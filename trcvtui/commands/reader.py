@@ -8,16 +8,16 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import block_row, known_blocks
-from trcvtui.commands.conditions import read_instance
-from trcvtui.commands.edit import edits_of, read_change
+from trcvtui.commands.conditions import parse_instance
+from trcvtui.commands.edit import edits_of, parse_change
 from trcvtui.commands.tokens import (
     FORMS,
     Payload,
     Words,
     duration,
     is_payload,
+    parse_payload,
     pin_value,
-    read_payload,
     value_of,
 )
 from trcvtui.commands.words import (
@@ -61,12 +61,10 @@ from trcvtui.udt.sources import parse_type
 # Later lines are read against the project as these commands leave it: `after` says how that is.
 
 
-def read_create(words: Words, project: Project) -> Create:
+def parse_create(words: Words, project: Project) -> Create:
     """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
     blocks = known_blocks(project.dialect.blocks)
-    block = words.next("a block such as TRCV_C")
-    if block not in blocks:
-        raise words.unknown(block, blocks, "block")
+    block = words.one_of(blocks, "block", "a block such as TRCV_C")
     name = _new_name(words, project)
     given = _read_pairs(words)
     link = _link(given, block, words, project)
@@ -156,21 +154,19 @@ def _inputs(
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
 
 
-def read_delete(words: Words, project: Project) -> Delete:
+def parse_delete(words: Words, project: Project) -> Delete:
     """Return `delete TRCV_C_1`; raise UserError."""
-    return Delete(read_instance(words, project).name)
+    return Delete(parse_instance(words, project).name)
 
 
-def read_download(words: Words, project: Project) -> Download:
+def parse_download(words: Words, project: Project) -> Download:
     """Return `download TRCV_C_1`; raise UserError."""
-    return Download(read_instance(words, project).name)
+    return Download(parse_instance(words, project).name)
 
 
-def read_resize(words: Words, project: Project) -> Resize:
+def parse_resize(words: Words, project: Project) -> Resize:
     """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
-    name = words.next("the name of a DATA variable")
-    if project.data_decl(name) is None:
-        raise words.unknown(name, [d.name for d in project.data], "DATA")
+    name = words.one_of([decl.name for decl in project.data], "DATA variable")
     type_name = words.rest_text("an IEC type or a UDT")
     try:
         return Resize(name, type_name, declare(name, type_name, project, words.where))
@@ -217,12 +213,10 @@ def may_be_fed(buffer: ComBufferDecl) -> bool:
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 
-def read_feed(words: Words, project: Project) -> FeedLine:
+def parse_feed(words: Words, project: Project) -> FeedLine:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
-    name = words.next("the name of a ComBuffer")
     lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
-    if name not in lines:
-        raise words.unknown(name, lines, f'ComBuffer with source = "{SIMULATED}"')
+    name = words.one_of(lines, f'ComBuffer with source = "{SIMULATED}"')
     if words.peek() == BREAK:
         words.next(BREAK)
         return FeedLine(name, None)
@@ -230,7 +224,7 @@ def read_feed(words: Words, project: Project) -> FeedLine:
     if form and not is_payload(form):
         expected = expected_name(form, (*FORMS, BREAK), "form of payload")
         raise words.wrong(shown(words.next(BREAK)), expected)
-    payload = read_payload(words, project)
+    payload = parse_payload(words, project)
     return FeedLine(name, payload.content, payload.text)
 
 
@@ -241,11 +235,11 @@ COUNT: Final = whole(1, 1_000_000_000)
 # -- inputs ----------------------------------------------------------------------------------------------
 
 
-def read_set(words: Words, project: Project) -> Set | Change:
-    change = read_change(words, project)
+def parse_set(words: Words, project: Project) -> Set | Change:
+    change = parse_change(words, project)
     if change is not None:
         return change
-    instance = read_instance(words, project)
+    instance = parse_instance(words, project)
     pins: list[tuple[str, PinValue | Literal["blink"]]] = []
     for word in words.rest() or [words.next("an input such as CONT=1")]:
         name, equals, text = word.partition("=")
@@ -259,8 +253,8 @@ def read_set(words: Words, project: Project) -> Set | Change:
     return Set(instance.name, tuple(pins))
 
 
-def read_pulse(words: Words, project: Project) -> Pulse:
-    instance = read_instance(words, project)
+def parse_pulse(words: Words, project: Project) -> Pulse:
+    instance = parse_instance(words, project)
     pin = _input(words.next("an input such as EN_R"), instance, words, project)
     if not pin.is_bool:
         raise words.wrong(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
@@ -280,16 +274,16 @@ def _input(name: str, instance: InstanceDecl, words: Words, project: Project) ->
 # -- the PLC, the wire, faults ---------------------------------------------------------------------------
 
 
-def read_plc(words: Words, project: Project) -> PlcStop | PlcRun:
+def parse_plc_command(words: Words, project: Project) -> PlcStop | PlcRun:
     return PlcRun() if _one_of(words, "stop", "run") == "run" else PlcStop()
 
 
-def read_link(words: Words, project: Project) -> Link:
-    name = _connect(words, project)
+def parse_link(words: Words, project: Project) -> Link:
+    name = words.one_of(project.links(), "CONNECT")
     return Link(name, _one_of(words, "down", "up") == "up")
 
 
-def read_doctor(words: Words, project: Project) -> Doctor:
+def parse_doctor(words: Words, project: Project) -> Doctor:
     """Read an instance or a CONNECT, then a cause; a word that is neither name is a cause."""
     names = {each.name for each in project.instances} | set(project.links())
     name = words.next("") if words and words.peek() in names else ""
@@ -317,10 +311,8 @@ INTERVENTIONS: Final[dict[str, tuple[str, str]]] = {
 }
 
 
-def read_tap(words: Words, project: Project) -> Intervene:
-    name, names = words.next("the name of a tap"), [tap.name for tap in project.taps]
-    if name not in names:
-        raise words.unknown(name, names, "tap")
+def parse_tap(words: Words, project: Project) -> Intervene:
+    name = words.one_of([tap.name for tap in project.taps], "tap")
     to_plc = _one_of(words, "to-plc", "from-plc") == "to-plc"
     conversation = 0
     if words.peek() == "conversation":
@@ -342,7 +334,7 @@ def read_tap(words: Words, project: Project) -> Intervene:
             kind = PLACE_IN_HELD if verb == "edit" else COUNT
             parts = text.split(",") if verb == "split" else [text]
             sizes = tuple([value_of(kind, part, f"{verb} ", words.where) for part in parts])
-    payload = read_payload(words, project) if takes_bytes else Payload(b"", "")
+    payload = parse_payload(words, project) if takes_bytes else Payload(b"", "")
     if len(payload.content) > MOST_INSERTED:
         raise words.wrong(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
     words.finish()
@@ -356,15 +348,10 @@ def _one_of(words: Words, *known: str) -> str:
     return word
 
 
-def _connect(words: Words, project: Project) -> str:
-    name = words.next("the name of a CONNECT")
-    names = project.links()
-    if name not in names:
-        raise words.unknown(name, names, "CONNECT")
-    return name
+SERIAL_LINE: Final = 'ComBuffer with source = "serial"'
 
 
-def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
+def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
     call = words.next("a kernel call such as bind, or clear")
     if call == "clear":
         return FaultClear()
@@ -378,7 +365,9 @@ def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
         word = words.next("")
         key, equals, text = word.partition("=")
         if word == "on" and on is None:
-            on = _port(words, ports) if call in SERIAL_CALLS else _connect(words, project)
+            on = words.one_of(
+                *((ports, SERIAL_LINE) if call in SERIAL_CALLS else (project.links(), "CONNECT"))
+            )
         elif key in counts and equals:
             forever = key == "times" and text == "forever"
             counts[key] = FOREVER if forever else value_of(COUNT, text, f"{key}=", words.where)
@@ -386,13 +375,6 @@ def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
             owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
             raise words.wrong(shown(word), f"on {owner}, nth=1, times=1 or times=forever")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
-
-
-def _port(words: Words, ports: tuple[str, ...]) -> str:
-    name = words.next("the name of a ComBuffer")
-    if name not in ports:
-        raise words.unknown(name, ports, 'ComBuffer with source = "serial"')
-    return name
 
 
 def _error(words: Words, call: str) -> str | None:
@@ -410,7 +392,7 @@ def _error(words: Words, call: str) -> str | None:
 # -- time ------------------------------------------------------------------------------------------------
 
 
-def read_run(words: Words, project: Project) -> RunScans | RunFor:
+def parse_run(words: Words, project: Project) -> RunScans | RunFor:
     text = words.next("a number of scans or a duration such as T#200ms")
     if "#" in text and not text.startswith(("2#", "8#", "16#")):
         return RunFor(duration(text, "", words.where))

@@ -13,13 +13,13 @@ from typing import Any, Final, Protocol
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
-from trcvtui.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write
+from trcvtui.commands.conditions import parse_expect, parse_prefix, parse_suffix, parse_wait, parse_write
 from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
-from trcvtui.commands.edit import add_line, read_add, read_remove, read_undo
-from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, read_peer_command
-from trcvtui.commands.reader import after, read_create, read_delete, read_download, read_resize
+from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
+from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
+from trcvtui.commands.reader import after, parse_create, parse_delete, parse_download, parse_resize
 from trcvtui.commands.tokens import Words, quoted
-from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Matches, Mend, Starts, Step
+from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
@@ -114,8 +114,6 @@ def match_text(match: Match) -> str:
             return f"contains {text or 'hex ' + payload.hex(' ')}"
         case Starts(payload, text):
             return f"starts {text or 'hex ' + payload.hex(' ')}"
-        case Matches(pattern):
-            return f'regex "{pattern}"'
         case FieldIs(type_name, path, value):
             return f"field {type_name}.{path} = {value_text(value)}"
 
@@ -212,7 +210,7 @@ class ActsOnBench(Protocol):
     def change(self, command: BenchCommand, order: commands.Command) -> str:
         """Change the project, and tell the PLC."""
 
-    def mend(self, command: Mend) -> str:
+    def mend(self, command: Remedy) -> str:
         """Let the project be another one, and what runs with it."""
 
     def check_on(self, command: words.CheckOn) -> str:
@@ -314,13 +312,13 @@ _MARK: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: ben
 ROWS: Final = (
     CommandRow(
         "set",
-        reader.read_set,
+        reader.parse_set,
         completion.after_set,
         (RecordRow(words.Set, set_line, _set), _MENDED[0]),
     ),
     CommandRow(
         "pulse",
-        reader.read_pulse,
+        reader.parse_pulse,
         completion.after_pulse,
         (
             RecordRow(
@@ -330,10 +328,10 @@ ROWS: Final = (
             ),
         ),
     ),
-    CommandRow("peer", read_peer_command, completion.after_peer, _PEER),
+    CommandRow("peer", parse_peer_command, completion.after_peer, _PEER),
     CommandRow(
         "write",
-        read_write,
+        parse_write,
         completion.after_write,
         (
             RecordRow(
@@ -345,7 +343,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "fault",
-        reader.read_fault,
+        reader.parse_fault,
         completion.after_fault,
         (
             RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
@@ -354,7 +352,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "link",
-        reader.read_link,
+        reader.parse_link,
         completion.after_link,
         (
             RecordRow(
@@ -366,7 +364,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "plc",
-        reader.read_plc,
+        reader.parse_plc_command,
         completion.only("stop", "run"),
         (
             RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
@@ -375,7 +373,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "run",
-        reader.read_run,
+        reader.parse_run,
         completion.nothing,
         (
             RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
@@ -384,7 +382,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "expect",
-        read_expect,
+        parse_expect,
         completion.after_expect,
         (
             RecordRow(words.Expect, expect_line),
@@ -393,7 +391,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "create",
-        read_create,
+        parse_create,
         completion.after_create,
         (
             RecordRow(
@@ -403,7 +401,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "delete",
-        read_delete,
+        parse_delete,
         completion.an_instance,
         (
             RecordRow(
@@ -415,7 +413,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "download",
-        read_download,
+        parse_download,
         completion.an_instance,
         (
             RecordRow(
@@ -427,7 +425,7 @@ ROWS: Final = (
     ),
     CommandRow(
         "resize",
-        read_resize,
+        parse_resize,
         completion.after_resize,
         (
             RecordRow(
@@ -437,12 +435,12 @@ ROWS: Final = (
             ),
         ),
     ),
-    CommandRow("add", read_add, completion.after_add, _MENDED[1:3]),
-    CommandRow("remove", read_remove, completion.after_remove, _MENDED[3:4]),
-    CommandRow("undo", read_undo, completion.nothing, _MENDED[4:]),
+    CommandRow("add", parse_add, completion.after_add, _MENDED[1:3]),
+    CommandRow("remove", parse_remove, completion.after_remove, _MENDED[3:4]),
+    CommandRow("undo", parse_undo, completion.nothing, _MENDED[4:]),
     CommandRow(
         "feed",
-        reader.read_feed,
+        reader.parse_feed,
         completion.after_feed,
         (
             RecordRow(
@@ -452,18 +450,18 @@ ROWS: Final = (
             ),
         ),
     ),
-    CommandRow("prefix", read_prefix, completion.after_mark, (_MARK,)),
-    CommandRow("suffix", read_suffix, completion.after_mark, ()),
+    CommandRow("prefix", parse_prefix, completion.after_mark, (_MARK,)),
+    CommandRow("suffix", parse_suffix, completion.after_mark, ()),
     CommandRow(
         "doctor",
-        reader.read_doctor,
+        reader.parse_doctor,
         completion.after_doctor,
         (RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),),
     ),
-    CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
+    CommandRow("wait", parse_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
     CommandRow(
         "tap",
-        reader.read_tap,
+        reader.parse_tap,
         completion.after_tap,
         (RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),),
     ),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
 from trcvtui.project.project import Project
-from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole
+from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole, with_article
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
@@ -355,6 +355,13 @@ class Words:
         """Return a mistake in this command."""
         return mistake(self.where, found, expected, kind)
 
+    def one_of(self, known: Collection[str], what: str, expected: str = "") -> str:
+        """Take the next word, which is one of those that are known; raise UserError."""
+        word = self.next(expected or f"the name of {with_article(what)}")
+        if word not in known:
+            raise self.unknown(word, known, what)
+        return word
+
     def unknown(self, name: str, known: Iterable[str], what: str) -> UserError:
         """Return the mistake that a name is none of those that are known; `what` says what they are."""
         return self.wrong(shown(name), expected_name(name, known, what), "unknown")
@@ -377,7 +384,7 @@ def is_payload(word: str) -> bool:
     return word in FORMS
 
 
-def read_payload(words: Words, project: Project) -> Payload:
+def parse_payload(words: Words, project: Project) -> Payload:
     """Return the payload that the words from here to the last one give; raise UserError."""
     start = words.place
     form = words.next("hex, text, udt, file or random")

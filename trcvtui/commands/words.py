@@ -90,7 +90,7 @@ class Undo:
     edits: Edits = field(compare=False)
 
 
-Mend = Add | AddData | Change | Remove | Undo
+Remedy = Add | AddData | Change | Remove | Undo
 MENDS = (Add, AddData, Change, Remove, Undo)
 
 
@@ -111,13 +111,6 @@ class Starts:
 
 
 @dataclass(frozen=True, slots=True)
-class Matches:
-    """`regex "id=[0-9]+;"`: a pattern over the stream, found with its last byte; as between the quotes."""
-
-    pattern: str
-
-
-@dataclass(frozen=True, slots=True)
 class FieldIs:
     """`field Telegram.id = 7`: the stream cut into Telegrams from its beginning, and a member of one."""
 
@@ -127,7 +120,7 @@ class FieldIs:
     layout: Layout = field(compare=False, repr=False)
 
 
-Match = Contains | Starts | Matches | FieldIs
+Match = Contains | Starts | FieldIs
 
 
 NONE: Final = "none"

@@ -56,57 +56,43 @@ class Rule(NamedTuple):
 def rows(
     conditions: Condition | tuple[Condition, ...],
     *tells: Tell,
-    of: Moves = Moves.ANYTHING,
+    of: Moves | tuple[Moves, ...] = Moves.ANYTHING,
     says_why: bool = False,
 ) -> tuple[Rule, ...]:
     of_these = frozenset((conditions,) if isinstance(conditions, Condition) else conditions)
-    return tuple(Rule(of_these, of, tell, says_why) for tell in tells)
+    moves = (of,) if isinstance(of, Moves) else of
+    return tuple(Rule(of_these, each, tell, says_why) for each in moves for tell in tells)
 
 
-# What a refusal proves; what is more than the flaw itself.
-REFUSALS: Final[tuple[Rule, ...]] = (
+DATAGRAMS: Final = (Moves.DATAGRAMS, Moves.DATAGRAMS_OF_A_CONNECT)
+ALL_DATAGRAMS: Final = (*DATAGRAMS, Moves.DATAGRAM_JOBS)
+# What knows no number stands in the STATUS table, on the same card.
+RULES: Final[tuple[Rule, ...]] = (
+    # how things stand, for the sentence of why
+    *rows(Condition.RECEIVING, receive.how_it_stands, says_why=True),
+    *rows(Condition.ESTABLISHING, link.who_is_waited_for, says_why=True),
+    *rows(Condition.SENDING, job.how_far, of=(Moves.ANYTHING, Moves.MESSAGES, *DATAGRAMS), says_why=True),
+    *rows(Condition.RECEIVING, receive.message_stands, of=Moves.MESSAGES, says_why=True),
+    *rows(Condition.RECEIVING, receive.datagram_stands, of=DATAGRAMS, says_why=True),
+    *rows(Condition.ESTABLISHING, link.who_is_waited_for, of=Moves.DATAGRAMS_OF_A_CONNECT, says_why=True),
+    *rows(
+        (Condition.STARTED, Condition.RUNNING),
+        receive.datagram_job_stands,
+        of=Moves.DATAGRAM_JOBS,
+        says_why=True,
+    ),
+    # what to check next
     *rows(
         Condition.INTERNAL_FAULT,
         says("the error is in this program, not on the line\nplease send the report"),
         says("start {instance} anew: `download {instance}`, or `plc stop` and `plc run`"),
     ),
     *rows(
-        Condition.FOUND_CLOSED,
-        link.injected,
-        link.ended_by_partner,
-        link.closed_after_its_message,
-        says("no job ran, so no bytes are lost; with CONT at 1 {connect} is built again\n"),
-    ),
-    *rows(
         Condition.STILL_ASKED,
         says("EN_R is 1 while there is no connection\n`set {instance} EN_R=0`, and 1 when it is up"),
         link.lost_before,
     ),
-    *rows(
-        Condition.ENDPOINT_THERE,
-        says("{connect} is built already\nclose it with TDISCON before TCON builds it"),
-    ),
-    *rows(
-        Condition.ID_BUILDING,
-        says("two CONNECTs of one ID are one connection\nbuild it once, or give {connect} another ID"),
-    ),
-    *rows(
-        Condition.ID_OTHER,
-        says("each connection has an ID of its own\ngive {connect} one that is free"),
-    ),
-    *rows(
-        Condition.ENDPOINT_GONE,
-        says("{connect} was never built, or it was closed\ncall TCON first"),
-        link.lost_before,
-    ),
-    *rows(
-        Condition.LET_GO,
-        says("another block on {connect} closed or reset it\nlook at its CONT, COM_RST, TDISCON, T_RESET"),
-    ),
-    *rows(
-        Condition.RESET_IN_JOB,
-        says("the running job is lost, and bytes on their way with it\nstart the job again"),
-    ),
+    *rows(Condition.ENDPOINT_GONE, link.lost_before),
     *rows(Condition.PORT_IN_USE, link.injected, link.what_failed, job.another_port),
     *rows(Condition.PORT_RESERVED, job.where_the_flaw_is, job.another_port),
     *rows(
@@ -118,7 +104,16 @@ REFUSALS: Final[tuple[Rule, ...]] = (
         link.lost_before,
     ),
     *rows(
-        Condition.UNREACHABLE,
+        (
+            Condition.UNREACHABLE,
+            Condition.NO_SOCKET,
+            Condition.WRONG_LOCAL_ADDRESS,
+            Condition.REUSE_FAILED,
+            Condition.BIND_FAILED,
+            Condition.POLL_ADD_FAILED,
+            Condition.ACCEPT_FAILED,
+            Condition.CONNECT_FAILED,
+        ),
         link.injected,
         link.no_connection_left,
         link.what_failed,
@@ -126,183 +121,51 @@ REFUSALS: Final[tuple[Rule, ...]] = (
         link.lost_before,
     ),
     *rows(
-        Condition.REMOTE_WRONG,
+        (
+            Condition.REMOTE_WRONG,
+            Condition.ID_WRONG,
+            Condition.INTERFACE_WRONG,
+            Condition.TYPE_WRONG,
+            Condition.PARAMETER_WRONG,
+            Condition.UDP_ACTIVE,
+            Condition.TSAP_WRONG,
+            Condition.NAME_EMPTY,
+            Condition.NAME_NOT_FULL,
+            Condition.TLS_SERVER_BARE,
+            Condition.TLS_DATAGRAMS,
+            Condition.TLS_CLIENT_ASKS,
+            Condition.TLS_SERVER_CHECKS,
+            Condition.TLS_REFERENCE,
+        ),
         job.where_the_flaw_is,
-        says("name one partner: no group, no broadcast, not this PLC"),
     ),
-    *rows(Condition.LEN_OVER_DATA, job.wrong_length),
+    *rows((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.wrong_length),
     *rows(Condition.AREA_CHANGED, job.must_stay),
     *rows(Condition.MESSAGE_TOO_LONG, job.message_too_long),
-    *rows(Condition.DATA_MISSING, job.no_data),
-    *rows(
-        Condition.DATA_REFUSED,
-        says("take an ARRAY OF BYTE, or a STRUCT that has the bits as members"),
-    ),
-    *rows(
-        Condition.DATA_SYMBOLIC,
-        says("`set {instance} LEN=0` moves all of DATA; or wire a DATA of bytes"),
-    ),
-    *rows(
-        Condition.LEN_OF_TEXT,
-        says("`set {instance} LEN=0` moves the whole text, its header with it"),
-    ),
+    *rows((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.no_data),
     *rows(Condition.RESULT_WRONG, job.result_too_small),
-    *rows(
-        Condition.NO_DESCRIPTION,
-        says("CONNECT has to be a whole TCON_IP_v4, TCON_IP_RFC, TCON_QDN or the like"),
-    ),
-    *rows(
-        Condition.DESCRIPTION_LENGTH,
-        says("take the structure alone, all of it: not the DB or UDT around it"),
-    ),
-    *rows(
-        Condition.ID_WRONG,
-        job.where_the_flaw_is,
-        says("each connection has an ID of its own, the same at its blocks"),
-    ),
-    *rows(
-        Condition.INTERFACE_WRONG,
-        job.where_the_flaw_is,
-        says("the device configuration names it: the first port is often 64"),
-    ),
-    *rows(
-        Condition.INTERFACE_BARE,
-        says("give [[connect]] {connect} a LocalAddress: it stands for the interface"),
-    ),
-    *rows((Condition.TYPE_WRONG, Condition.PARAMETER_WRONG), job.where_the_flaw_is),
-    *rows(
-        Condition.NEEDS_ADDR,
-        says("use TUSEND and TURCV for datagrams, with an address in ADDR"),
-    ),
-    *rows(
-        Condition.OTHER_TRANSPORT,
-        says("ConnectionType 16#13 (UDP) is for blocks with an ADDR, TCP for TSEND and TRCV without one"),
-    ),
-    *rows(
-        Condition.UDP_ACTIVE,
-        job.where_the_flaw_is,
-        says("set ActiveEstablished to FALSE on both ends: over UDP no end calls"),
-    ),
-    *rows(
-        Condition.TSAP_WRONG,
-        job.where_the_flaw_is,
-        says("two bytes begin with E0, as 16#E002; longer ones are text: TCP-1"),
-    ),
-    *rows(
-        Condition.NAME_EMPTY,
-        job.where_the_flaw_is,
-        says("an active end needs its partner's name, with a dot after it"),
-    ),
-    *rows(
-        Condition.NAME_NOT_FULL,
-        job.where_the_flaw_is,
-        says("a whole name ends with a dot: plc2.line.local."),
-    ),
-    *rows(
-        Condition.NO_RESOLVER,
-        says("the CPU has no DNS server: name one at its interface, or take TCON_IP_v4"),
-    ),
     *rows(Condition.NAME_UNKNOWN, job.ask_for_the_name),
-    *rows(
-        Condition.TLS_MESSAGE,
-        says("{peer} did not answer in TLS\ncheck there: is ActivateSecureConn TRUE, and is this the port?"),
-        job.look_at_the_certificate,
-    ),
-    *rows(
-        Condition.TLS_HANDSHAKE,
-        says("no version or cipher in common, or {peer} refused our certificate\nread its log"),
-        job.look_at_the_certificate,
-    ),
-    *rows(Condition.TLS_UNSUPPORTED, job.showed_no_certificate, job.look_at_the_certificate),
-    *rows(
-        Condition.TLS_DISCARDED,
-        says("the certificate is not valid yet, revoked, or unreadable\nlook at its dates"),
-        job.look_at_the_certificate,
-    ),
-    *rows(
-        Condition.TLS_NO_CA,
-        says("the signer of {peer}'s certificate is not trusted\nname the signer in [[certificate]]"),
-        job.look_at_the_certificate,
-    ),
-    *rows(
-        Condition.TLS_EXPIRED,
-        says("the certificate of {peer} has expired, or the clock here is wrong\ncheck the clock: `date`"),
-        job.look_at_the_certificate,
-    ),
-    *rows(
-        Condition.TLS_INTEGRITY,
-        link.injected,
-        says("a record from {peer} was changed on its way: by a proxy, or by a fault of the line\n"),
-    ),
+    *rows(Condition.TLS_UNSUPPORTED, job.showed_no_certificate),
     *rows(
         Condition.TLS_EXTENSION,
         says(
             "the certificate of {peer} bears another name than the one that was asked for, or an extension "
             "that is not known\nlook at its subjectAlternateName"
         ),
+    ),
+    *rows(
+        (
+            Condition.TLS_MESSAGE,
+            Condition.TLS_HANDSHAKE,
+            Condition.TLS_UNSUPPORTED,
+            Condition.TLS_DISCARDED,
+            Condition.TLS_NO_CA,
+            Condition.TLS_EXPIRED,
+            Condition.TLS_EXTENSION,
+        ),
         job.look_at_the_certificate,
     ),
-    *rows(
-        Condition.TLS_SERVER_BARE,
-        job.where_the_flaw_is,
-        says("enter the number of the certificate that the passive end shows"),
-    ),
-    *rows(
-        Condition.TLS_DATAGRAMS,
-        job.where_the_flaw_is,
-        says("set ActivateSecureConn to FALSE, or ConnectionType to 16#0B for TCP"),
-    ),
-    *rows(
-        Condition.TLS_CLIENT_ASKS,
-        job.where_the_flaw_is,
-        says("only the passive end asks for a client's certificate\n"),
-    ),
-    *rows(
-        Condition.TLS_SERVER_CHECKS,
-        job.where_the_flaw_is,
-        says("only the active end checks a name\n"),
-    ),
-    *rows(
-        Condition.TLS_REFERENCE,
-        job.where_the_flaw_is,
-        says("[[certificate]] with that number is missing, or has no key\n"),
-    ),
-)
-RULES: Final[tuple[Rule, ...]] = (
-    # how things stand, for the sentence of why
-    *rows(Condition.RECEIVING, receive.how_it_stands, says_why=True),
-    *rows(Condition.ESTABLISHING, link.who_is_waited_for, says_why=True),
-    *rows(Condition.SENDING, job.how_far, says_why=True),
-    *rows(Condition.RECEIVING, receive.message_stands, of=Moves.MESSAGES, says_why=True),
-    *rows(Condition.SENDING, job.how_far, of=Moves.MESSAGES, says_why=True),
-    *rows(Condition.RECEIVING, receive.datagram_stands, of=Moves.DATAGRAMS, says_why=True),
-    *rows(Condition.SENDING, job.how_far, of=Moves.DATAGRAMS, says_why=True),
-    *rows(Condition.RECEIVING, receive.datagram_stands, of=Moves.DATAGRAMS_OF_A_CONNECT, says_why=True),
-    *rows(Condition.SENDING, job.how_far, of=Moves.DATAGRAMS_OF_A_CONNECT, says_why=True),
-    *rows(Condition.ESTABLISHING, link.who_is_waited_for, of=Moves.DATAGRAMS_OF_A_CONNECT, says_why=True),
-    *rows(
-        (Condition.STARTED, Condition.RUNNING),
-        receive.datagram_job_stands,
-        of=Moves.DATAGRAM_JOBS,
-        says_why=True,
-    ),
-    # what to check next
-    *REFUSALS,
-    *rows(tuple({condition for rule in REFUSALS for condition in rule.conditions}), job.press_c),
-    *rows(
-        Condition.PARAMETER_CHANGED,
-        says("prefix, suffix, size and data changed in mid frame\nraise Reset before you change them"),
-    ),
-    *rows(Condition.SEND_OVERRUN, says("send less at a time, or give the ComBuffer a larger `size`")),
     *rows(Condition.STRING_OVERRUN, serial.string_too_long),
-    *rows(
-        Condition.ZERO_CHARACTER, says("a byte 00 is no character\nuse ReceiveData for bytes of any value")
-    ),
-    *rows(
-        Condition.NULL_POINTER,
-        says("the length is larger than the variable that the pointer names, or there is none\n"),
-    ),
-    *rows(Condition.NULL_RECEIVE_POINTER, says("name in data the variable that takes what is received")),
     *rows(Condition.RECEIVE_LENGTH_WRONG, serial.size_does_not_fit),
     *rows(Condition.DATA_OVERRUN, serial.frame_too_long),
     *rows(
@@ -350,32 +213,21 @@ RULES: Final[tuple[Rule, ...]] = (
     *rows(Condition.LINK_DEAD, link.injected, link.dead_link),
     *rows((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.stalled_peer, job.does_not_read),
     *rows(Condition.CONNECT_IN_USE, job.who_holds),
-    *rows(Condition.LENGTH_WRONG, job.wrong_length),
-    *rows(Condition.DATA_EMPTY, job.no_data),
     *rows(Condition.CONNECTED, job.nobody_reads_here, job.no_edge, link.second_client),
     *rows(Condition.NO_JOB, job.cont_is_missing, link.lost_before),
     *rows(
         (
-            Condition.NO_SOCKET,
-            Condition.WRONG_LOCAL_ADDRESS,
-            Condition.REUSE_FAILED,
-            Condition.BIND_FAILED,
-            Condition.POLL_ADD_FAILED,
-            Condition.ACCEPT_FAILED,
-            Condition.CONNECT_FAILED,
+            Condition.PARTNER_CLOSED,
+            Condition.FOUND_CLOSED,
+            Condition.SHORT_FRAME,
+            Condition.SEND_FAILED,
+            Condition.RECEIVE_FAILED,
         ),
-        link.injected,
-        link.no_connection_left,
-        link.what_failed,
-        link.peer_that_could_call,
-        link.lost_before,
-    ),
-    *rows(
-        (Condition.PARTNER_CLOSED, Condition.SHORT_FRAME, Condition.SEND_FAILED, Condition.RECEIVE_FAILED),
         link.injected,
         link.ended_by_partner,
         link.closed_after_its_message,
     ),
+    # messages over a connection
     *rows(
         Condition.RECEIVING,
         receive.too_long_messages,
@@ -385,55 +237,43 @@ RULES: Final[tuple[Rule, ...]] = (
         of=Moves.MESSAGES,
     ),
     *rows(Condition.RECEIVED, receive.short_messages, of=Moves.MESSAGES),
+    # datagrams
+    *rows(
+        Condition.RECEIVING,
+        receive.wrong_port,
+        receive.nobody_sends,
+        receive.too_long_datagrams,
+        receive.short_datagrams,
+        of=DATAGRAMS,
+    ),
+    *rows(Condition.RECEIVED, receive.too_long_datagrams, receive.short_datagrams, of=DATAGRAMS),
+    *rows(Condition.RECEIVE_FAILED, link.injected, receive.too_long_datagrams, of=DATAGRAMS),
+    *rows(Condition.SEND_FAILED, link.injected, of=DATAGRAMS),
+    *rows(Condition.CONNECT_IN_USE, job.who_holds, of=ALL_DATAGRAMS),
+    *rows(Condition.LENGTH_WRONG, job.wrong_length, of=ALL_DATAGRAMS),
+    *rows(Condition.DATA_EMPTY, job.no_data, of=ALL_DATAGRAMS),
+    *rows(Condition.NO_JOB, job.cont_is_missing, of=DATAGRAMS),
     *rows(Condition.CREATED, receive.datagrams_wait, receive.no_edge_for_a_datagram, of=Moves.DATAGRAMS),
-    *rows(
-        Condition.RECEIVING,
-        receive.wrong_port,
-        receive.nobody_sends,
-        receive.too_long_datagrams,
-        receive.short_datagrams,
-        of=Moves.DATAGRAMS,
-    ),
-    *rows(Condition.RECEIVED, receive.too_long_datagrams, receive.short_datagrams, of=Moves.DATAGRAMS),
-    *rows(Condition.RECEIVE_FAILED, link.injected, receive.too_long_datagrams, of=Moves.DATAGRAMS),
-    *rows(Condition.SEND_FAILED, link.injected, of=Moves.DATAGRAMS),
     *rows((Condition.SENDING, Condition.SENT), receive.nobody_is_told, of=Moves.DATAGRAMS),
-    *rows(Condition.CONNECT_IN_USE, job.who_holds, of=Moves.DATAGRAMS),
-    *rows(Condition.LENGTH_WRONG, job.wrong_length, of=Moves.DATAGRAMS),
-    *rows(Condition.DATA_EMPTY, job.no_data, of=Moves.DATAGRAMS),
-    *rows(Condition.NO_JOB, job.cont_is_missing, of=Moves.DATAGRAMS),
-    *rows(
-        Condition.RECEIVING,
-        receive.wrong_port,
-        receive.nobody_sends,
-        receive.too_long_datagrams,
-        receive.short_datagrams,
-        of=Moves.DATAGRAMS_OF_A_CONNECT,
-    ),
-    *rows(
-        Condition.RECEIVED,
-        receive.too_long_datagrams,
-        receive.short_datagrams,
-        of=Moves.DATAGRAMS_OF_A_CONNECT,
-    ),
-    *rows(
-        Condition.RECEIVE_FAILED, link.injected, receive.too_long_datagrams, of=Moves.DATAGRAMS_OF_A_CONNECT
-    ),
-    *rows(Condition.SEND_FAILED, link.injected, of=Moves.DATAGRAMS_OF_A_CONNECT),
     *rows((Condition.SENDING, Condition.SENT), receive.took_it, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(Condition.CONNECT_IN_USE, job.who_holds, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(Condition.LENGTH_WRONG, job.wrong_length, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(Condition.DATA_EMPTY, job.no_data, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(Condition.NO_JOB, job.cont_is_missing, of=Moves.DATAGRAMS_OF_A_CONNECT),
     *rows(
         Condition.CONNECTED,
         receive.datagrams_wait,
         receive.no_edge_for_a_datagram,
         of=Moves.DATAGRAMS_OF_A_CONNECT,
     ),
-    *rows(Condition.MESSAGE_TOO_LONG, receive.datagram_too_long, of=Moves.DATAGRAMS_OF_A_CONNECT),
-    *rows(Condition.REMOTE_WRONG, receive.addr_is_empty, of=Moves.DATAGRAMS_OF_A_CONNECT),
+    *rows(
+        Condition.MESSAGE_TOO_LONG,
+        receive.datagram_too_long,
+        of=(Moves.DATAGRAMS_OF_A_CONNECT, Moves.DATAGRAM_JOBS),
+    ),
+    *rows(
+        Condition.REMOTE_WRONG,
+        receive.addr_is_empty,
+        of=(Moves.DATAGRAMS_OF_A_CONNECT, Moves.DATAGRAM_JOBS),
+    ),
     *rows(Condition.SEND_BUFFER_FULL, link.injected, receive.nobody_is_told, of=Moves.DATAGRAMS_OF_A_CONNECT),
+    # TUSEND and TURCV
     *rows(Condition.NO_JOB, receive.datagrams_wait, receive.no_edge_for_a_datagram, of=Moves.DATAGRAM_JOBS),
     *rows(
         (Condition.STARTED, Condition.RUNNING),
@@ -445,13 +285,9 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     *rows(Condition.RECEIVED, receive.short_datagrams, of=Moves.DATAGRAM_JOBS),
     *rows(Condition.SENT, receive.nobody_is_told, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.MESSAGE_TOO_LONG, receive.datagram_too_long, of=Moves.DATAGRAM_JOBS),
     *rows((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.injected, of=Moves.DATAGRAM_JOBS),
     *rows(Condition.NOT_CONNECTED, receive.socket_is_closed, of=Moves.DATAGRAM_JOBS),
-    *rows((Condition.REMOTE_WRONG, Condition.NEEDS_ADDR), receive.addr_is_empty, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.CONNECT_IN_USE, job.who_holds, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.LENGTH_WRONG, job.wrong_length, of=Moves.DATAGRAM_JOBS),
-    *rows(Condition.DATA_EMPTY, job.no_data, of=Moves.DATAGRAM_JOBS),
+    *rows(Condition.NEEDS_ADDR, receive.addr_is_empty, of=Moves.DATAGRAM_JOBS),
     *rows(Condition.FINISHED, receive.result_says, of=Moves.RESULT),
 )
 
@@ -493,7 +329,8 @@ def advice_on(e: Evidence) -> Advice:
 
 
 def _asked(e: Evidence) -> tuple[Tell, ...]:
-    return _rules(e, _moves(e)) or _rules(e, Moves.ANYTHING) or (link.injected,)
+    found = _rules(e, _moves(e)) or _rules(e, Moves.ANYTHING) or (link.injected,)
+    return (*found, job.press_c)
 
 
 def _rules(e: Evidence, moves: Moves, says_why: bool = False) -> tuple[Tell, ...]:

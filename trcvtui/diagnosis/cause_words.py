@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.diagnosis.sign import Mend
+from trcvtui.diagnosis.sign import Remedy
 
 
 class CauseWords(NamedTuple):
@@ -100,7 +100,7 @@ CAUSES: Final = {row[0]: CauseWords(*row[1:]) for row in _ROWS}
 TOLD: Final = frozenset(condition for row in CAUSES.values() for condition in row.leads_to)
 
 
-def remedy_of(cause: str) -> tuple[Mend, ...]:
+def remedy_of(cause: str) -> tuple[Remedy, ...]:
     """Return what mends a cause where nothing better is known; (): nothing."""
     text = CAUSES[cause].remedy
-    return (Mend(text),) if text else ()
+    return (Remedy(text),) if text else ()

@@ -24,11 +24,11 @@ from trcvtui.diagnosis.line_facts import (
     LateAck,
     LineFacts,
     Reads,
-    SaidBytes,
+    SegmentFacts,
 )
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
-from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import count, duration, times
 
 SECOND: Final = 1_000_000_000
@@ -134,7 +134,7 @@ class LineFinding(NamedTuple):
     cause: str
     confidence: float
     said: Sign
-    mend: tuple[Mend, ...]
+    mend: tuple[Remedy, ...]
 
 
 class LineVerdict(NamedTuple):
@@ -161,7 +161,7 @@ class CauseRule(NamedTuple):
 # -- building a connection -----------------------------------------------------------------------------------
 
 
-def _syns(line: LineFacts) -> list[SaidBytes]:
+def _syns(line: LineFacts) -> list[SegmentFacts]:
     return line.caller.syns
 
 
@@ -224,7 +224,7 @@ def _second_client(case: LineCase) -> Sign | None:
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
             text = f"{word} from the PLC end after {duration(ended.ns - begun)}, it had said nothing"
-            return Sign(0.93, (since, text), way="from-plc", at=SaidBytes(ended.ns, 0, 0, ended.packet))
+            return Sign(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
     said = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
@@ -276,7 +276,7 @@ def _is_one_message(line: LineFacts) -> bool:
     )
 
 
-def _is_short(writes: Sequence[SaidBytes]) -> bool:
+def _is_short(writes: Sequence[SegmentFacts]) -> bool:
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
@@ -289,7 +289,7 @@ def _closes(case: LineCase) -> Sign | None:
     sure = 0.95 if len(alike) > 3 else 0.85 if len(alike) > 2 else 0.7
     end = alike[0].end
     texts = (f"the partner ended {len(alike)} of {count(stood, 'connection')} after one message",)
-    at = SaidBytes(end.ns, 0, 0, end.packet) if end is not None else None
+    at = SegmentFacts(end.ns, 0, 0, end.packet) if end is not None else None
     return Sign(sure, texts, way="to-plc", at=at)
 
 
@@ -319,7 +319,7 @@ def _storm(case: LineCase) -> Sign | None:
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {duration(period)}",
         f"{who}; {resets} by RST; each stood {duration(life)}",
     )
-    at = SaidBytes(built[0].first_ns, 0, 0, 0)
+    at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
     return Sign(0.95 if len(built) > 5 else 0.88, texts, at=at, packets=packets)
 
@@ -333,7 +333,7 @@ def _resets(case: LineCase) -> Sign | None:
     size = line.to_plc.bytes + line.from_plc.bytes
     text = f"RST from {who} at {line.seconds(end.ns):.3f} s, after {count(size, 'byte')}"
     way = "from-plc" if end.by_plc else "to-plc"
-    at = SaidBytes(end.ns, line.to_plc.bytes, 0, end.packet)
+    at = SegmentFacts(end.ns, line.to_plc.bytes, 0, end.packet)
 
     def said(confidence: float, *texts: str, is_remark: bool = False) -> Sign:
         return Sign(confidence, (text, *texts), way=way, at=at, is_remark=is_remark)
@@ -431,7 +431,7 @@ def _dead_link(case: LineCase) -> Sign | None:
         if said.unacked:
             texts.append(f"{said.unacked} bytes were never acknowledged")
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
-        at = SaidBytes(since, 0, 0, packet)
+        at = SegmentFacts(since, 0, 0, packet)
         way = "from-plc" if said is line.from_plc else "to-plc"
         return Sign(sure, tuple(texts), way=way, at=at) if sure else None
     for said in (line.from_plc, line.to_plc):
@@ -455,7 +455,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
             continue  # it was idle, and not waiting for an answer
         texts = [f"{duration(idle.size_ns)} without a packet, no keep-alive probe"]
-        at = SaidBytes(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
+        at = SegmentFacts(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
         is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
         if end is not None and is_reset and not _has_said(line, end.by_plc, idle.until_ns):
@@ -473,7 +473,7 @@ def _no_keep_alive(case: LineCase) -> Sign | None:
                 f"{duration(size)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
-            return Sign(0.9, tuple(texts), at=SaidBytes(line.last_ns, 0, 0, 0))
+            return Sign(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
     return _left_behind(case)
 
 
@@ -495,7 +495,7 @@ def _left_behind(case: LineCase) -> Sign | None:
                 f"{duration(new[0].first_ns - since)} without a packet, no keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
             )
-            return Sign(0.85, texts, at=SaidBytes(since, 0, 0, idle.packet))
+            return Sign(0.85, texts, at=SegmentFacts(since, 0, 0, idle.packet))
     return None
 
 
@@ -526,7 +526,7 @@ def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
     packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
-    return Sign(sure, texts, way=way, at=SaidBytes(first.ns, 0, 0, first.packet), packets=packets)
+    return Sign(sure, texts, way=way, at=SegmentFacts(first.ns, 0, 0, first.packet), packets=packets)
 
 
 def _flood(case: LineCase) -> Sign | None:
@@ -538,7 +538,7 @@ def _flood(case: LineCase) -> Sign | None:
         opened = sum(1 for one in said.closed if one.until_ns is not None)
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
-            at = SaidBytes(first.ns, 0, 0, first.packet)
+            at = SegmentFacts(first.ns, 0, 0, first.packet)
             return Sign(0.9, (*texts, *rate), way="to-plc", at=at)
     low, high = said.lowest_window, said.highest_window
     if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:

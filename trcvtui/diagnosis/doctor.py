@@ -17,7 +17,7 @@ from trcvtui.diagnosis.cause_words import CAUSES, remedy_of
 from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.errors import UserError, one_line
 from trcvtui.wording import count, times
 
@@ -32,12 +32,13 @@ NO_LINE: Final = 0  # the number of no conversation
 # What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
 # `{instance}` in a remedy is whose.
 # fmt: off
-TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Mend, ...]]]] = {
+TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-                (Mend("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
+                (Remedy("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
     "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
     "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
-                        (Mend("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),)),
+                        (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
+                        ),
     "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
     "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
@@ -213,9 +214,9 @@ def verdict_on_project(project: Project) -> Verdict:
     return _verdict(str(project.path), None, lint(project), None)
 
 
-def _for_instance(mend: Mend, instance: str) -> Mend:
+def _for_instance(mend: Remedy, instance: str) -> Remedy:
     text, command, set_ = (part and part.replace("{instance}", instance) for part in mend)
-    return Mend(text or "", command, set_)
+    return Remedy(text or "", command, set_)
 
 
 def finding_row(

@@ -12,9 +12,9 @@ from itertools import pairwise
 from math import gcd
 from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict
 
-from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SaidBytes
+from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
@@ -120,11 +120,11 @@ def _static(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, Usual
     return found, sizes_of(judged_messages(line))
 
 
-def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     name, has_len = receiver.instance, receiver.need < receiver.room
     if not name:
-        return (Mend(f"a type, or LEN, of {size} bytes"),)
-    length = Mend(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
+        return (Remedy(f"a type, or LEN, of {size} bytes"),)
+    length = Remedy(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
     if not receiver.room or size <= receiver.room:
         return (length._replace(text=f"LEN {size}, and DATA of that size"),)
     more = _room_mends(receiver, size)
@@ -134,7 +134,7 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
 class RemedyOffer(TypedDict):
     """What a rule offers, and the receiver as it would be with all of it."""
 
-    mend: tuple[Mend, ...]
+    mend: tuple[Remedy, ...]
     cured: Receiver
 
 
@@ -143,15 +143,15 @@ def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
     return RemedyOffer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
 
 
-def _room_mends(receiver: Receiver, size: int) -> tuple[Mend, ...]:
+def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return what gives DATA room for so many bytes; (): it has it."""
     if not receiver.room or size <= receiver.room:
         return ()
     element = getattr(receiver.type, "element", None)
     if getattr(element, "size", 0) != 1:
-        return (Mend(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
+        return (Remedy(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
     array = f"ARRAY[0..{size - 1}] OF BYTE"
-    return (Mend(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
+    return (Remedy(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
 
 
 def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -229,7 +229,7 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     spread = f"messages have {some[0]} to {some[-1]} bytes ({sizes.different} sizes)"
     text = f"{spread}, a static job wants {wanted.need}"
     name = wanted.instance
-    mend = Mend(
+    mend = Remedy(
         "receive ad hoc, with DATA for the longest message",
         f"set {name} ADHOC=1",
         f"instance.{name}.ADHOC=true",
@@ -281,11 +281,11 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
     name = wanted.instance
-    mend = Mend(
+    mend = Remedy(
         f"receive static, LEN {sizes.usual}, where messages have one length; else ReceiveData with a frame",
         f"set {name} ADHOC=0 LEN={sizes.usual}", f"instance.{name}.ADHOC=false",
     )  # fmt: skip
-    size = Mend(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
+    size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
     offer = RemedyOffer(mend=(mend, size) if name else (), cured=cured)
     return Sign(sure, (text, more), "to-plc", _at(split[0]), name or None, **offer)
@@ -326,7 +326,7 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     return Sign(sure, (text,), "to-plc", at, name or None, mend, is_remark=known is None, cured=cured)
 
 
-def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int) -> Sign | None:
+def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:
     soon = [b for a, b in pairwise(writes) if 2 * (b.ns - a.ns) < receiver.interval_ns]
     if len(soon) < FEW or len(soon) * 5 < len(writes):
         return None
@@ -336,12 +336,12 @@ def _merged_in_a_scan(writes: Sequence[SaidBytes], receiver: Receiver, base: int
     return Sign(0.85, (text,), "to-plc", soon[0], receiver.instance or None, mend, cured=cured)
 
 
-def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Mend, ...], Receiver | None]:
+def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Remedy, ...], Receiver | None]:
     if receiver is None or not receiver.instance:
         return (), None
     text = f"receive static with LEN {base}: a job then takes one message"
     cured = receiver._replace(adhoc=False, need=base)
-    return (Mend(text, f"set {receiver.instance} ADHOC=0 LEN={base}", None),), cured
+    return (Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}", None),), cured
 
 
 def is_session(line: LineFacts) -> bool:
@@ -476,7 +476,7 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
         )
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
-            mend = Mend(f"declare the {extra} bytes before the members, or let the partner leave them out")
+            mend = Remedy(f"declare the {extra} bytes before the members, or let the partner leave them out")
             return "header", Sign(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
     fits = fit(type_, frames, receiver.type_name, own=rules)
     own = next(
@@ -510,10 +510,12 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
         ):
             return None  # bytes alone read as well wherever they begin
         side = "before" if kind == "header" else "after"
-        mend = Mend(f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out")
+        mend = Remedy(
+            f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out"
+        )
         return "header", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
     if kind in ("word-swap", "byte-swap"):
-        mend = Mend("swap what the partner swaps: words or bytes of each number")
+        mend = Remedy("swap what the partner swaps: words or bytes of each number")
         return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
     if kind is not None:
         return None
@@ -528,14 +530,17 @@ def _has_numbers(layout: Layout, most: int) -> bool:
     return any(leaf.size > 1 for leaf in layout.leaves(0, most))
 
 
-def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Mend, ...]:
+def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Remedy, ...]:
     ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
     theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)
     other = [f"{key}={has}" for (key, had), has in theirs if has != had]
     if not (data and other):
-        return (Mend(text),)
+        return (Remedy(text),)
     return tuple(
-        [Mend(text if not n else f"with it {one}", None, f"data.{data}.{one}") for n, one in enumerate(other)]
+        [
+            Remedy(text if not n else f"with it {one}", None, f"data.{data}.{one}")
+            for n, one in enumerate(other)
+        ]
     )
 
 
@@ -547,8 +552,8 @@ def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:
     return judge
 
 
-def _at(message: LineMessage) -> SaidBytes:
-    return SaidBytes(message.ns, message.at, message.size, message.packet)
+def _at(message: LineMessage) -> SegmentFacts:
+    return SegmentFacts(message.ns, message.at, message.size, message.packet)
 
 
 _MEANT: Final = ("header", "padding")

@@ -49,7 +49,7 @@ MOST_PIECES: Final = 64  # of one message
 JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
 
 
-class SaidBytes(NamedTuple):
+class SegmentFacts(NamedTuple):
     """Bytes that came at once: `at` is the byte of the direction, `packet` its number in the capture."""
 
     ns: int
@@ -80,7 +80,7 @@ class ClosedWindow(NamedTuple):
 class LateAck(NamedTuple):
     """A small write whose ACK came late: after how long, and how long after that the next write left."""
 
-    write: SaidBytes
+    write: SegmentFacts
     wait_ns: int
     after_ns: int
 
@@ -147,11 +147,11 @@ class DirectionFacts:
 
     def __init__(self) -> None:
         self.bytes = self.segments = self.cut = self.missing = 0
-        self.writes: list[SaidBytes] = []
+        self.writes: list[SegmentFacts] = []
         self.line_errors: Counter[str] = Counter()  # of a serial line, as its driver tells them
         self.content = bytearray()  # from byte 0 to the first hole, bounded
-        self.newest: SaidBytes | None = None
-        self.syns: list[SaidBytes] = []
+        self.newest: SegmentFacts | None = None
+        self.syns: list[SegmentFacts] = []
         self.resent = 0
         self.spurious = 0  # of what was acknowledged already, after a long wait for that ACK
         self.longest_wait_ns = 0  # from a segment to its copy
@@ -161,8 +161,8 @@ class DirectionFacts:
         self.late = 0  # holes that were filled later than a reordered packet would be
         self.early_ns: int | None = None
         self.resent_since_heard = 0  # copies since the other end was heard
-        self.copies_since = SaidBytes(0, 0, 0, 0)
-        self.moments: list[tuple[SaidBytes, str]] = []  # of copies, early bytes, holes
+        self.copies_since = SegmentFacts(0, 0, 0, 0)
+        self.moments: list[tuple[SegmentFacts, str]] = []  # of copies, early bytes, holes
         self.outages: list[Outage] = []  # times in which there were copies alone, and no answer
         self.closed: list[ClosedWindow] = []  # its own window
         self.lowest_window: int | None = None
@@ -172,10 +172,10 @@ class DirectionFacts:
         self.late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
         self.last_ns = 0
         self.unacked = 0
-        self.ended: SaidBytes | None = None
-        self.reset: SaidBytes | None = None
+        self.ended: SegmentFacts | None = None
+        self.reset: SegmentFacts | None = None
 
-    def mark(self, write: SaidBytes, kind: str) -> None:
+    def mark(self, write: SegmentFacts, kind: str) -> None:
         """Keep the place of something odd."""
         if len(self.moments) < MOST_MOMENTS:
             self.moments.append((write, kind))
@@ -185,7 +185,7 @@ class DirectionFacts:
         found = dict.fromkeys(write.packet for write, kind in self.moments if kind in kinds)
         return tuple([*found][:MOST_SHOWN])
 
-    def first_of(self, kind: str) -> SaidBytes | None:
+    def first_of(self, kind: str) -> SegmentFacts | None:
         """Return the first place of something odd."""
         return next((write for write, known in self.moments if known == kind), None)
 
@@ -196,7 +196,7 @@ class Reads(NamedTuple):
     job: int
     interval_ns: int
 
-    def may_cut(self, before: SaidBytes, gap_ns: int) -> bool:
+    def may_cut(self, before: SegmentFacts, gap_ns: int) -> bool:
         """Return whether a job's end, and no pause, parts a write from the next one."""
         return (before.at + before.size) % self.job == 0 and gap_ns <= SCANS_BETWEEN_JOBS * self.interval_ns
 
@@ -237,7 +237,7 @@ class LineFacts:
             kind, who = conversation.end
             said = self.from_plc if who is guess.says else self.to_plc
             of_kind = said.ended if kind == "fin" else said.reset
-            at = of_kind or SaidBytes(self.last_ns, 0, 0, 0)
+            at = of_kind or SegmentFacts(self.last_ns, 0, 0, 0)
             is_reset = kind == "rst" or said.is_reset_behind
             self.end = WireEnd(kind, who is guess.says, at.ns, at.packet, is_reset, conversation.is_ours)
         ways = (self.to_plc, self.from_plc)
@@ -364,16 +364,16 @@ class _Collector:
         elif kind is EventKind.ACK:
             self._ack(own, other, ns, size)
         elif kind is EventKind.MISSING:
-            self._missing(own, SaidBytes(ns, at, size, self.found.packets), direction)
+            self._missing(own, SegmentFacts(ns, at, size, self.found.packets), direction)
         elif kind is EventKind.RETRANSMISSION and size:
-            self._resent(own, SaidBytes(ns, at, size, self.found.packets), direction)
+            self._resent(own, SegmentFacts(ns, at, size, self.found.packets), direction)
         elif kind is EventKind.LINE_ERROR:
             own.line_errors[data.decode()] += 1
-            own.mark(SaidBytes(ns, at, size, self.found.packets), "line error")
+            own.mark(SegmentFacts(ns, at, size, self.found.packets), "line error")
         else:
             take = self._on.get(kind)
             if take is not None:
-                take(talk, own, other, SaidBytes(ns, at, size, self.found.packets))
+                take(talk, own, other, SegmentFacts(ns, at, size, self.found.packets))
         is_said = kind is not EventKind.MISSING or conversation.is_cut
         if is_said and kind is not EventKind.SILENCE:
             own.last_ns = ns
@@ -392,7 +392,7 @@ class _Collector:
         if len(content) == at and at < MOST_CONTENT and self._content < MOST_CONTENT_OF_ALL:
             content += data
             self._content += size
-        own.newest = SaidBytes(ns, at, size, self.found.packets)
+        own.newest = SegmentFacts(ns, at, size, self.found.packets)
         if len(own.writes) < MOST_WRITES and self._writes < MOST_WRITES_OF_ALL:
             self._writes += 1
             own.writes.append(own.newest)
@@ -413,37 +413,39 @@ class _Collector:
             if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL and other.late_ack is None:
                 other.late_ack = LateAck(last, wait, ns)
 
-    def _syn(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _syn(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.syns.append(at)
 
-    def _answer(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _answer(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         talk.answered_ns = talk.answered_ns or at.ns
 
-    def _established(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _established(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         talk.established_ns = talk.established_ns or at.ns
 
-    def _fin(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _fin(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.ended = own.ended or at
 
-    def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.reset = own.reset or at
         own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
 
-    def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.keep_alives += 1
 
-    def _keep_alive_ack(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _keep_alive_ack(
+        self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts
+    ) -> None:
         other.keep_alives_answered += 1
 
-    def _zero(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _zero(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         if len(own.closed) < MOST_MOMENTS:
             own.closed.append(ClosedWindow(at.ns, None, at.packet))
 
-    def _opens(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _opens(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         if own.closed and own.closed[-1].until_ns is None:
             own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
 
-    def _resent(self, own: DirectionFacts, at: SaidBytes, direction: WireDirection) -> None:
+    def _resent(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
         wait = max(waits, default=0)
         if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
@@ -458,16 +460,16 @@ class _Collector:
             own.copies_since = at
         own.mark(at, "resent")
 
-    def _early(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _early(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.early_ns = own.early_ns or at.ns
         own.mark(at, "early")
 
-    def _late(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _late(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         own.late += 1
         own.early_ns = None
         own.mark(at, "resent")
 
-    def _missing(self, own: DirectionFacts, at: SaidBytes, direction: WireDirection) -> None:
+    def _missing(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         own.early_ns = None  # what follows a hole did not come late
         cut, own.cut = direction.cut - own.cut, direction.cut
         if cut == at.size:  # the capture keeps the first bytes of each packet alone
@@ -483,7 +485,7 @@ class _Collector:
         own.missing += at.size
         own.mark(at, "missing")
 
-    def _silence(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SaidBytes) -> None:
+    def _silence(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
         if len(talk.idles) < MOST_MOMENTS:
             talk.idles.append(IdleTime(at.ns, at.size, at.packet))
 
@@ -496,7 +498,7 @@ def _heard(said: DirectionFacts, ns: int | None) -> None:
     said.resent_since_heard = 0
 
 
-def line_of_writes(protocol: str, writes: Sequence[SaidBytes], content: bytes) -> LineFacts:
+def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
     """Return a line on which the partner says these bytes, and nothing else happens."""
     conversation = Conversation(1, protocol, 0)
     there = conversation.there = WireDirection(conversation, (bytes(4), 0), b"")
@@ -560,8 +562,8 @@ def facts_of(
 
 
 def _messages(
-    writes: Sequence[SaidBytes],
-    others: Sequence[SaidBytes],
+    writes: Sequence[SegmentFacts],
+    others: Sequence[SegmentFacts],
     is_datagram: bool,
     reads: Reads | None = None,
 ) -> tuple[LineMessage, ...]:
@@ -589,7 +591,7 @@ def _messages(
 
 
 def _joined(
-    writes: Sequence[SaidBytes], turns: Sequence[bool], most: int, limit: int, reads: Reads | None
+    writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: Reads | None
 ) -> tuple[LineMessage, ...]:
     """Return the writes as messages: what comes sooner than `limit` ns after a write belongs to it."""
     found: list[LineMessage] = []

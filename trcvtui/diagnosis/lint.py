@@ -16,9 +16,9 @@ from trcvtui.commands.table import parse_script
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import LineFinding, weighed
 from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
-from trcvtui.diagnosis.line_facts import LineFacts, SaidBytes, line_of_writes
+from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.diagnosis.sign import Mend, Sign
+from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.net.connection.config import ANY_END, LONGEST_KEEP_ALIVE_S, ConnectConfig
 from trcvtui.net.results import ANY_ADDRESS, octets
 from trcvtui.project.project import SERIAL
@@ -172,7 +172,7 @@ def _limits(project: Project) -> Iterator[Sign]:
     used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
     if len(used) > project.connection_limit:
         text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
-        yield Sign(0.95, (text,), mend=(Mend("fewer CONNECTs, or a model with more connections"),))
+        yield Sign(0.95, (text,), mend=(Remedy("fewer CONNECTs, or a model with more connections"),))
     priorities = {task.name: task.priority for task in project.tasks}
     for decl in project.instances:
         inputs = dict(decl.inputs)
@@ -184,17 +184,17 @@ def _limits(project: Project) -> Iterator[Sign]:
             continue
         if data is not None and length > data.size and length not in project.rules.area.adhoc_lens:
             text = f"LEN of {decl.name} is {length}, DATA {data.name} has {data.size} bytes"
-            mend = Mend(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
+            mend = Remedy(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
             yield Sign(0.95, (text,), instance=decl.name, mend=(mend,))
         elif length > most:
             text = f"LEN of {decl.name} is {length}, the most is {most}"
-            yield Sign(0.95, (text,), instance=decl.name, mend=(Mend(f"LEN {most} or less"),))
+            yield Sign(0.95, (text,), instance=decl.name, mend=(Remedy(f"LEN {most} or less"),))
     for connect in project.connects:
         on = [each for each in project.instances if each.connect == connect.name]
         if len({priorities.get(each.task) for each in on}) > 1:
             names = ", ".join(each.name for each in on)
             text = f"{names} work on {connect.name} from tasks of different priority"
-            yield Sign(0.85, (text,), mend=(Mend("call all blocks of a CONNECT from one task"),))
+            yield Sign(0.85, (text,), mend=(Remedy("call all blocks of a CONNECT from one task"),))
 
 
 def _address(project: Project) -> Iterator[Sign]:
@@ -211,13 +211,13 @@ def _address(project: Project) -> Iterator[Sign]:
         ]
         if times > 1:
             text = f"{', '.join(names)} listen on the same end {address}:{port}"
-            yield Sign(0.85, (text,), mend=(Mend("give each passive CONNECT a LocalPort of its own"),))
+            yield Sign(0.85, (text,), mend=(Remedy("give each passive CONNECT a LocalPort of its own"),))
     for connect in project.connects:
         if connect.is_datagram or connect.description is not None:
             continue
         if connect.active and connect.remote_port == 0:
             text = f"{connect.name} is active and has no RemotePort"
-            yield Sign(0.95, (text,), mend=(Mend("set the RemotePort on which the partner listens"),))
+            yield Sign(0.95, (text,), mend=(Remedy("set the RemotePort on which the partner listens"),))
         yield from _of_peers(project, connect)
 
 
@@ -228,11 +228,11 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
         wanted = project.peer(connect.remote_port[1:])
         if wanted is not None and wanted.active:
             text = f"{connect.name} and {wanted.name} are both active: nobody listens"
-            yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
+            yield Sign(0.95, (text,), mend=(Remedy("make one of them passive"),))
     elif connect.active and any(each.active and each.end in calls for each in peers):
         name = next(each.name for each in peers if each.active and each.end in calls)
         text = f"{connect.name} and {name} are both active: nobody listens"
-        yield Sign(0.95, (text,), mend=(Mend("make one of them passive"),))
+        yield Sign(0.95, (text,), mend=(Remedy("make one of them passive"),))
     elif (
         not connect.active
         and connect.remote_port
@@ -241,13 +241,13 @@ def _of_peers(project: Project, connect: ConnectConfig) -> Iterator[Sign]:
         and not any(each.active for each in peers)
     ):
         text = f"{connect.name} and {peers[0].name} are both passive: nobody calls"
-        yield Sign(0.9, (text,), mend=(Mend("make one of them active"),))
+        yield Sign(0.9, (text,), mend=(Remedy("make one of them active"),))
     for name, text in (("LocalAddress", connect.local.address), ("RemoteAddress", connect.remote_address)):
         try:
             ip_address(text)
         except ValueError:
             if not connect.remote_name or name == "LocalAddress":
-                yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Mend("four numbers"),))
+                yield Sign(0.9, (f"{name} of {connect.name} is '{text}'",), mend=(Remedy("four numbers"),))
 
 
 def _keep_alive(project: Project) -> Iterator[Sign]:
@@ -256,7 +256,7 @@ def _keep_alive(project: Project) -> Iterator[Sign]:
         if asked > LONG_KEEP_ALIVE_S:
             text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
             more = (connect.keep_alive_limited,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            yield Sign(0.7, (text, *more), mend=(Mend("0, which is 10 s, or some minutes at most"),))
+            yield Sign(0.7, (text, *more), mend=(Remedy("0, which is 10 s, or some minutes at most"),))
 
 
 def _adhoc_fixed(project: Project) -> Iterator[Sign]:
@@ -266,7 +266,7 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
             text = f"{receiver.instance} is ad hoc, and DATA is {receiver.type_name} of {receiver.need} bytes"
             more = "a message that comes in two pieces makes two jobs"
             name = receiver.instance
-            mend = Mend("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
+            mend = Remedy("ADHOC 0: a job ends with the whole type", f"set {name} ADHOC=0", None)
             yield Sign(0.6, (text, more), instance=name, mend=(mend,))
 
 
@@ -280,7 +280,7 @@ def _short_len(project: Project) -> Iterator[Sign]:
                 f"{receiver.instance} takes {receiver.need} bytes of {data.type_name}, which has {data.size}"
             )
             name = receiver.instance
-            mend = Mend("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
+            mend = Remedy("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
             yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
 
@@ -303,7 +303,7 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
         routine = routines.get(peer.name) if peer is not None else None
         if peer is None or routine is None or not routine.says or receiver.is_whole:
             continue
-        writes: list[SaidBytes] = []
+        writes: list[SegmentFacts] = []
         content, now = bytearray(), 0
         for number in range(max(SAMPLES, len(routine.says))):
             send = routine.says[number % len(routine.says)]
@@ -311,7 +311,7 @@ def _of_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[L
             for size, gap in zip((*send.split, 0), (*(send.gaps_ns or [send.gap_ns] * 64), 0), strict=False):
                 part = rest[:size] if size else rest
                 if part:
-                    writes.append(SaidBytes(at, len(content), len(part), 0))
+                    writes.append(SegmentFacts(at, len(content), len(part), 0))
                 content += part
                 rest = rest[size:] if size else b""
                 at += gap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SaidBytes
+from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.sign import Sign
 from trcvtui.wording import count
 
@@ -29,7 +29,7 @@ _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the ciphe
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
-def _first(said: DirectionFacts) -> SaidBytes | None:
+def _first(said: DirectionFacts) -> SegmentFacts | None:
     return said.writes[0] if said.writes else None
 
 
@@ -72,7 +72,7 @@ def wrong_tsap(line: LineFacts) -> Sign | None:
         is_listener = end.by_plc != bool(line.plc_calls)
         if is_listener:
             texts.append(f"answered by {end.kind.upper()} alone")
-            return Sign(0.75, tuple(texts), way=way, at=SaidBytes(end.ns, 0, 0, end.packet))
+            return Sign(0.75, tuple(texts), way=way, at=SegmentFacts(end.ns, 0, 0, end.packet))
     return None
 
 
@@ -119,7 +119,7 @@ def tls_refused(line: LineFacts) -> Sign | None:
         return None
     answer = told["from-plc" if hello == "to-plc" else "to-plc"]
     other = line.from_plc if hello == "to-plc" else line.to_plc
-    end = SaidBytes(line.end.ns, 0, 0, line.end.packet)
+    end = SegmentFacts(line.end.ns, 0, 0, line.end.packet)
     who = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
         what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from trcvtui.diagnosis.line_facts import SaidBytes
+from trcvtui.diagnosis.line_facts import SegmentFacts
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.receiver import Receiver
 
 
-class Mend(NamedTuple):
+class Remedy(NamedTuple):
     """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none."""
 
     text: str
@@ -28,9 +28,9 @@ class Sign(NamedTuple):
     confidence: float
     evidence: tuple[str, ...]
     way: str | None = None
-    at: SaidBytes | None = None
+    at: SegmentFacts | None = None
     instance: str | None = None
-    mend: tuple[Mend, ...] = ()
+    mend: tuple[Remedy, ...] = ()
     is_remark: bool = False
     is_fact: bool = False
     cured: Receiver | None = None

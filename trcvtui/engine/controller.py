@@ -23,7 +23,7 @@ from trcvtui.commands.edit import ends_of, free_port, port_text
 from trcvtui.commands.edit import told as told_of
 from trcvtui.commands.snapshots import Answer, EngineTiming, TalkSnapshot
 from trcvtui.commands.table import parse_line, to_line
-from trcvtui.commands.words import Mend
+from trcvtui.commands.words import Remedy
 from trcvtui.engine.project_edits import ProjectEdits
 from trcvtui.engine.trigger_watch import TriggerWatch
 from trcvtui.errors import UserError, mistake
@@ -278,7 +278,7 @@ class Controller:
         assert isinstance(other, words.Add)
         return other
 
-    def _mend(self, command: Mend) -> str:
+    def _mend(self, command: Remedy) -> str:
         told = told_of(command, self.bench.project)
         mine = None
         if self.player is None:

@@ -19,7 +19,7 @@ from typing import Final, TextIO
 
 from trcvtui.commands.reader import after
 from trcvtui.commands.table import parse_line, to_line
-from trcvtui.commands.words import MENDS, Mend
+from trcvtui.commands.words import MENDS, Remedy
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import read_bytes, write_file
@@ -209,14 +209,14 @@ class ProjectEdits:
         """A fresh bench begins with what is known now."""
         self.before, self._begun_from_file = None, self.saved == self.done
 
-    def check(self, command: Mend) -> Mend:
+    def check(self, command: Remedy) -> Remedy:
         """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
         mine = parse_line(to_line(command), self.project, WHERE)
         assert isinstance(mine, MENDS)
         check_bench(after(mine, self.project))
         return mine
 
-    def note(self, command: Mend) -> None:
+    def note(self, command: Remedy) -> None:
         """Take what was edited on the bench."""
         self.project = after(command, self.project)
         self._edits = difference(self._in_file, self.project)

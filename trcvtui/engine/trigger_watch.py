@@ -17,7 +17,7 @@ from typing import Any, Final
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
 from trcvtui.blocks.pins import Pin, PinValue
-from trcvtui.commands.conditions import base_name, read_instance, read_target
+from trcvtui.commands.conditions import base_name, parse_instance, parse_target
 from trcvtui.commands.snapshots import Fired, PeerSnapshot
 from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.errors import UserError, mistake
@@ -189,7 +189,7 @@ def _compared(
 
 
 def _pin(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> PinIs:
-    instance = read_instance(words, project)
+    instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
     words.finish()
@@ -204,7 +204,7 @@ def _pin(words: Words, operator: str, value: str, project: Project, is_edge: boo
 
 
 def _member(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> MemberCompares:
-    target = read_target(words, project)
+    target = parse_target(words, project)
     words.finish()
     leaf, layout = target.leaf(words), target.decl.layout
     if is_edge and leaf.coding.code != "?":

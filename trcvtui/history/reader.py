@@ -13,11 +13,11 @@ from trcvtui.history.records import (
     END,
     MOST_SPANS,
     MOST_WINDOW,
-    Before,
     HistoryRequest,
     HistoryWindow,
     JobSpan,
     MessageSpan,
+    PreviousJobBytes,
     RecvSpan,
     Seek,
     Sought,
@@ -172,15 +172,15 @@ def _last(runs: list[tuple[int, bytes]], patterns: tuple[bytes, ...], before: in
     return None
 
 
-def _before(stream: JobStream, jobs: list[JobSpan], start: int, stop: int) -> list[Before]:
+def _before(stream: JobStream, jobs: list[JobSpan], start: int, stop: int) -> list[PreviousJobBytes]:
     """Return, for each job of the window, the bytes of the job before it at the same places."""
-    found: list[Before] = []
+    found: list[PreviousJobBytes] = []
     for job in jobs:
         earlier = stream.job_before(job.position, job.instance) if job.done else None
         if earlier is not None and earlier.content:
             first = max(start, job.position)
             content = earlier.content[first - job.position : min(stop, job.stop) - job.position]
-            found.append(Before(first, content, earlier.span.number))
+            found.append(PreviousJobBytes(first, content, earlier.span.number))
     return found
 
 
@@ -189,7 +189,7 @@ def _job_at(stream: JobStream, position: int | None) -> tuple[int, bytes] | None
     return (chunk.position, chunk.content[:MOST_JOB]) if chunk is not None else None
 
 
-def _before_data(stream: JobStream, asked: tuple[str, int, int] | None) -> Before | None:
+def _before_data(stream: JobStream, asked: tuple[str, int, int] | None) -> PreviousJobBytes | None:
     """Return bytes of the job before the newest one of an instance: what DATA held before."""
     if asked is None:
         return None
@@ -198,4 +198,6 @@ def _before_data(stream: JobStream, asked: tuple[str, int, int] | None) -> Befor
     earlier = stream.job_before(newest.span.position, instance) if newest is not None else None
     if earlier is None or not earlier.span.is_kept:
         return None
-    return Before(first, earlier.content[first : first + min(size, MOST_WINDOW)], earlier.span.number)
+    return PreviousJobBytes(
+        first, earlier.content[first : first + min(size, MOST_WINDOW)], earlier.span.number
+    )

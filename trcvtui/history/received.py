@@ -27,7 +27,7 @@ from trcvtui.blocks.environment import (
     FrameEnded,
     JobEnded,
     NoiseDropped,
-    PartDropped,
+    PartialFrameDropped,
 )
 from trcvtui.blocks.framing import Ending
 from trcvtui.history.records import JobSpan, Moment, RecvSpan
@@ -411,7 +411,7 @@ class FrameHistory:
             BytesArrived: self._note,
             FrameEnded: self._frame,
             NoiseDropped: self._noise,
-            PartDropped: self._part,
+            PartialFrameDropped: self._part,
             BytesLost: self._lost,
         }
 

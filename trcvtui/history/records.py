@@ -127,7 +127,7 @@ class HistoryRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Before:
+class PreviousJobBytes:
     """Bytes of the job before, as they stood `position` bytes into the stream or into DATA."""
 
     position: int
@@ -150,10 +150,10 @@ class HistoryWindow:
     jobs: tuple[JobSpan, ...] = ()
     recvs: tuple[RecvSpan, ...] = ()
     messages: tuple[MessageSpan, ...] = ()
-    before: tuple[Before, ...] = ()
+    before: tuple[PreviousJobBytes, ...] = ()
     sought: Sought | None = None
     job: tuple[int, bytes] | None = None
-    data: Before | None = None
+    data: PreviousJobBytes | None = None
 
     @property
     def stop(self) -> int:

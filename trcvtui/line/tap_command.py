@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
 LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"
-SHOWS: Final = "import sys; from trcvtui.cli.main import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
+SHOWS: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
 SERVES: Final = (
     "import sys; from trcvtui.line.tap_command import forward_for; sys.exit(forward_for(*sys.argv[1:]))"
 )

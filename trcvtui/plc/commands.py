@@ -65,14 +65,14 @@ Part = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
 @dataclass(frozen=True, slots=True)
-class Declare:
+class AddDeclaration:
     """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
 
     decl: Part
 
 
 @dataclass(frozen=True, slots=True)
-class Redeclare:
+class ReplaceDeclaration:
     """Another declaration of the same name: what has it, or is called on it, begins anew; inputs stay."""
 
     before: Part | InstanceDecl
@@ -80,7 +80,7 @@ class Redeclare:
 
 
 @dataclass(frozen=True, slots=True)
-class Withdraw:
+class RemoveDeclaration:
     """A declaration is gone that no instance has."""
 
     decl: Part
@@ -126,9 +126,9 @@ Command = (
     | StopPlc
     | RunPlc
     | CreateInstance
-    | Declare
-    | Redeclare
-    | Withdraw
+    | AddDeclaration
+    | ReplaceDeclaration
+    | RemoveDeclaration
     | DeleteInstance
     | DownloadInstance
     | ResizeData

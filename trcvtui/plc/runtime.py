@@ -33,21 +33,21 @@ from trcvtui.net.layers.layer_kernel import ReadyKernel
 from trcvtui.net.serial_line import SerialPorts
 from trcvtui.plc.call_order import CallOrder
 from trcvtui.plc.commands import (
+    AddDeclaration,
     BlinkInput,
     Command,
     CreateInstance,
-    Declare,
     DeleteInstance,
     DownloadInstance,
     FeedBuffer,
     Part,
     PulseInput,
-    Redeclare,
+    RemoveDeclaration,
+    ReplaceDeclaration,
     ResizeData,
     RunPlc,
     SetInput,
     StopPlc,
-    Withdraw,
     WriteData,
 )
 from trcvtui.plc.containment import COMMAND, INTERNAL_ERROR, Containment, RunPart
@@ -438,11 +438,11 @@ class Runtime:
                 self._run()
             case CreateInstance(decl, place):
                 self._create(decl, place)
-            case Declare(declared):
+            case AddDeclaration(declared):
                 self._declare(declared)
-            case Redeclare(before, declared_anew):
+            case ReplaceDeclaration(before, declared_anew):
                 self._redeclare(before, declared_anew)
-            case Withdraw(withdrawn):
+            case RemoveDeclaration(withdrawn):
                 self._withdraw(withdrawn)
             case DeleteInstance(name):
                 self._delete(name)

@@ -219,7 +219,7 @@ INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
 LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str, "port errors": int}
 
 
-def can_answer(entry: Answered) -> bool:
+def is_valid_answer(entry: Answered) -> bool:
     _, call, args, answer = entry
     if call == READ:
         return len(args) == 1 and type(args[0]) is str and type(answer) in (bytes, str)
@@ -482,7 +482,7 @@ class _Cursor:
         raise self.wrong("another value", "a call or a note")
 
     def _answered(self, made: Answered) -> Answered:
-        if not can_answer(made):
+        if not is_valid_answer(made):
             raise self.wrong(f"{made.call} of {made.owner}", "an answer that this call can give")
         return made
 
@@ -604,7 +604,7 @@ def entries_of(
 
     `found` brings `payloads` up to date before each block.
     """
-    return chain.from_iterable(in_blocks(found, where, payloads, first))
+    return chain.from_iterable(entries_by_block(found, where, payloads, first))
 
 
 def check_block(block: bytes, number: int, packets: int, where: str) -> None:
@@ -615,7 +615,7 @@ def check_block(block: bytes, number: int, packets: int, where: str) -> None:
         raise mistake(f"{where}: journal", found, expected)
 
 
-def in_blocks(
+def entries_by_block(
     found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
 ) -> Iterator[Iterator[Entry]]:
     for expected, block in enumerate(found, first):

@@ -31,8 +31,8 @@ from trcvtui.recording.journal import (
     Secrets,
     WireCall,
     check_block,
+    entries_by_block,
     entries_of,
-    in_blocks,
 )
 from trcvtui.recording.run_packets import OF_JOURNAL, RunPackets
 
@@ -322,7 +322,7 @@ class Recording:
         blocks = (block for block, _ in found if not block.startswith((INDEX, KEYFRAME)))
         number = first
         try:
-            for block in in_blocks(blocks, self.path, payloads, first):
+            for block in entries_by_block(blocks, self.path, payloads, first):
                 number += 1
                 yield block
         except UserError as wrong:

@@ -84,7 +84,7 @@ def _run_begins_ns(path: str) -> int:
     return first.wall_ns if isinstance(first, RunBegins) else 0
 
 
-class _ToBeJudged:
+class DoctorInput:
     """Takes all that is to be judged, and at the end of it writes what is found."""
 
     trouble = ""
@@ -134,7 +134,7 @@ class _ToBeJudged:
         return found_in(files, DoctorQuestion(plc, receivers, recorded), begins_ns)
 
 
-class _JudgedRun(_ToBeJudged):
+class _JudgedRun(DoctorInput):
     """The journal of a run, as far as it is kept."""
 
     def __init__(self, path: str) -> None:
@@ -162,4 +162,4 @@ def run_main(path: str, asked: str) -> None:
 
 def files_main(path: str, asked: str) -> None:
     """Be the process that judges files (replay/time_line.py)."""
-    write_all(asked, lambda _: _ToBeJudged(path), path)
+    write_all(asked, lambda _: DoctorInput(path), path)

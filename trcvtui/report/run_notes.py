@@ -13,7 +13,7 @@ from typing import Final, Generic, NamedTuple, TypeVar, cast
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import FrameEnded, JobEnded, PartDropped, SendEnded, SendStarted
+from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.diagnosis.advice import Advice, because
@@ -235,7 +235,7 @@ class RunNotes:
                 self._edge(EdgeNote(at, event))
             case BytesReceived():
                 self._receiving.add(event.instance)
-            case JobEnded() | PartDropped() | FrameEnded():
+            case JobEnded() | PartialFrameDropped() | FrameEnded():
                 self._received(at, event)
             case SendStarted():
                 self._of(event.instance).sends = event.job, self._data(event.instance, event.length)
@@ -261,13 +261,13 @@ class RunNotes:
             if notes.delivered <= notes.looked_until or notes.delivered % EACH == 1:
                 self._fresh.append(told)
 
-    def _received(self, at: Moment, event: JobEnded | FrameEnded | PartDropped) -> None:
+    def _received(self, at: Moment, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
         notes = self._of(event.instance)
         self._receiving.discard(event.instance)
         job, done, reason = 0, isinstance(event, FrameEnded), ""
         if isinstance(event, JobEnded):
             job, done, reason = event.job, event.done, event.reason
-        elif isinstance(event, PartDropped):
+        elif isinstance(event, PartialFrameDropped):
             reason = event.reason
         content, notes.part = self._data(event.instance, event.size) if done else notes.part, b""
         if not done and event.size:

@@ -14,7 +14,7 @@ from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, noting_reads, refuse_input, replacing
-from trcvtui.scenario.report import FORMATS, Document
+from trcvtui.scenario.report import FORMATS, Report
 from trcvtui.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.scenario.scenario import Scenario, load_scenario
 
@@ -94,7 +94,7 @@ def _run_all(
     write: Callable[[str], object],
     loaded: Callable[[], None],
 ) -> int:
-    document = _document(form, dialects, write)
+    report = _report_of(form, dialects, write)
     worst = HELD
     files = record.files(paths) if record is not None else ()
     for number, path in enumerate(paths):
@@ -108,7 +108,7 @@ def _run_all(
                 scenario = load_scenario(path, overrides)
                 each = _in_each(dialects, scenario, path)
         except UserError as error:
-            worst = _wrong(document, path, error)
+            worst = _wrong(report, path, error)
             continue
         loaded()  # raises through: no later file makes the target right
         try:
@@ -118,15 +118,15 @@ def _run_all(
 
                 recorder, box = kept_recorder(recorder, reads)
             for one in each:
-                held = _run_one(path, one, kernel, document, overrides, recorder, box)
+                held = _run_one(path, one, kernel, report, overrides, recorder, box)
                 worst = max(worst, HELD if held else FAILED)
         except UserError as error:
-            worst = _wrong(document, path, error)
-    document.end()
+            worst = _wrong(report, path, error)
+    report.end()
     return worst
 
 
-def _document(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Document:
+def _report_of(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Report:
     if not dialects:
         return FORMATS[form](write)
     from trcvtui.scenario.dialects import SideBySide  # here: who runs a file alone starts faster without
@@ -142,8 +142,8 @@ def _in_each(dialects: Sequence[str], scenario: Scenario, path: Path) -> Sequenc
     return scenarios_in(dialects, scenario, path)
 
 
-def _wrong(document: Document, path: Path, error: UserError) -> int:
-    document.wrong(path, error)
+def _wrong(report: Report, path: Path, error: UserError) -> int:
+    report.wrong(path, error)
     sys.stderr.write("".join(line + "\n" for line in error.lines()))
     return WRONG_FILE
 
@@ -152,7 +152,7 @@ def _run_one(
     path: Path,
     scenario: Scenario,
     kernel: str,
-    document: Document,
+    report: Report,
     overrides: Sequence[str],
     recorder: RunRecorder | None,
     judge: Judge | None,
@@ -164,7 +164,7 @@ def _run_one(
             enter_own_network(kernel, scenario.project.sim)
     with recorder or nullcontext():  # first: a file that is refused lets nothing begin
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
-        report = document.begin(path, scenario, bench)
+        report.begin(path, scenario, bench)
         pace: Pace = LivePace() if kernel == "live" else VirtualPace()
         if recorder is not None:
             recorder.begin(bench, path, overrides, is_scenario=True)

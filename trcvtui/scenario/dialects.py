@@ -7,7 +7,7 @@ Rule 3: a step lets a partner send the bytes that it sends in the scenario's own
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.project import Project
-from trcvtui.scenario.report import FollowingJson, JsonLines, Text, Write, json_text
+from trcvtui.scenario.report import JsonLines, Text, Write, json_text
 from trcvtui.scenario.runner import NONE_SENT, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import in_columns
@@ -65,49 +65,30 @@ def _steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> I
             project = after(command, project)
 
 
-class DialectReport:
-    """One dialect while it plays: `changes` are an instance's outputs from a scan on, None: its end."""
+class DialectRun:
+    """What one dialect showed: `changes` are an instance's outputs from a scan on, None: its end."""
 
-    def __init__(self, scenario: Scenario, inner: JsonLines | None, ended: Callable[[], None]) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.dialect = scenario.project.dialect.name
         self.notes = scenario.about.splitlines()
         self.blocks: dict[str, str] = {}
         self.changes: dict[str, dict[int, Outputs | None]] = {}
         self.end: Verdict | None = None
-        self._inner, self._ended = inner, ended
 
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
-    ) -> None:
-        """Keep what changed."""
-        if self._inner is not None:
-            self._inner.scan(scan, changed, deliveries)
-        for edge in changed:
-            self.blocks[edge.instance] = edge.block
-            changes = self.changes.setdefault(edge.instance, {})
-            if len(changes) < MOST_CHANGES:
-                changes[scan] = edge.outputs
+    def keep(self, scan: int, edge: StatusEdge) -> None:
+        self.blocks[edge.instance] = edge.block
+        changes = self.changes.setdefault(edge.instance, {})
+        if len(changes) < MOST_CHANGES:
+            changes[scan] = edge.outputs
 
-    def verdict(self, verdict: Verdict) -> None:
-        """Keep how it ended."""
+    def close(self, verdict: Verdict) -> None:
         self.end = verdict
         for changes in self.changes.values():
             changes[verdict.scans + 1] = None
-        if self._inner is not None:
-            self._inner.verdict(verdict)
-        self._ended()
 
 
-class _DialectLines(JsonLines):
-    """JSON lines, each with the name of its dialect."""
-
-    def write(self, record: Mapping[str, object]) -> None:
-        assert self._bench is not None
-        super().write({"dialect": self._bench.project.dialect.name, **record})
-
-
-class SideBySide(FollowingJson):
-    """The document of files of which each is played in all dialects; then they are compared."""
+class SideBySide(JsonLines):
+    """Files of which each is played in all dialects; then they are compared."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
         if form not in FORMS:
@@ -115,49 +96,60 @@ class SideBySide(FollowingJson):
         super().__init__(write)
         self._is_json = form == "jsonl"
         self._dialects = dialects
-        self._reports: list[DialectReport] = []
+        self._runs: list[DialectRun] = []
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> DialectReport:
-        """Return the report of one dialect."""
-        interval_ns = bench.runtime.interval_ns
-        inner = _DialectLines(self._write, interval_ns, bench) if self._is_json else None
-        self._reports.append(DialectReport(scenario, inner, self._ended))
-        return self._reports[-1]
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+        super().begin(path, scenario, bench)
+        self._runs.append(DialectRun(scenario))
+
+    def write(self, record: Mapping[str, object]) -> None:
+        """Write a line with the name of its dialect; a file that is wrong has none."""
+        if self._is_json:
+            super().write({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        super().scan(scan, changed, deliveries)
+        for edge in changed:
+            self._runs[-1].keep(scan, edge)
+
+    def verdict(self, verdict: Verdict) -> None:
+        super().verdict(verdict)
+        if self._runs:
+            self._runs[-1].close(verdict)
+        if len(self._runs) == self._dialects:
+            self._compare()
 
     def wrong(self, path: Path, error: UserError) -> None:
-        """Tell that a file could not be run in one of them."""
-        self._reports.clear()
-        if self._is_json:
-            super().wrong(path, error)
+        self._runs.clear()
+        super().wrong(path, error)
 
-    def _ended(self) -> None:
-        if len(self._reports) < self._dialects:
-            return
-        blocks = {name: block for report in self._reports for name, block in report.blocks.items()}
+    def _compare(self) -> None:
+        blocks = {name: block for run in self._runs for name, block in run.blocks.items()}
         for name, block in blocks.items():
-            walk = Walk(name, block, self._reports)
-            if self._is_json:
-                self._write(json_text(walk.record()))
-            else:
-                self._write("".join(f"{line}\n" for line in walk.lines()))
-        for report in () if self._is_json else self._reports:
-            assert report.end is not None
-            end = replace(report.end, scenario=f"{report.dialect}: {report.end.scenario}", traces=())
-            Text(self._write, 0).verdict(end)
-            self._write("".join(f"    {one_line(note)}\n" for note in report.notes))
-        self._reports.clear()
+            walk = Walk(name, block, self._runs)
+            text = json_text(walk.record()) if self._is_json else "".join(f"{x}\n" for x in walk.lines())
+            self._write(text)
+        for run in () if self._is_json else self._runs:
+            assert run.end is not None
+            Text(self._write).verdict(
+                replace(run.end, scenario=f"{run.dialect}: {run.end.scenario}", traces=())
+            )
+            self._write("".join(f"    {one_line(note)}\n" for note in run.notes))
+        self._runs.clear()
 
 
 class Walk:
     """What one instance shows in all dialects: `rows` of equal scans, first and last, an entry a dialect."""
 
-    def __init__(self, instance: str, block: str, reports: Sequence[DialectReport]) -> None:
+    def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
         self._head = f"{instance} ({block})"
         self._instance = instance
-        self._dialects = [report.dialect for report in reports]
-        changes = [report.changes.get(instance, {}) for report in reports]
+        self._dialects = [run.dialect for run in runs]
+        changes = [run.changes.get(instance, {}) for run in runs]
         self._have_it = [name for name, each in zip(self._dialects, changes, strict=True) if each]
-        now: list[Outputs | None] = [None] * len(reports)
+        now: list[Outputs | None] = [None] * len(runs)
         self.rows: list[tuple[int, int, tuple[Outputs | None, ...]]] = []
         for scan, following in pairwise(sorted({scan for each in changes for scan in each})):
             now = [each.get(scan, before) for each, before in zip(changes, now, strict=True)]

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
     from trcvtui.bench.bench import Bench
+
+Write = Callable[[str], object]
 
 LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
 WHOLE: Final = "the scenario runs to its end"
@@ -62,48 +64,56 @@ class Suite:
         return sum(case.outcome == outcome for case in self.cases)
 
 
-class Junit:
-    """The document of one call; it is written at its end, when the sums are known."""
+class Report:
+    """What a format is told of one call: its files one after the other. This one writes nothing."""
 
-    def __init__(self, write: Callable[[str], object]) -> None:
+    def __init__(self, write: Write) -> None:
         self._write = write
-        self._suites: list[Suite] = []
 
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> FileReport:
-        """Return the report of a file that is about to run."""
-        return FileReport(path, scenario, self._suites.append)
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+        """Tell that a file is about to run."""
+
+    def scan(
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Tell how the scenario ended."""
 
     def wrong(self, path: Path, error: UserError) -> None:
-        """Tell that a file is wrong: one case with an error that holds its lines."""
+        """Tell that a file could not be run, or not to its end; stderr has it."""
+
+    def end(self) -> None:
+        """Tell that no file follows."""
+
+
+class Junit(Report):
+    """The document of one call; it is written at its end, when the sums are known."""
+
+    def __init__(self, write: Write) -> None:
+        super().__init__(write)
+        self._suites: list[Suite] = []
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+        self._path, self._scenario = path, scenario
+
+    def verdict(self, verdict: Verdict) -> None:
+        steps = (*self._scenario.start, *self._scenario.steps)
+        cases = (*_taken(verdict.taken), *_not_reached(steps[len(verdict.taken) :]))
+        told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
+        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
+        suite = Suite(str(self._path), verdict.scenario, _with_the_rest(cases, verdict), output)
+        self._suites.append(suite)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Add one case with an error that holds the lines."""
         lines = error.lines()
         case = Case("the file can be run", 0, "error", "file", lines[0], "\n".join(lines))
         self._suites.append(Suite(str(path), path.stem, (case,)))
 
     def end(self) -> None:
-        """Write the document."""
         self._write(_document(self._suites))
-
-
-class FileReport:
-    """One file while it runs."""
-
-    def __init__(self, path: Path, scenario: Scenario, done: Callable[[Suite], None]) -> None:
-        self._path = path
-        self._scenario = scenario
-        self._done = done
-
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
-    ) -> None:
-        """Write nothing: a suite holds the traces of its instances."""
-
-    def verdict(self, verdict: Verdict) -> None:
-        """Tell how the scenario ended."""
-        steps = (*self._scenario.start, *self._scenario.steps)
-        cases = (*_taken(verdict.taken), *_not_reached(steps[len(verdict.taken) :]))
-        told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
-        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
-        self._done(Suite(str(self._path), verdict.scenario, _with_the_rest(cases, verdict), output))
 
 
 # -- steps to cases ----------------------------------------------------------------------------------------
@@ -199,46 +209,21 @@ def _seconds(ns: int) -> str:
     return f"{ns / 1e9:.3f}"
 
 
-Write = Callable[[str], object]
-
-
-class Report(Protocol):
-    """What a format can be told while a scenario runs."""
-
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
-    ) -> None:
-        """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
-        ...
-
-    def verdict(self, verdict: Verdict) -> None:
-        """Tell how the scenario ended."""
-        ...
-
-
-class Document(Protocol):
-    """What a format can be told of one call: its files one after the other, then that there are no more."""
-
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
-        """Return the report of a file that is about to run."""
-        ...
-
-    def wrong(self, path: Path, error: UserError) -> None:
-        """Tell that a file could not be run, or not to its end."""
-        ...
-
-    def end(self) -> None:
-        """Tell that no file follows."""
-        ...
-
-
-class JsonLines:
+class JsonLines(Report):
     """One object per instance and scan in which any output differs, then one for the scenario."""
 
-    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
-        self._write = write
+    def __init__(self, write: Write, interval_ns: int = 0, bench: Bench | None = None) -> None:
+        super().__init__(write)
         self._interval_ns = interval_ns
         self._bench = bench
+
+    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> None:
+        self._interval_ns, self._bench = bench.runtime.interval_ns, bench
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Write the line of the file; step 0 is none of its steps."""
+        failures = tuple(Failure(0, "", line) for line in error.lines())
+        self.verdict(Verdict(str(path), 0, failures, (), ()))
 
     def scan(
         self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
@@ -301,16 +286,8 @@ def outputs_record(edge: StatusEdge) -> dict[str, object]:
     return known if not edge.outputs.error else known | {"cause": cause_record(edge.cause, edge.block)}
 
 
-class Text:
+class Text(Report):
     """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
-
-    def __init__(self, write: Write, interval_ns: int, bench: Bench | None = None) -> None:
-        self._write = write
-
-    def scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
-    ) -> None:
-        """Write nothing: the traces of the verdict tell it in short."""
 
     def verdict(self, verdict: Verdict) -> None:
         """Write one line for the scenario, then its traces and its failures."""
@@ -330,38 +307,4 @@ class Text:
             self._write(f"        found: {one_line(failure.found)}\n")
 
 
-class Following:
-    """The document of a format whose files stand one after the other and know nothing of each other."""
-
-    def __init__(self, write: Write, report: Callable[[Write, int, Bench | None], Report]) -> None:
-        self._write = write
-        self._report = report
-
-    def begin(self, path: Path, scenario: Scenario, bench: Bench) -> Report:
-        """Return the report of a file."""
-        return self._report(self._write, bench.runtime.interval_ns, bench)
-
-    def wrong(self, path: Path, error: UserError) -> None:
-        """Write nothing: stderr has it."""
-
-    def end(self) -> None:
-        """Write nothing: the last file ended with its own line."""
-
-
-class FollowingJson(Following):
-    """The document of JSON lines: a file that could not be run has its line, too."""
-
-    def __init__(self, write: Write) -> None:
-        super().__init__(write, JsonLines)
-
-    def wrong(self, path: Path, error: UserError) -> None:
-        """Write the line of the file; step 0 is none of its steps."""
-        failures = tuple(Failure(0, "", line) for line in error.lines())
-        self._report(self._write, 0, None).verdict(Verdict(str(path), 0, failures, (), ()))
-
-
-FORMATS: Final[dict[str, Callable[[Write], Document]]] = {
-    "text": lambda write: Following(write, Text),
-    "jsonl": FollowingJson,
-    "junit": Junit,
-}
+FORMATS: Final[dict[str, Callable[[Write], Report]]] = {"text": Text, "jsonl": JsonLines, "junit": Junit}

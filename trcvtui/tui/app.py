@@ -17,6 +17,7 @@ from trcvtui.engine.driver import Driver, EngineStopped
 from trcvtui.files import close_files
 from trcvtui.history.bench_update import NEVER_SAVED, lines_again
 from trcvtui.project.project import Project
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import SCENARIOS, MainScreen
 from trcvtui.tui.settings import ScreenSettings, load_settings
@@ -399,10 +400,11 @@ class BenchApp(TerminalApp):
 
     def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
         about, mark, key = command.help.rpartition("key ")
-        return command._replace(help=about + mark + self.key_names.get(key, key))
+        help = about + mark + self.key_names.get(key, key)
+        return command._replace(title=plain(command.title), help=plain(help))
 
     def _notify(self, text: str) -> None:
-        self.notify(text, markup=False)
+        self.notify(plain(text), markup=False)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         from trcvtui.tui.palette import PaletteReach, commands  # read when first asked for

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual import events
 from textual.binding import Binding
 
-from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, count, moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Row, row
-from trcvtui.udt.byte_text import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
+from trcvtui.udt.byte_text import hex_lines, iec_list
 from trcvtui.udt.layout.values import decode_leaves
-from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
+from trcvtui.udt.report import csv_lines, json_value, member_rows
 from trcvtui.wording import in_columns
 
 if TYPE_CHECKING:
@@ -31,49 +29,41 @@ MOST_MEMBERS: Final = 70_000
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What stands under the eyes: an instance, bytes with their name and type, its past, a command."""
+    """What stands under the eyes: bytes with their type, and the past of their instance."""
 
     project: Project
-    instance: InstanceSnapshot | None
-    name: str  # of the bytes, as a variable may be called
     content: bytes
     declared: DataDecl | None
     edges: tuple[Line, ...]
-    peer: str
-    line: str  # the bench command that the peer's composer makes
     title: str = ""  # which bytes these are
 
 
 def subject_of(
-    view_model: ViewModel, of_job: bool, line: str | None, past: tuple[str, int, bytes] | None = None
+    view_model: ViewModel, of_job: bool, of_peer: bool, past: tuple[str, int, bytes] | None = None
 ) -> Subject:
-    """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received.
+    """Return what is selected: bytes of the job or of DATA; `of_peer`: what the peer has received.
 
     `past`: of a job of the past its instance, its number (0: the bytes were thrown away) and its bytes.
     """
-    name, content, declared = view_model.selected, view_model.partial, view_model.declaration
-    job = "running job"
-    if past is not None:
+    content, declared, job, name = view_model.partial, view_model.declaration, "running job", ""
+    peer = view_model.peer_snapshot
+    if of_peer and peer is not None and peer.last_received:
+        name, job, content, declared = peer.name, "", peer.last_received, None
+    elif past is not None:
         instance, number, content = past
-        name, job = f"{instance}_job_{number}", f"job {number}" if number else "thrown away"
+        job = f"job {number}" if number else "thrown away"
         if instance != view_model.selected:
             job = f"{instance} {job}"
         declared = declared if number and instance == view_model.selected else None
     elif not of_job and declared is not None:
         name, job, content = declared.name, "", view_model.data
-    peer = view_model.peer_snapshot
-    if line is not None and peer is not None and peer.last_received:
-        name, job, content, declared = peer.name, "", peer.last_received, None
     edges = tuple(view_model.history.of(view_model.selected))
-    is_of_now = past is None and line is None
+    is_of_now = past is None and not of_peer
     holes = view_model.stream_index.holes(view_model.selected, of_job) if is_of_now else ()
     lacks = sum(map(len, holes))  # of a capture
     size = count(len(content), "byte") + f" ({lacks} not captured: 00 here)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
-    return Subject(
-        view_model.project, view_model.instance, name, content, declared, edges, view_model.peer, line or "",
-        plain(title),
-    )  # fmt: skip
+    return Subject(view_model.project, content, declared, edges, title)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,31 +76,7 @@ class Format:
     suffix: str = ".txt"
 
 
-# -- the block ---------------------------------------------------------------------------------------------
-
-
-def _call(of: Subject) -> str:
-    from trcvtui.project.st_call import st_text  # read when first asked for
-
-    if of.instance is None:
-        return ""
-    try:
-        return st_text(of.project, [of.instance.name], {of.instance.name: dict(of.instance.inputs)})
-    except UserError:  # deleted a moment ago
-        return ""
-
-
-def _commands(of: Subject) -> str:
-    """Return the lines that bring the inputs, the bytes and the message about again."""
-    lines = []
-    if of.instance is not None and of.instance.inputs:
-        pins = " ".join(f"{name}={int(value)}" for name, value in of.instance.inputs)
-        lines.append(f"set {of.instance.name} {pins}")
-    if of.line:
-        lines.append(of.line)
-    elif of.content and of.peer:
-        lines.append(f"peer {of.peer} send hex {of.content.hex(' ')}")
-    return "\n".join(lines)
+# -- STATUS history ---------------------------------------------------------------------------------------
 
 
 def _history(of: Subject) -> str:
@@ -130,16 +96,6 @@ def _lamp(edge: StatusEdge) -> str:
     return " ".join([name for name, on in lit if on][: 2 if edge.outputs.error and edge.outputs.done else 1])
 
 
-# -- bytes -------------------------------------------------------------------------------------------------
-
-
-def _bytes(form: Callable[[bytes, str], str]) -> Callable[[Subject], str]:
-    def write(of: Subject) -> str:
-        return form(of.content, of.name)
-
-    return write
-
-
 # -- members -----------------------------------------------------------------------------------------------
 
 
@@ -147,10 +103,6 @@ def _members(of: Subject) -> Iterator[tuple[str, ...]]:
     if of.declared is not None and of.content:
         layout, name = of.declared.layout, of.declared.name
         yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
-
-
-def _markdown(of: Subject) -> str:
-    return "\n".join(markdown(_members(of)))
 
 
 def _csv(of: Subject) -> str:
@@ -169,24 +121,15 @@ def _json(of: Subject) -> str:
 
 
 FORMATS: Final = (
-    Format("c", "the call in Structured Text", _call, ".st"),
-    Format("b", "bench commands that do it again", _commands),
-    Format("h", "bytes as hex", _bytes(hex_lines)),
-    Format("i", "bytes as 16#.. list", _bytes(iec_list)),
-    Format("a", "bytes as ST array initialiser", _bytes(st_array), ".st"),
-    Format("r", "bytes as C array", _bytes(c_array), ".c"),
-    Format("p", "bytes as Python bytes", _bytes(python_bytes), ".py"),
-    Format("6", "bytes as base64", _bytes(base64_text)),
-    Format("m", "members as Markdown", _markdown, ".md"),
+    Format("h", "bytes as hex", lambda of: hex_lines(of.content)),
+    Format("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
     Format("v", "members as CSV", _csv, ".csv"),
     Format("j", "members as JSON", _json, ".json"),
     Format("s", "STATUS history as text", _history),
 )
 # What the pane with the focus is about; the menu begins there.
-FIRST_OF_PANE: Final = {
-    "data": "h", "job": "h", "stream": "h", "udt": "m", "history": "s", "status": "s", "peers": "b",
-    "payload": "b",
-}  # fmt: skip
+FIRST_OF_PANE: Final = {"udt": "v", "history": "s", "status": "s"}
+FIRST: Final = "h"
 
 
 NAME: int = 34
@@ -217,7 +160,7 @@ class YankList(LineView, inherit_bindings=False):
     def row_at(self, y: int) -> Row:
         form = FORMATS[y]
         text = self.texts[form.letter]
-        begins = plain(" ".join(text[:200].split())) if text else "nothing there"
+        begins = " ".join(text[:200].split()) if text else "nothing there"
         chosen = y == self.cursor
         return row(
             ("▸ " if chosen else "  ", "key"),

@@ -9,7 +9,7 @@ from textual.binding import Binding
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.tui.formatting import cells, clip, moment, pad, plain, wrapped
+from trcvtui.tui.formatting import cells, clip, moment, pad, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
@@ -65,10 +65,10 @@ class FindingList(TextView):
         seen, found, chosen = self.seen, self.findings, self.chosen
         since, _, told = seen.progress.partition(": ")
         again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
-        said = clip(clip(plain(self._said()), self._width - cells(again)) + again, self._width)
+        said = clip(clip(self._said(), self._width - cells(again)) + again, self._width)
         rows = [row((said, "warn" if seen.trouble else "dim"))]
         if seen.qualities:
-            rows.append(row((clip(plain(" · ".join(seen.qualities)), self._width), "dim")))
+            rows.append(row((clip(" · ".join(seen.qualities), self._width), "dim")))
         rows += [self._finding(number, one) for number, one in enumerate(found)]
         rows += self._details(chosen) if chosen is not None else []
         remarks = self._of_selected(seen.remarks)
@@ -78,7 +78,7 @@ class FindingList(TextView):
     def _remark(self, one: FindingSnapshot) -> Row:
         whose = one.instance or one.connect if self.of_all else ""
         text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
-        return row((clip(plain(text), self._width), "dim"))
+        return row((clip(text, self._width), "dim"))
 
     def _said(self) -> str:
         seen = self.seen
@@ -104,7 +104,7 @@ class FindingList(TextView):
         whose = one.instance or one.connect
         room = self._width - len(told) - 3
         is_chosen = one is self.chosen
-        text = f"{number + 1} {one.cause}" + (f"  {plain(whose)}" if whose else "")
+        text = f"{number + 1} {one.cause}" + (f"  {whose}" if whose else "")
         parts: list[Part] = [
             ("▸ " if is_chosen else "  ", "key"),
             (pad(clip(text, room), room + 1), "strong"),
@@ -137,7 +137,7 @@ class FindingList(TextView):
         return rows
 
     def _told(self, label: str, text: str, style: str) -> list[Row]:
-        lines: Sequence[str] = wrapped(plain(text), self._width - LABEL)
+        lines: Sequence[str] = wrapped(text, self._width - LABEL)
         labels = (label, *[""] * len(lines))
         return [
             row((name.ljust(LABEL), "label"), (line, style))
@@ -225,7 +225,7 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
     def show(self) -> None:
         """Show what it has found since, and the keys that lead somewhere."""
         shown = self.list
-        shown.set_title(None, "Doctor", "all" if shown.of_all else plain(self._view_model.selected))
+        shown.set_title(None, "Doctor", "all" if shown.of_all else self._view_model.selected)
         keys = {
             "↑↓ choose": len(shown.findings) > 1,
             "s scan": shown.place() is not None,

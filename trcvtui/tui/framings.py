@@ -14,7 +14,7 @@ from trcvtui.diagnosis.readings.proposal import FramingAdvice, Proposal, ShownFr
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import clip, pad, plain, wrapped
+from trcvtui.tui.formatting import clip, pad, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
@@ -68,7 +68,7 @@ class FramingList(TextView):
         """Return the proposals, then evidence, preview and lines of the chosen one."""
         if self.advice is None:
             return [row(("the recording is on its way …", "dim"))]
-        rows = [row((clip(plain(self.advice.said), self._width), "dim"))]
+        rows = [row((clip(self.advice.said, self._width), "dim"))]
         rows += [self._proposal(n, each) for n, each in enumerate(self.advice.proposals)]
         chosen = self.chosen
         return [*rows, *self._details(chosen)] if chosen is not None else rows
@@ -81,7 +81,7 @@ class FramingList(TextView):
         chosen = number == self.cursor
         told = f"{proposal.frames} of {proposal.of_frames} frames end well"
         room = self._width - len(told) - 7
-        title = plain(proposal.title) + self._alike(number, proposal)
+        title = proposal.title + self._alike(number, proposal)
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
             (f"{number + 1} ", "dim"),

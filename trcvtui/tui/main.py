@@ -470,14 +470,11 @@ class MainScreen(FullScreen[None]):
 
     def action_yank(self) -> None:
         """Open the menu of what can be yanked, the focused pane's first."""
-        from trcvtui.tui.copy_formats import (
-            FIRST_OF_PANE,
-            YankScreen,  # read when first asked for
-        )
+        from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
         if (subject := self._subject(pane)) is not None:
-            self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, "c")), self._yanked)
+            self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
 
     def yank(self, letter: str) -> None:
         """Yank in the format of a letter, without the menu."""
@@ -500,7 +497,7 @@ class MainScreen(FullScreen[None]):
         from trcvtui.tui.copy_formats import subject_of
 
         if pane in ("peers", "payload"):
-            return subject_of(self._view_model, False, self.peer.composer.line)
+            return subject_of(self._view_model, of_job=False, of_peer=True)
         lack = self.received.lack() if pane in ("stream", "data", "job", "udt") else ""
         if lack:
             self.prompt.complain(f"nothing to yank: {lack}")
@@ -509,7 +506,7 @@ class MainScreen(FullScreen[None]):
         past = self.received.job_of_cursor()
         if past is not None and pane != "stream" and past[0] != self._view_model.selected:
             past = None  # pane 6 shows DATA beside a job of another instance
-        return subject_of(self._view_model, of_job, None, past)
+        return subject_of(self._view_model, of_job, False, past)
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.clipboard_and_files import take

@@ -18,7 +18,6 @@ from textual.widget import Widget
 
 from trcvtui.paths import demo_path
 from trcvtui.plc.snapshot import block_row
-from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.messages import PeerSelected
@@ -185,7 +184,7 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 
 def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
-    name = plain(bench.view_model.selected)
+    name = bench.view_model.selected
     for pin in bench.main.block.drawing().inputs:
         title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
@@ -202,13 +201,11 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     about = "a part of the project: its form, or `remove` · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
     for part in parts_at_hand(bench.view_model, peer_first=False):
-        named = plain(f"{part.kind} {part.name}")
+        named = f"{part.kind} {part.name}"
         yield SystemCommand(
-            f"Change {plain(str(part))}", f"set {named} …: a form", partial(bench.main.change_part, part)
+            f"Change {part!s}", f"set {named} …: a form", partial(bench.main.change_part, part)
         )
-        yield SystemCommand(
-            f"Remove {plain(str(part))}", f"remove {named}", partial(bench.main.remove_part, part)
-        )
+        yield SystemCommand(f"Remove {part!s}", f"remove {named}", partial(bench.main.remove_part, part))
     about = "undo: the newest add, set or remove of the project · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
     save = "save project" + (" " if bench.view_model.project.path == demo_path() else "")
@@ -220,17 +217,17 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     instance = bench.view_model.instance
     if instance is None:
         return
-    name = plain(instance.name)
+    name = instance.name
     link = block_row(instance.block).buffer_pin or ("config" if instance.on_config else "connect")
-    create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
-    create += f" data={plain(instance.data)}" if instance.data else ""
+    create = f"create {instance.block} {name}_2 {link}={instance.connect}"
+    create += f" data={instance.data}" if instance.data else ""
     lines = [
         (f"Delete {name}", f"delete {name}"),
         (f"Download {name}: a new instance", f"download {name}"),
         ("Create an instance", create),
     ]
     if instance.data:
-        lines.append((f"Resize {plain(instance.data)}", f"resize {plain(instance.data)} "))
+        lines.append((f"Resize {instance.data}", f"resize {instance.data} "))
     for title, line in lines:
         yield SystemCommand(title, line, partial(bench.main.action_prompt, line))
 
@@ -242,12 +239,12 @@ def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
     for button in buttons_for(bool(bench.view_model.snapshot and bench.view_model.snapshot.faults), peer):
         line = bench.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
         press = partial(bench.main.peer.action_button, button.letter)
-        about = f"{plain(line)} · pane 7, key {button.letter}"
-        yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", about, press)
+        about = f"{line} · pane 7, key {button.letter}"
+        yield SystemCommand(f"Peer {peer.name}: {button.label(peer)}", about, press)
     for other in bench.view_model.peers:
         if other.name != peer.name:
             yield SystemCommand(
-                f"Peer {plain(other.name)}", "speak for this peer", partial(_peer, bench, other.name)
+                f"Peer {other.name}", "speak for this peer", partial(_peer, bench, other.name)
             )
 
 
@@ -255,9 +252,7 @@ def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
     for instance in bench.view_model.instances:
         if instance.name != bench.view_model.selected:
             about = f"select this instance of {instance.block}"
-            yield SystemCommand(
-                f"Instance {plain(instance.name)}", about, partial(_select, bench, instance.name)
-            )
+            yield SystemCommand(f"Instance {instance.name}", about, partial(_select, bench, instance.name))
 
 
 def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:

@@ -46,10 +46,10 @@ class EchoLine(LineView, can_focus=False):
         goes = bool(line or error or told) and not (waits or stays)
         self._end = self.set_timer(MESSAGE_S, lambda: self.say("")) if goes else None
         self._line, self._error, self._waits, self._told = (
-            plain(line),
-            plain(error),
+            line,
+            error,
             waits,
-            plain(" · ".join(map(str.strip, told.splitlines()))),
+            " · ".join(map(str.strip, told.splitlines())),
         )
         self._fit()
 
@@ -68,7 +68,7 @@ class EchoLine(LineView, can_focus=False):
     def _texts(self) -> tuple[str, ...]:
         width = max(20, self.line_width - 2)
         if self.note:
-            return wrapped(plain(self.note), width)
+            return wrapped(self.note, width)
         if self._error:
             return wrapped(f"{self._line}  ✗ {self._error}", width)
         return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
@@ -182,7 +182,7 @@ class Prompt(Vertical):
         if not self.is_open:
             self._focus_before = self.screen.focused
         self._at = len(self._lines)
-        self._fill(text)
+        self._fill(plain(text))
         self._open_line.display = True
         self._foretell()
         self.screen.set_focus(self._input)

@@ -12,7 +12,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.commands.snapshots import CANNOT, Position
-from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.formatting import count
 from trcvtui.tui.main import ZOOM, MainScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -89,7 +89,7 @@ class PositionLine(LineView, inherit_bindings=False):
             return row(*_words(picture.position, picture.holding))
         if y >= ROWS:
             said = _said(picture.position)[y - ROWS : y - ROWS + 1]
-            return row(*((plain(line), "warn" if y == ROWS else "") for line in said))
+            return row(*((line, "warn" if y == ROWS else "") for line in said))
         signs = groupby(bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
@@ -141,7 +141,7 @@ def _words(position: Position, holding: bool) -> Iterator[Part]:
         known = position.wanted <= position.last_scan
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:
-        yield f" · {plain(position.note)}", "warn"
+        yield f" · {position.note}", "warn"
     yield f" · {count(position.errors, 'ERROR')}{more}", "error" if position.errors else "dim"
 
 
@@ -253,7 +253,6 @@ class ReplayScreen(MainScreen):
 def may_open(screen: object) -> bool:
     """Return whether a replay may open a screen above the panes: none that is there to change something."""
     from trcvtui.tui.forms.add_screen import AddScreen
-    from trcvtui.tui.forms.split_test_screen import TrialScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
-    return not isinstance(screen, AddScreen | TrialScreen | ScenariosScreen)
+    return not isinstance(screen, AddScreen | ScenariosScreen)

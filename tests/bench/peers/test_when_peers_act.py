@@ -8,7 +8,7 @@ from typing import Final
 
 import pytest
 
-from tests.replay.test_recorded_run import again, jsonl, recorded
+from tests.replay.journals import again, jsonl, recorded
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
 from trcvtui.project.file import read_project

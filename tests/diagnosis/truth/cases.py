@@ -131,7 +131,7 @@ def late_en_r(random: Random) -> Case:
 def duplex(random: Random) -> Case:
     """A sender and a receiver on one CONNECT; some partners answer what comes."""
     message, data = random.choice([8, 20]), random.choice([7, 16, 22])
-    replies = f"replies = ['regex \".\" send random {message} seed=3']\n" if random.random() < 0.4 else ""
+    replies = f"replies = ['contains hex 00 send random {message} seed=3']\n" if random.random() < 0.4 else ""
     peer = PEER + replies + says(random, message, every=100)
     sends = [s for n in range(3) for s in ("run T#300ms", f"write tx hex {n:02X} {n + 1:02X}", "pulse S REQ")]
     asks = [f"instance.R.LEN={data - 2}", "instance.R.ADHOC=true", f"data.rx.type={array(data + 4)}"]

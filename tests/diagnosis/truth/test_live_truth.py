@@ -18,7 +18,7 @@ from tests.diagnosis.truth.cases import CALLS, ISO, TCP, array, pins, receiver, 
 from tests.diagnosis.truth.live_plc import LivePlc
 from tests.diagnosis.truth.runs import Case, ask, records, run, shown
 from tests.e2e.terminal import need
-from tests.replay.test_recorded_run import SCENARIOS
+from tests.scenario.scenarios import SCENARIOS
 from trcvtui.scenario.scenario import load_scenario
 
 

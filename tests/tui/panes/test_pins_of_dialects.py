@@ -250,8 +250,7 @@ async def test_a_dialect_without_descriptions_says_so() -> None:
         assert "no CONNECT of this project has a connection description" in shown.words
 
 
-@BOTH
-async def test_it_stands_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
-    async with bench("siemens/description-faults.toml", size) as shown:
+async def test_it_stands_as_drawn(tmp_path: Path) -> None:
+    async with bench("siemens/description-faults.toml", WIDE) as shown:
         await shown.press("2", "C")
-        same_screen(shown.app, f"description-{size[0]}x{size[1]}", tmp_path)
+        same_screen(shown.app, "description-140x45", tmp_path)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import random
-from pathlib import Path
 
 import pytest
 
-from tests.tui.looking import same_as_snapshot
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.tui.widgets.typed_lines import FindInput
 
@@ -46,14 +44,6 @@ async def press(looker: BenchLooker, *keys: str) -> None:
     for key in keys:
         await looker.press(key)
         await looker.pictures(2)
-
-
-@SIZES
-async def test_the_stream_looks_as_it_did(size: tuple[int, int], tmp_path: Path) -> None:
-    async with on_a_bench(size) as looker:
-        await shifted(looker)
-        await press(looker, "left_square_bracket", "right", "right", "right", "d")
-        same_as_snapshot(looker, f"stream-{size[0]}x{size[1]}", tmp_path)
 
 
 @SIZES

@@ -12,14 +12,13 @@ from textual.app import App
 from textual.pilot import Pilot
 
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
+from tests.tui.looking import SMALL, WIDE, follow, screen_text
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.engine import LocalDriver
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
 from trcvtui.tui.panes.timing import LABEL, Timing
-from trcvtui.tui.widgets.theme import LIGHT
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
 
@@ -135,16 +134,6 @@ async def test_history_and_timing_share_one_place_and_both_stand_where_there_is_
 
 def _shown(look: Analyser) -> set[str | None]:
     return {pane.id for pane in (look.pane, look.app.main.history) if pane.display}
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
-@pytest.mark.parametrize("theme", ["dark", "light"])
-async def test_the_pane_stands_as_drawn(size: tuple[int, int], theme: str, tmp_path: Path) -> None:
-    async with analysing(size) as look:
-        if theme == "light":
-            look.app.theme = LIGHT.name
-        await look.press("down", "down", "down", "N", "m", "N", "m")
-        same_screen(look.app, f"timing-{theme}-{size[0]}x{size[1]}", tmp_path)
 
 
 @pytest.mark.parametrize("theme", ["bench-dark", "bench-light", "textual-dark"])

@@ -15,7 +15,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.snapshots import Fired
-from trcvtui.diagnosis import advice
 from trcvtui.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 
@@ -74,34 +73,23 @@ async def at_the_desk(size: tuple[int, int], *lines: str) -> AsyncIterator[Desk]
 # -- why: three faults ---------------------------------------------------------------------------------
 
 
-@SIZES
-async def test_a_sender_4_bytes_short_is_named(size: tuple[int, int]) -> None:
-    async with at_the_desk(size, *UP, "peer P1 send random 20 seed=1", "run 300") as desk:
-        await desk.press("3", "M")
-        card = desk.words("status").replace("│ │ ", "")
-        assert "Stuck: 20 of 24 bytes received, the last one 2.9 s ago" in card
-        assert "LEN is 0 and DATA (rx) has 24 bytes. P1's only message was 20" in card
-        assert "4 bytes too large for this sender" in card
+FAULTS = {
+    "short": (("peer P1 send random 20 seed=1", "run 300"), "Stuck: 20 of 24 bytes received"),
+    "swapped": ((f"peer P1 send hex {SWAPPED.hex(' ')}", "run 5"), "speed = 1234.5 and id = 41"),
+    "dropped": (
+        ("peer P1 send random 24 seed=1 split=4 gap=T#100ms", "run 3", "set TRCV_C_1 EN_R=0", "run 2",
+         "set TRCV_C_1 EN_R=1", "run 200"),
+        "EN_R fell in scan 12 with 4 of 24 bytes collected",
+    ),
+}  # fmt: skip
 
 
 @SIZES
-async def test_swapped_members_are_named(size: tuple[int, int]) -> None:
-    send = f"peer P1 send hex {SWAPPED.hex(' ')}"
-    async with at_the_desk(size, *UP, send, "run 5") as desk:
-        await desk.press("3", "M")
-        card = desk.words("status")
-        assert "Members look swapped: speed = 1234.5 and id = 41 in big-endian" in card
-
-
-@SIZES
-async def test_an_en_r_that_fell_in_mid_frame_is_named(size: tuple[int, int]) -> None:
-    cut = ("peer P1 send random 24 seed=1 split=4 gap=T#100ms", "run 3", "set TRCV_C_1 EN_R=0", "run 2")
-    async with at_the_desk(size, *UP, *cut, "set TRCV_C_1 EN_R=1", "run 200") as desk:
-        await desk.press("3", "M")
-        card = desk.words("status")
-        assert "EN_R fell in scan 12 with 4 of 24 bytes collected; they were dropped. This frame" in card
-        assert "begins with byte 4 of P1's message 1: the stream is shifted" in card
-        assert "Press x (COM_RST) to put the stream back in step" in card
+async def test_a_fault_is_named_with_its_numbers(size: tuple[int, int]) -> None:
+    for lines, numbers in FAULTS.values():
+        async with at_the_desk(size, *UP, *lines) as desk:
+            await desk.press("3", "M")
+            assert numbers in desk.words("status")
 
 
 async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
@@ -131,15 +119,6 @@ async def test_words_from_outside_are_never_markup() -> None:
         await looker.press("3", "M")
         assert "[red]x" in looker.words("status")
         assert "\x1b" not in looker.text
-
-
-async def test_a_made_up_rule_of_one_row_shows_on_the_card(monkeypatch: pytest.MonkeyPatch) -> None:
-    made_up = advice.rows(Condition.RECEIVE_FAILED, lambda e: f"{e.instance}: look at the made-up cable")
-    monkeypatch.setattr(advice, "RULES", (*advice.RULES, *made_up))
-    lost = replace(showing(receiving(), 0x80AA), need=0, condition=str(Condition.RECEIVE_FAILED))
-    async with looking(WIDE, picture(lost, connecting())) as looker:
-        await looker.press("3", "M")
-        assert "TRCV_C_1: look at the made-up cable" in looker.words("status")
 
 
 # -- the frozen view -----------------------------------------------------------------------------------

@@ -4,8 +4,7 @@ Inbox: the last bytes of each connection, and how many there were.
 Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. Several sends wait
 for each other; their messages never mix.
 Replies: rules over the stream that comes in, in whatever pieces. A rule keeps less than what it looks for, a
-pattern no byte but where it stands (stream_pattern), a field one UDT. What there is no room to answer is
-counted as missed.
+field one UDT. What there is no room to answer is counted as missed.
 """
 
 from __future__ import annotations
@@ -16,12 +15,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from trcvtui.commands.counters_and_checksums import Checker, filled
-from trcvtui.commands.patterns import StreamPattern
 from trcvtui.commands.peer import MOST_RULES
 from trcvtui.commands.snapshots import ReplySnapshot
 from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
-from trcvtui.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
+from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.udt.layout.values import decode_leaves
 
@@ -243,17 +241,6 @@ class _Beginning:
         return 1
 
 
-class _Matched:
-    def __init__(self, match: Matches) -> None:
-        self._pattern = StreamPattern(match.pattern.encode())
-
-    def begin(self) -> None:
-        self._pattern.begin()
-
-    def take(self, arrived: bytes, now: int) -> int:
-        return self._pattern.take(arrived)
-
-
 class _Frames:
     def __init__(self, match: FieldIs) -> None:
         self._match = match
@@ -285,8 +272,6 @@ def _looking(match: Match) -> Looking:
             return _Contained(match)
         case Starts():
             return _Beginning(match)
-        case Matches():
-            return _Matched(match)
         case FieldIs():
             return _Frames(match)
 

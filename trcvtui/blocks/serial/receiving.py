@@ -9,7 +9,7 @@ from typing import Final
 from trcvtui.blocks.block import NoJob
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartDropped
+from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
 from trcvtui.blocks.framing import KEPT_NOISE, NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
@@ -130,7 +130,7 @@ class Reception:
     def _note_dropped(self, part: bytes, reason: str) -> None:
         self.tally, self.dropped = self.tally.dropped(reason), part[-KEPT_NOISE:]
         place = self._buffer.head - len(part)
-        self._env.write(PartDropped(self._instance, self._buffer.name, place, len(part), reason))
+        self._env.write(PartialFrameDropped(self._instance, self._buffer.name, place, len(part), reason))
 
     def _complete(self, frame: Frame, framing: Framing) -> Outcome:
         size, ending = len(frame.content), frame.ending

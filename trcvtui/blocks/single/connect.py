@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import struct
-from collections import deque
 from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
-from trcvtui.blocks.block import Binding, Job, NoJob
+from trcvtui.blocks.block import Binding, Job, NoJob, ScriptBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
@@ -158,14 +157,12 @@ _KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has no
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 
 
-class SingleTdiscon:
+class SingleTdiscon(ScriptBlock):
     """One TDISCON instance."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._connection = bound.connection
-        self._req = False
-        self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, not built yet 80C4."""
@@ -177,8 +174,7 @@ class SingleTdiscon:
         return self._begin() if rose else IDLE
 
     def stop(self, reason: str) -> None:
-        """Forget what was still to be shown."""
-        self._script.clear()
+        super().stop(reason)
         self._connection.set_up.is_closing = False
 
     def detach(self, reason: str) -> None:
@@ -203,15 +199,13 @@ class SingleTdiscon:
         return Outcome(Condition.STARTED, REQ_ROSE)
 
 
-class SingleTReset:
+class SingleTReset(ScriptBlock):
     """One T_RESET instance. The endpoint stays; whoever keeps the connection builds it again."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._course = bound.env.rules.course
         self._connection = bound.connection
-        self._req = False
-        self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing established is 0001 with DONE."""
@@ -219,13 +213,6 @@ class SingleTReset:
         if self._script:
             return self._script.popleft()
         return self._begin() if rose else IDLE
-
-    def stop(self, reason: str) -> None:
-        """Forget what was still to be shown."""
-        self._script.clear()
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
@@ -252,16 +239,14 @@ DOWN, TRYING, WAITING, ESTABLISHED = 1, 2, 3, 4
 COUNTER: Final = 0xFFFFFFFF
 
 
-class TDiag:
+class TDiag(ScriptBlock):
     """One T_DIAG instance."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._connection = bound.connection
         self._result = bound.data
         self._shape: tuple[str, int] | None = None
-        self._req = False
-        self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with DONE; RESULT is written with DONE."""
@@ -269,13 +254,6 @@ class TDiag:
         if self._script:
             return self._go_on()
         return self._begin() if rose else IDLE
-
-    def stop(self, reason: str) -> None:
-        """Forget what was still to be shown."""
-        self._script.clear()
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
 
     def _begin(self) -> Outcome:
         if self._result is None or self._result.size < RESULT_LAYOUT.size:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import Binding, JobBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
@@ -18,7 +18,7 @@ from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
 from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
-class SingleTsend:
+class SingleTsend(JobBlock):
     """One TSEND instance."""
 
     needs_datagrams = False
@@ -47,14 +47,6 @@ class SingleTsend:
             return not_connected("REQ", "REQ rose without a connection", self._connection)
         return self._shown(self.job.begin(inputs), Condition.STARTED)
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-        self.job.detach(reason)
-
     def _shown(self, got: Outcome | ConnectionLoss, sending: Condition) -> Outcome:
         if isinstance(got, ConnectionLoss):
             return self._lost(got)
@@ -73,7 +65,7 @@ class TusendOnConnect(SingleTsend):
     needs_datagrams = True
 
 
-class SingleTrcv:
+class SingleTrcv(JobBlock):
     """One TRCV instance."""
 
     needs_datagrams = False
@@ -105,14 +97,6 @@ class SingleTrcv:
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return self.job.would_read(inputs, waits)
-
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-        self.job.detach(reason)
 
     def _receive(self, inputs: Inputs) -> Outcome:
         was_running = self.job.running
@@ -152,7 +136,7 @@ _EN_R_IS_0: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin=
 # The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
 
 
-class Tusend:
+class Tusend(JobBlock):
     """One TUSEND instance."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -172,14 +156,6 @@ class Tusend:
             return IDLE if self._port.is_open else _NO_SOCKET
         return self._begin(inputs.len)
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the socket open."""
-        self.job.detach(reason)
-
     def _begin(self, length: int) -> Outcome:
         if not self._port.is_open:
             return no_socket(self._port, "REQ", "REQ rose without a socket")
@@ -193,7 +169,7 @@ _NO_SOCKET = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", p
 # The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
 
 
-class Turcv:
+class Turcv(JobBlock):
     """One TURCV instance."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -217,14 +193,6 @@ class Turcv:
         if got.condition is not Condition.RECEIVING:
             return got
         return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
-
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the socket open."""
-        self.job.detach(reason)
 
 
 _NOT_ASKED: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))

@@ -25,7 +25,7 @@ from trcvtui.net.results import Fault
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ConnectionReasons:
     """Why a connection is begun, why it ends, and that there is none."""
 
     asked: Cause
@@ -40,12 +40,12 @@ def _idle(name: str, pin: str) -> Outcome:
 CONT_ROSE: Final = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
 CONT_FELL: Final = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
 CONT_IS_0: Final = _idle("CONT is 0", "CONT")
-BY_REQ: Final = Told(
+BY_REQ: Final = ConnectionReasons(
     asked=Cause(Why.INPUT, "REQ rose without a connection", pin="REQ", value=1),
     ended=Cause(Why.INPUT, "CONT was 0 when REQ rose", pin="CONT", value=0),
     idle=_idle("CONT is 0 and REQ has not risen", "REQ"),
 )
-BY_EN_R: Final = Told(
+BY_EN_R: Final = ConnectionReasons(
     asked=Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
     ended=Cause(Why.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
     idle=_idle("CONT and EN_R are 0", "EN_R"),
@@ -55,7 +55,7 @@ BY_EN_R: Final = Told(
 class OneShotCont:
     """CONT of one instance. `told` None: the connection is wanted as long as the pin is 1."""
 
-    def __init__(self, told: Told | None) -> None:
+    def __init__(self, told: ConnectionReasons | None) -> None:
         self.begins, self.ends_by = CONT_ROSE, CONT_FELL
         self.idle = told.idle if told else CONT_IS_0
         self.is_due = False  # the connection ends as soon as no job needs it

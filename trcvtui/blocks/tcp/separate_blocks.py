@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
-from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.block import Binding, JobBlock, ScriptBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
@@ -23,15 +23,14 @@ from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
-class Tcon:
+class Tcon(ScriptBlock):
     """One TCON instance. Once triggered it connects again after each loss, until somebody disconnects."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._bound = bound
         self._connection = bound.connection
         self._part = ConnectionControl(bound.env, bound.connection, bound.claim())
-        self._req = False
         self._triggered = False
         self._is_told = False  # DONE has told of this trigger
 
@@ -66,9 +65,6 @@ class Tcon:
         outcomes = show_loss(loss, self._bound.env.rules, self.job, failed=None)
         return self._part.lost(outcomes, "the connection is gone")
 
-    def stop(self, reason: str) -> None:
-        """Do nothing: no job runs here."""
-
     def detach(self, reason: str) -> None:
         """Detach the instance; keep the connection open."""
         self._part.detach()
@@ -78,14 +74,12 @@ _NOTHING_ASKED = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen
 _UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the connection stands"), stable=True)
 
 
-class Tdiscon:
+class Tdiscon(ScriptBlock):
     """One TDISCON instance."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._connection = bound.connection
-        self._req = False
-        self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7003, 7007 with DONE. Also what only waits for its partner is freed."""
@@ -101,13 +95,6 @@ class Tdiscon:
         cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
         return lit(show_disconnect(self._connection, cause), self._script)
 
-    def stop(self, reason: str) -> None:
-        """Forget what was still to be shown."""
-        self._script.clear()
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-
 
 def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
     """Return the first outcome and put the others into the script: BUSY with all, DONE with the last."""
@@ -122,16 +109,14 @@ def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
 IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
-class TReset:
+class TReset(ScriptBlock):
     """One T_RESET instance. What it has reset it builds anew, together with whoever else wants it."""
 
     def __init__(self, bound: Binding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._env = bound.env
         self._connection = bound.connection
-        self._req = False
         self._rebuilds = False  # from a reset of its own until a connection stands
-        self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 8000, 7003, 7007 with DONE, 7002, then how the connection stands: 7002, 7004."""
@@ -162,19 +147,12 @@ class TReset:
         self._rebuilds = False
         return _UP
 
-    def stop(self, reason: str) -> None:
-        """Forget what was still to be shown."""
-        self._script.clear()
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-
 
 _REBUILDING = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "the connection is being built anew"))
 _DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands"), stable=True)
 
 
-class Tsend:
+class Tsend(JobBlock):
     """One TSEND instance."""
 
     def __init__(self, bound: Binding) -> None:
@@ -200,14 +178,6 @@ class Tsend:
             not_connected("REQ", "REQ rose without a connection", self._connection) if req_rose else NO_LINK
         )
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-        self.job.detach(reason)
-
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
         if self.job.running:
             got = self.job.go_on()
@@ -221,7 +191,7 @@ class Tsend:
         return self._link.end(self.job.show_loss(loss, asked=req_rose))
 
 
-class Trcv:
+class Trcv(JobBlock):
     """One TRCV instance."""
 
     def __init__(self, bound: Binding) -> None:
@@ -252,14 +222,6 @@ class Trcv:
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return self.job.would_read(inputs, waits)
-
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
-        self.job.detach(reason)
 
     def _not_connected(self) -> Outcome:
         """Return 80A1: the same object as long as the same partner is missing."""

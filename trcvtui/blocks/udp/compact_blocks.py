@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
+from trcvtui.blocks.block import JobBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import NEXT_REQ, Cause, Outcome, Why, cause_of
@@ -102,7 +103,7 @@ _CLOSED_BY_ANOTHER = Outcome(
 )
 
 
-class UsendC:
+class UsendC(JobBlock):
     """One USEND_C instance."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -121,14 +122,6 @@ class UsendC:
         if self.job.running:
             return self.job.go_on()
         return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
-
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the socket open."""
-        self.job.detach(reason)
 
     def _while_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Tell an edge that came too early in the second 0001, or instead of the first 7001."""
@@ -149,7 +142,7 @@ NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin=
 _NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 
 
-class UrecvC:
+class UrecvC(JobBlock):
     """One URECV_C instance."""
 
     def __init__(self, bound: UdpBinding) -> None:
@@ -169,14 +162,6 @@ class UrecvC:
         self.job.abandon("EN_R fell")
         self.job.let_go()
         return EN_R_IS_0
-
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; keep the socket open."""
-        self.job.detach(reason)
 
     # -- 80A1: asked for data, no socket (0001 in the place of 7002) -----------------------------
 

@@ -24,9 +24,9 @@ from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.messages import FleetEntryOpened, KeyClicked
 from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp, quiet_collector
-from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.help import KeyTable, key_rows
-from trcvtui.tui.widgets.line_view import Row, TextView, pane_title
+from trcvtui.tui.widgets.line_view import Row, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
@@ -247,27 +247,18 @@ class FleetScreen(Screen[None]):
             self.app.push_screen(FleetCardScreen(message.entry, self.wall))
 
 
-class FleetHelp(TextView):
-    """All keys and signs of this screen."""
-
-    def __init__(self) -> None:
-        super().__init__(id="help")
-
-    def make_rows(self) -> list[Row]:
-        """Return the tables."""
-        return [each for title, table in HELP for each in key_rows(title, table, self.line_width, {})]
-
-
-class FleetHelpScreen(ListDialog[None]):
+class FleetHelpScreen(ResultScreen):
     """Closed by the keys that opened it, and by escape."""
 
     BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False)]
-    DEFAULT_CSS = "FleetHelpScreen FleetHelp { width: 100; height: auto; max-height: 100%; }"
 
     def __init__(self) -> None:
-        text = FleetHelp()
-        text.set_title(None, "Help", "esc closes")
-        super().__init__(text, None)
+        super().__init__("help", "Help", "esc closes", help_rows)
+
+
+def help_rows(width: int) -> list[Row]:
+    """Return all keys and signs of this screen."""
+    return [each for title, table in HELP for each in key_rows(title, table, width, {})]
 
 
 class FleetApp(TerminalApp):

@@ -32,7 +32,7 @@ def description_rows(view: DescriptionView, width: int) -> list[Row]:
     if view.warning:
         rows += [row((line, "error strong")) for line in wrapped(f"! {view.warning}", width)]
     if view.flaw:
-        rows += [row((line, "error")) for line in wrapped(f"✗ {plain(view.flaw)}", width)]
+        rows += [row((line, "error")) for line in wrapped(f"✗ {view.flaw}", width)]
     rows.append(EMPTY)
     for each in view.rows:
         if each.field or each.data:  # what is wrong with the whole stands above
@@ -42,7 +42,7 @@ def description_rows(view: DescriptionView, width: int) -> list[Row]:
 
 def _of(each: DescriptionRow, width: int) -> Iterator[Row]:
     is_flaw = each.remark.startswith("! ")
-    field = plain(each.field) or ("(no field)" if each.data else "")
+    field = each.field or ("(no field)" if each.data else "")
     style = "error strong" if is_flaw else "faint" if not each.field else ""
     lines = list(_bytes(each.data)) or [(0, "")]
     values = wrapped(each.value, width - 2 - OFFSET - FIELD - BYTES_WIDTH)
@@ -58,7 +58,7 @@ def _of(each: DescriptionRow, width: int) -> Iterator[Row]:
         )
     if each.remark:
         text = f"✗ {each.remark[2:]}" if is_flaw else each.remark
-        for line in wrapped(plain(text), width - len(INDENT)):
+        for line in wrapped(text, width - len(INDENT)):
             yield row((INDENT, ""), (line, "error" if is_flaw else "dim"))
 
 
@@ -130,7 +130,7 @@ class DescriptionScreen(ListDialog[None]):
         config, many = self._config, len(self._configs) > 1
         size = len(config.description.data) if config.description is not None else 0
         which = f" {self._place + 1}/{len(self._configs)}" if many else ""
-        self._text.set_title(None, plain(config.name), f"{size} bytes{which}")
+        self._text.set_title(None, config.name, f"{size} bytes{which}")
         self._text.take(config, self._listens.get(config.name, ""))
         self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
 

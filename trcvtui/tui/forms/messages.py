@@ -75,8 +75,8 @@ class MessageList(LineView):
         return row(
             ("▸ " if is_chosen else "  ", "key"),
             (f"{entry.kind:<10}", "label"),
-            (pad(clip(plain(entry.name), NAME_WIDTH - 1), NAME_WIDTH), "strong"),
-            (plain(entry.text), "dim"),
+            (pad(clip(entry.name, NAME_WIDTH - 1), NAME_WIDTH), "strong"),
+            (entry.text, "dim"),
             style="cursor" if is_chosen else "",
         )
 
@@ -110,7 +110,7 @@ class MessagesScreen(ListDialog[str]):
 
     def __init__(self, peer: str, project: Project) -> None:
         shown = MessageList(entries_for(peer, project), self._chosen)
-        shown.set_title(None, f"Messages of {plain(peer)}", "")
+        shown.set_title(None, f"Messages of {peer}", "")
         shown.border_subtitle = PICK_LINE
         super().__init__(shown, "")
 

@@ -16,7 +16,7 @@ from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
-from trcvtui.tui.widgets.dialogs import FormDialog, ListDialog
+from trcvtui.tui.widgets.dialogs import FormDialog, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -25,33 +25,23 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.literals import parse_integer
 
 
-class ProblemList(TextView):
-    """Every problem in as many lines as it needs."""
-
-    def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__(id="problems")
-        self._problems = problems
-
-    def make_rows(self) -> list[Row]:
-        """Return the problems line by line."""
-        width = max(20, self.line_width - 2)
-        return [
-            row(("✗ " if number == 0 else "  ", "error"), (line, ""))
-            for problem in self._problems
-            for number, line in enumerate(wrapped(problem, width))
-        ]
-
-
-class ProblemsScreen(ListDialog[None]):
-    """Closed by escape."""
+class ProblemsScreen(ResultScreen):
+    """Closed by escape; every problem in as many lines as it needs."""
 
     BINDINGS: ClassVar = [Binding("w", "leave", show=False)]
-    DEFAULT_CSS = "ProblemsScreen ProblemList { width: 110; height: 80%; }"
 
     def __init__(self, problems: Sequence[str]) -> None:
-        shown = ProblemList(problems)
-        shown.set_title(None, "Problems", f"{len(problems)} in the type files; esc closes")
-        super().__init__(shown, None)
+        detail = f"{len(problems)} in the type files; esc closes"
+        super().__init__("problems", "Problems", detail, lambda width: problem_rows(problems, width))
+
+
+def problem_rows(problems: Sequence[str], width: int) -> list[Row]:
+    """Return the problems line by line."""
+    return [
+        row(("  " if number else "✗ ", "error"), (line, ""))
+        for problem in problems
+        for number, line in enumerate(wrapped(problem, width - 2))
+    ]
 
 
 MOST_FIELDS: Final = 32

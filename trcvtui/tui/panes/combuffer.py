@@ -11,7 +11,7 @@ from trcvtui.commands.words import FeedLine
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
-from trcvtui.tui.formatting import MS, bar, clip, count, pad, plain
+from trcvtui.tui.formatting import MS, bar, clip, count, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -103,11 +103,11 @@ def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
 def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
     buffer = view_model.snapshot.combuffer(instance.connect) if view_model.snapshot is not None else None
     if buffer is None:
-        return row(_label("queue"), (plain(instance.connect), "strong"))
+        return row(_label("queue"), (instance.connect, "strong"))
     full, empty = bar(buffer.count, buffer.size, BAR)
     tight = buffer.size - buffer.count < buffer.size // NEAR
     parts = [
-        _label("queue"), (plain(buffer.name), "strong"), (" ", ""), (full, "warn" if tight else "busy"),
+        _label("queue"), (buffer.name, "strong"), (" ", ""), (full, "warn" if tight else "busy"),
         (empty, "faint"), (f" {buffer.count}/{buffer.size} B", "strong" if buffer.count else ""),
     ]  # fmt: skip
     if buffer.lost:
@@ -122,15 +122,15 @@ def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Ro
 def source_words(buffer: ComBufferSnapshot) -> str:
     """Return where the bytes of a ComBuffer come from."""
     known = {SIMULATED: "simulated", SERIAL: "serial port"}
-    return known.get(buffer.source, f"from {plain(buffer.source)}")
+    return known.get(buffer.source, f"from {buffer.source}")
 
 
 def _data(view_model: ViewModel, instance: InstanceSnapshot) -> Row:
     declared = view_model.declaration
     if declared is None:
         return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))
-    size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
-    return row(_label("data"), (plain(declared.name), "strong"), (size, "dim"))
+    size = f"  {clip(declared.type_name, 24)}, {declared.size} B"
+    return row(_label("data"), (declared.name, "strong"), (size, "dim"))
 
 
 def _jobs(instance: InstanceSnapshot) -> Row:
@@ -224,7 +224,7 @@ class LineFeed(LineView):
 
     def _line(self, name: str) -> Row:
         chosen = name == self.chosen
-        parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(plain(name), 12), 13), "strong")]
+        parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(name, 12), 13), "strong")]
         snapshot = self._view_model.snapshot
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:

@@ -332,12 +332,6 @@ class Composer(Vertical):
                 option.value = cuts.split if name == "split" else cuts.gap
         self.judge()
 
-    def cut_at(self, place: int) -> None:
-        """Cut the message there alone, and go to it."""
-        self.split_row.place = place
-        self._split(Splits().toggled(place))
-        self.screen.set_focus(self.split_row)
-
     def try_line(self, instance: str) -> str:
         """Return the command that tries every split of the message, "" without one."""
         if not self._payload.value.strip():

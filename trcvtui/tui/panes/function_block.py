@@ -9,7 +9,7 @@ from textual import events
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
+from trcvtui.tui.formatting import cells, clip, count, lamp, status_word
 from trcvtui.tui.messages import DescriptionWanted, PaneActions
 from trcvtui.tui.panes.combuffer import framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
@@ -270,7 +270,7 @@ class FunctionBlock(LineView):
         """Repaint what changed."""
         instance = self._view_model.instance
         about = f"{instance.block}{self._called_by(instance)}" if instance else ""
-        self.set_title(2, plain(self._view_model.selected) or "Block", about)
+        self.set_title(2, self._view_model.selected or "Block", about)
         self._settle()
         instance = self._view_model.instance
         self._told = framer_lines(self._view_model, instance, self.line_width) if instance else []
@@ -281,7 +281,7 @@ class FunctionBlock(LineView):
         task = self._view_model.project.task(instance.task)
         if task is None or len(self._view_model.project.tasks) < 2:
             return ""
-        return f" · {plain(task.name)} {format_time(task.interval_ns)} priority {task.priority}"
+        return f" · {task.name} {format_time(task.interval_ns)} priority {task.priority}"
 
     def _settle(self) -> None:
         snapshot, instance = self._view_model.snapshot, self._view_model.instance
@@ -407,7 +407,7 @@ class FunctionBlock(LineView):
             return self._told[y] if y < len(self._told) else EMPTY
         if y == 0:
             link = " CONFIG  " if instance.on_config else " CONNECT "
-            end = (plain(instance.connect), "strong")
+            end = (instance.connect, "strong")
             return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
@@ -456,14 +456,14 @@ class FunctionBlock(LineView):
         if instance is None or picture is None:
             return ""
         addr = picture.snapshot.addr(instance.addr)
-        return f"  {plain(addr.name)} {plain(addr.end)}" if addr is not None else ""
+        return f"  {addr.name} {addr.end}" if addr is not None else ""
 
     def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
         declared = self._view_model.declaration
         if declared is None:
             return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
-        size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
-        return [(plain(declared.name), "strong"), (size, "dim")]
+        size = f"  {clip(declared.type_name, 24)}, {declared.size} B"
+        return [(declared.name, "strong"), (size, "dim")]
 
     # -- toggling -----------------------------------------------------------------------------------
 

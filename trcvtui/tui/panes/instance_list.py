@@ -10,7 +10,7 @@ from textual.binding import Binding
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
-from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
+from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, squeeze, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
@@ -84,7 +84,7 @@ class InstanceList(LineView):
         """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
-        told = [f"{len(self._listed)} of {len(instances)} with {plain(' '.join(self._words))}, esc: all"]
+        told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self._words)}, esc: all"]
         told = told if self._words else []
         if self._view_model.shadows:
             told.append(f"{SHADOW} looks on")
@@ -102,7 +102,7 @@ class InstanceList(LineView):
         declared = self._view_model.project.instances
         if not declared:
             return row((EMPTY_BENCH[y], "key" if y == 0 else "dim")) if y < len(EMPTY_BENCH) else EMPTY
-        return row((f"  {plain(declared[y].name)}", "dim")) if y < len(declared) else EMPTY
+        return row((f"  {declared[y].name}", "dim")) if y < len(declared) else EMPTY
 
     def _has_words(self, instance: InstanceSnapshot) -> bool:
         pulses = self._pulses(instance)
@@ -159,7 +159,7 @@ class InstanceList(LineView):
         parts: list[Part] = [
             ("▸" if selected else " ", "key"),
             (SHADOW if instance.name in self._view_model.shadows else " ", "dim"),
-            (pad(squeeze(plain(instance.name), columns.name), columns.name) + " ", "strong"),
+            (pad(squeeze(instance.name, columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
             *_status(instance, self._view_model.project.dialect.label(instance.condition), columns),
             *self._lamps(instance),

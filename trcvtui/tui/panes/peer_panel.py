@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -30,6 +30,7 @@ from trcvtui.tui.peer_commands import (
     receiver_for,
 )
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import ResultScreen, text_rows
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
 
@@ -60,7 +61,7 @@ class PeerList(LineView):
         if not self._view_model.project.peers:
             return row(("no peer in this project: the partner is a real device", "dim"))
         if y >= len(peers):
-            return row((f"  {plain(self._view_model.project.peers[y].name)}", "dim"))
+            return row((f"  {self._view_model.project.peers[y].name}", "dim"))
         return self._row(peers[y])
 
     def _row(self, peer: PeerSnapshot) -> Row:
@@ -68,7 +69,7 @@ class PeerList(LineView):
         style = self.cursor_style(selected)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (pad(clip(plain(peer.name), 12), self._name_width()) + " ", "strong"),
+            (pad(clip(peer.name, 12), self._name_width()) + " ", "strong"),
             (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
             (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
@@ -86,7 +87,7 @@ class PeerList(LineView):
     def _ends(self, peer: PeerSnapshot) -> str:
         roomy = self._roomy()
         width = max((cells(_ends(each, roomy)) for each in self._view_model.peers), default=0)
-        return pad(plain(_ends(peer, roomy)), width) + "  "
+        return pad(_ends(peer, roomy), width) + "  "
 
     def _name_width(self) -> int:
         return min(12, max((cells(peer.name) for peer in self._view_model.peers), default=4))
@@ -184,7 +185,7 @@ class PeerNotes(LineView, can_focus=False):
         trial = self._view_model.picture.trial if self._view_model.picture else None
         if trial is None or trial.peer != peer.name:
             return []
-        text = clip(plain(trial.summary()), self.line_width - 15)
+        text = clip(trial.summary(), self.line_width - 15)
         return [
             row(("every split: ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
         ]
@@ -196,14 +197,13 @@ class PeerNotes(LineView, can_focus=False):
         for number, reply in enumerate(peer.replies, 1):
             missed = f" missed {reply.missed}" if reply.missed else ""
             head, hits = f"reply {number} ", f"{reply.hits:>6}×{missed}  "
-            text = clip(plain(reply.rule), self.line_width - len(head) - len(hits))
+            text = clip(reply.rule, self.line_width - len(head) - len(hits))
             rows.append(row((head, "label"), (hits, "on" if reply.hits else "dim"), (text, "")))
         return rows
 
 
-if TYPE_CHECKING:
-    from trcvtui.tui.forms.split_test_screen import TrialScreen
-
+WAITING: Final = "waits for the engine"
+HELD: Final = "‖ the scans are held, so nothing is tried: close this, then space lets them go on"
 LETTERS = "scfrhzuleadb"
 
 
@@ -233,7 +233,8 @@ class PeerPanel(Vertical):
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._notes = PeerNotes(view_model)
         self._preview = "", ""
-        self._trial: TrialScreen | None = None
+        self._trial: ResultScreen | None = None
+        self._trial_line = ""  # what has begun it
         self._speaks = bool(view_model.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
@@ -264,11 +265,7 @@ class PeerPanel(Vertical):
 
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
-        name = (
-            plain(self._view_model.peer)
-            if self._view_model.peer or not self.lines.names
-            else self.lines.chosen
-        )
+        name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.chosen
         kind = "Peer" if self.first is self.peers else "Line"
         title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
         if title != self._title or not self.border_title:
@@ -292,10 +289,13 @@ class PeerPanel(Vertical):
         self.show_trial()
 
     def show_trial(self) -> None:
-        """Show the table of a trial that is open."""
+        """Show the table of a trial that is open; close it where the engine has refused the trial."""
         if self._trial is not None:
-            self._trial.answered(self._view_model.answers.values())
-            self._trial.show()
+            answers = self._view_model.answers.values()
+            if any(answer.error and answer.line == self._trial_line for answer in answers):
+                self._trial.dismiss(None)  # the prompt says why
+            else:
+                self._trial.show()
 
     def _show_preview(self) -> None:
         button, peer = self._pointed_at(), self._view_model.peer_snapshot
@@ -369,21 +369,28 @@ class PeerPanel(Vertical):
 
     def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
         if self.composer.text.strip():
-            self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
+            self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {peer.name} talks to")
         else:
             self.composer.ask_for_payload("split")
 
     def open_trial(self, line: str = "") -> None:
         """Open the table of the trial that this line has begun."""
-        from trcvtui.tui.forms.split_test_screen import TrialScreen  # read when first asked for
-
-        self._trial = TrialScreen(self._view_model, self._actions.submit, line)
+        self._trial_line = line
+        self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
         self.app.push_screen(self._trial, self._trial_left)
 
-    def _trial_left(self, place: int | None) -> None:
+    def _trial_rows(self, width: int) -> list[Row]:
+        from trcvtui.bench.split_test import trial_text  # read when first asked for
+
+        picture = self._view_model.picture
+        trial = picture.trial if picture is not None else None
+        if trial is None:
+            return [row((WAITING, "dim"))]
+        held = trial.state == "running" and picture is not None and picture.holding
+        return [*([row((HELD, "hold"))] if held else []), *text_rows(trial_text(trial), width)]
+
+    def _trial_left(self, nothing: None) -> None:
         self._trial = None
-        if place:
-            self.composer.cut_at(place)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Show the command that the fields make now."""

@@ -17,7 +17,7 @@ from trcvtui.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSp
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import bar, clip, moment, plain, wrapped
+from trcvtui.tui.formatting import bar, clip, moment, wrapped
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
@@ -92,7 +92,7 @@ class JobLine(OneLine):
             parts.append((f" · {connection.unacknowledged} unacknowledged", style))
         for peer in self._view_model.peers:
             if (peer.local, peer.remote) == (connection.remote, connection.local):
-                parts.append((f" · {peer.received_here} read by {plain(peer.name)}", "dim"))
+                parts.append((f" · {peer.received_here} read by {peer.name}", "dim"))
         return [*parts, (" ", "dim")]
 
 
@@ -137,7 +137,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     words = [NOT_CAPTURED if is_hole else _value_words(*values, job)]
     if message is not None and not is_hole:
         byte = message.first + place - message.position
-        words.append(f"{plain(message.peer)} #{message.number} byte {byte}")
+        words.append(f"{message.peer} #{message.number} byte {byte}")
     byte = place - job.position
     words.append(_job_words(job, byte))
     if job.done and (field := field_at(project, job.instance, byte)):
@@ -145,7 +145,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if recv is not None and recv.number:
         words += [f"recv {recv.number}", f"scan {recv.scan}", f"{moment(recv.t_ns)} s"]
     if not job.done:
-        words.append(plain(job.reason))
+        words.append(job.reason)
     return " · ".join(words)
 
 
@@ -154,11 +154,11 @@ def _job_words(job: JobSpan, byte: int) -> str:
     if not job.instance:
         return "no job"
     if not job.done and not job.number:
-        return plain(job.instance)
+        return job.instance
     if not job.is_frame:
-        return f"{plain(job.instance)} job {job.number} byte {byte}"
+        return f"{job.instance} job {job.number} byte {byte}"
     part = "prefix" if byte < job.prefix else "suffix" if byte >= job.size - job.suffix else "data"
-    return f"{plain(job.instance)} frame {job.number} byte {byte}, {part}"
+    return f"{job.instance} frame {job.number} byte {byte}, {part}"
 
 
 def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
@@ -173,7 +173,7 @@ def field_at(project: Project, instance: str, byte: int) -> str:
     data = next((decl.data for decl in project.instances if decl.name == instance), None)
     declared = project.data_decl(data) if data else None
     number = declared.layout.leaf_at(byte) if declared is not None else None
-    return plain(declared.layout.leaf(number).path) if declared is not None and number is not None else ""
+    return declared.layout.leaf(number).path if declared is not None and number is not None else ""
 
 
 MOST_JOB_ROWS: Final = 4
@@ -310,7 +310,7 @@ class Received(Vertical):
         if origin.recv is not None:
             text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
         if origin.message is not None and not view.is_hole(byte):
-            text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message.first}"
+            text += f" · {origin.message.peer} #{origin.message.number} byte {origin.message.first}"
         if origin.recv is not None:
             text += f" · {moment(origin.recv.t_ns)} s"
         return text
@@ -395,7 +395,7 @@ class Received(Vertical):
             return "" if has_bytes else NOT_KEPT
         job = self.job_here()
         if job is not None and not job.is_kept:
-            return f"{f'job {job.number}' if job.done else f'{job.whole} B dropped'}, {plain(job.reason)}"
+            return f"{f'job {job.number}' if job.done else f'{job.whole} B dropped'}, {job.reason}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not come yet"
 
     def byte_in_job(self) -> int:
@@ -553,7 +553,7 @@ class Received(Vertical):
 
     def _show_title(self, instance: InstanceSnapshot | None) -> None:
         declared = self._view_model.declaration
-        detail = f"{plain(declared.name)}, {declared.size} B" if declared else "no DATA"
+        detail = f"{declared.name}, {declared.size} B" if declared else "no DATA"
         if instance is None:
             detail = ""
         name = "Sent" if instance is not None and instance.sends else "Received"
@@ -562,7 +562,7 @@ class Received(Vertical):
         if self.is_past and instance is not None:
             kept = self.stream.window
             size = f"{kept.end - kept.begin} B kept"
-            name, detail = "Received so far", f"{plain(instance.connect)}, {size} · H: DATA now"
+            name, detail = "Received so far", f"{instance.connect}, {size} · H: DATA now"
         if f"{name} {detail}" != self._title or not self.border_title:
             self._title = f"{name} {detail}"
             self.border_title = pane_title(5, name, clip(detail, 60))

@@ -12,7 +12,7 @@ from textual import events
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
-from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, moment, plain, status_word, wrapped
+from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, moment, status_word, wrapped
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import Explainer, why
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
@@ -113,7 +113,7 @@ class StatusHistory(LineView):
         scan, time = self._widths()
         style = "dim" if edge.cause.is_expected else edge.outputs.lit
         room = self._room()
-        reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
+        reason = clip(why(edge), room) if room >= LEAST_WHY else ""
         return [
             (CURSOR if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
@@ -138,7 +138,7 @@ class StatusHistory(LineView):
         if errors:
             self._choose(next((y for y in errors if y > here), errors[0]))
         else:
-            self._actions.complain(f"no ERROR in what is known of {plain(self._view_model.selected)}")
+            self._actions.complain(f"no ERROR in what is known of {self._view_model.selected}")
 
     def action_ask_code(self) -> None:
         """Ask for the code to find; the timing pane looks for it, and this one follows."""
@@ -381,5 +381,5 @@ class StatusCard(LineView):
             and not glow(instance.name, ERROR, now)
         ):
             last = f"last error {status_word(instance.last_error_status)} in scan {instance.last_error_scan}"
-            parts.append((plain(last), "dim"))
+            parts.append((last, "dim"))
         return parts

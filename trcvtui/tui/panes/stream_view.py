@@ -24,7 +24,7 @@ from trcvtui.history.records import (
     Seek,
 )
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
-from trcvtui.tui.formatting import clip, moment, plain, short_time
+from trcvtui.tui.formatting import clip, moment, short_time
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import (
     CHARACTER_OF,
@@ -175,7 +175,7 @@ def brackets(
 
 def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
     """Return how a message is drawn, or a packet."""
-    peer, number = "" if span.peer == A_PACKET else f"{plain(span.peer)} ", f"#{span.number}"
+    peer, number = "" if span.peer == A_PACKET else f"{span.peer} ", f"#{span.number}"
     size = f"{span.first}.." if span.first else f"{span.whole} B"
     return span.begins, span.ends, MESSAGE, (f"{peer}{number} {size}", f"{peer}{number}", number)
 
@@ -190,9 +190,9 @@ def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
 
 def bracket_of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
     """Return how a job is drawn, or bytes that were dropped."""
-    name = plain(span.instance)
+    name = span.instance
     if not span.done:
-        return True, True, DROPPED, (f"{span.whole} B dropped: {plain(span.reason)}", "dropped", "")
+        return True, True, DROPPED, (f"{span.whole} B dropped: {span.reason}", "dropped", "")
     number = f"{'frame' if span.is_frame else 'job'} {span.number}"
     return True, True, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
 
@@ -224,7 +224,7 @@ def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     if job is None:
         return ""
     if job.done:
-        return f"DONE {moment(job.t_ns)}" if not job.reason else clip(plain(job.reason), 60)
+        return f"DONE {moment(job.t_ns)}" if not job.reason else clip(job.reason, 60)
     return f"{moment(job.t_ns)} dropped"
 
 

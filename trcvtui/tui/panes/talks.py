@@ -7,7 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.commands.snapshots import ARMED_TAP, TalkSnapshot, WaySnapshot
-from trcvtui.tui.formatting import clip, pad, plain, short_time
+from trcvtui.tui.formatting import clip, pad, short_time
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -70,9 +70,7 @@ class TalkList(LineView):
         talks, taps = self._view_model.talks, self._view_model.project.taps
         if not talks and y < len(taps):
             tap = taps[y]
-            return row(
-                (f"  {plain(tap.name)}: {plain(tap.listen)} to {plain(tap.to)}: nobody has come yet", "dim")
-            )
+            return row((f"  {tap.name}: {tap.listen} to {tap.to}: nobody has come yet", "dim"))
         if not 0 <= y < 2 * len(talks):
             return EMPTY
         talk, to_plc = talks[y // 2], not y % 2
@@ -161,7 +159,7 @@ def _lamp(way: WaySnapshot) -> list[Part]:
 
 
 def _ends(talk: TalkSnapshot, is_roomy: bool) -> list[Part]:
-    ends = f"{plain(talk.partner)} → {plain(talk.plc)}" if is_roomy else plain(talk.partner)
+    ends = f"{talk.partner} → {talk.plc}" if is_roomy else talk.partner
     parts: list[Part] = [(f" {talk.state} ", STYLES.get(talk.state, "")), (f"{clip(ends, 48)} ", "dim")]
     if talk.handshake_ns is not None and is_roomy and talk.to_plc.round_trip_ns is None:
         parts.append((f"round trip {short_time(talk.handshake_ns)} ", "dim"))

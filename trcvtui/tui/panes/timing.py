@@ -23,7 +23,7 @@ from trcvtui.history.waveform_text import (
     value_text,
 )
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
+from trcvtui.tui.formatting import MS, SECOND, US, count, duration
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -163,7 +163,7 @@ def wave_row(
     """Return one row after `label` columns; `label_style` None: it is not the chosen one."""
     wave, name = shown
     if not name:
-        return row((f" {plain(wave.instance)} ", "label"), ("─" * (label + window.width), "faint"))
+        return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
     at = until if cursor is None else cursor
     return row(*_label(wave, name, at, label_style, label), *_parts(wave, name, window, cursor))
 
@@ -379,7 +379,7 @@ class Timing(LineView):
             found = next((line.scan for line in newest), None)
         else:
             found = wave.next_where(here, holds) or wave.next_where(0, holds)
-        self.go_to(found, f"{nothing} in what is known of {plain(wave.instance)}")
+        self.go_to(found, f"{nothing} in what is known of {wave.instance}")
 
     def action_move(self, rows: int) -> None:
         """Choose another row."""

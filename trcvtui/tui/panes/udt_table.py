@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 from textual import events
 
 from trcvtui.project.project import DataDecl
-from trcvtui.tui.formatting import cells, clip, pad, plain
+from trcvtui.tui.formatting import cells, clip, pad
 from trcvtui.tui.messages import FieldSelected, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HOLE, NOT_CAPTURED
@@ -60,7 +60,7 @@ class UdtTable(LineView):
         if declared is None:
             self.set_title(6, "Members", "no DATA" if self._view_model.instance else "")
             return
-        name = clip(plain(declared.type_name), 32)
+        name = clip(declared.type_name, 32)
         room = self.outer_size.width - cells(name) - 9  # the corners, the digit, the dot
         self.set_title(6, name, self._source(declared, room))
 
@@ -68,16 +68,16 @@ class UdtTable(LineView):
         """Return what is decoded, and what `v` would decode instead."""
         rules, job = declared.layout.rules, self._job()
         if self.was_thrown_away:
-            return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {plain(declared.name)}"
+            return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {declared.name}"
         if self.past is not None:
             return f"job {self.past[0]} of the past, {len(self.past[1])} B"
         if self.of_job:
             return f"{job or 'no job running'} · v: DATA"
         other = f" · v: {job}" if job and self._view_model.partial else ""
-        full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
+        full = f"{declared.name}, {rules.name}, {rules.byte_order}-endian{other}"
         if cells(full) > room and declared.choice != NO_CHOICE:
             return f"{rules.name}, {rules.byte_order}-endian"
-        return full if cells(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
+        return full if cells(full) <= room else f"{clip(declared.name, 24)}{other}"
 
     def _job(self) -> str:
         instance = self._view_model.instance
@@ -134,9 +134,9 @@ class UdtTable(LineView):
         return [
             ("▸" if chosen else " ", "key"),
             (f"{leaf.offset:>{OFFSET - 2}} ", "dim"),
-            (plain(shared), "faint"),
-            (pad(plain(own), name_width - cells(shared)), "strong" if chosen else ""),
-            (pad(clip(plain(type_text(leaf.type)), TYPE - 1), TYPE), "dim"),
+            (shared, "faint"),
+            (pad(own, name_width - cells(shared)), "strong" if chosen else ""),
+            (pad(clip(type_text(leaf.type), TYPE - 1), TYPE), "dim"),
             *self._value(index, leaf),
             (self._padding(index), "faint"),
         ]

@@ -1,8 +1,8 @@
-"""Dialogs above the panes: one with a list, one with a form, and a list to choose one of."""
+"""Dialogs above the panes: with a list, a result or a form, and a list to choose one of."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, Final, Generic, TypeVar
 
 from textual import events
@@ -10,8 +10,8 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.tui.formatting import clip, pad, plain
-from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.tui.formatting import clip, pad, wrapped
+from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 Answered = TypeVar("Answered")
@@ -48,6 +48,43 @@ class ListDialog(Dialog[Answered], Generic[Answered]):
 
     def compose(self) -> Iterator[Widget]:
         yield self.shown
+
+
+class ResultText(TextView):
+    """The text of a result; `rows` makes its rows for a width."""
+
+    def __init__(self, id: str, rows: Callable[[int], list[Row]]) -> None:
+        super().__init__(id=id)
+        self._rows_for = rows
+
+    def make_rows(self) -> list[Row]:
+        return self._rows_for(max(20, self.line_width))
+
+
+class ResultScreen(ListDialog[None]):
+    """A result to read: escape closes it, `y` copies its text."""
+
+    BINDINGS: ClassVar = [Binding("y", "yank", show=False)]
+    DEFAULT_CSS = "ResultScreen ResultText { width: 110; height: auto; max-height: 90%; }"
+
+    def __init__(self, id: str, title: str, detail: str, rows: Callable[[int], list[Row]]) -> None:
+        self.text = ResultText(id, rows)
+        self.text.set_title(None, title, detail)
+        super().__init__(self.text, None)
+
+    def show(self) -> None:
+        """Show the result as it is now."""
+        if self.is_mounted:
+            self.text.draw()
+
+    def action_yank(self) -> None:
+        rows = self.text.make_rows()
+        self.app.copy_to_clipboard("\n".join("".join(text for text, _ in each.parts) for each in rows))
+
+
+def text_rows(text: str, width: int) -> list[Row]:
+    """Return the lines of a text, each broken for a width."""
+    return [row((part, "")) for line in text.splitlines() for part in wrapped(line, width)]
 
 
 class FormDialog(Dialog[Answered], Generic[Answered]):
@@ -103,8 +140,8 @@ class ChoiceList(LineView, inherit_bindings=False):
         return row(
             ("▸ " if chosen else "  ", "key"),
             ("● " if name == self.now else "  ", "on"),
-            (pad(clip(plain(name), NAME - 1), NAME), "strong" if chosen else ""),
-            (clip(plain(about), max(8, self.line_width - NAME - 4)), "dim"),
+            (pad(clip(name, NAME - 1), NAME), "strong" if chosen else ""),
+            (clip(about, max(8, self.line_width - NAME - 4)), "dim"),
             style="cursor" if chosen else "",
         )
 
@@ -151,7 +188,7 @@ class ChoiceScreen(ListDialog[str | None]):
 
     def _narrow(self, typed: str) -> None:
         self._list.narrow(typed)
-        self._list.set_title(None, self._title, f"{plain(typed)}…" if typed else "↑↓ enter")
+        self._list.set_title(None, self._title, f"{typed}…" if typed else "↑↓ enter")
 
     def action_back(self) -> None:
         """Take the last letter back."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import ClassVar, Final
 
+from textual.app import App
 from textual.binding import Binding
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import buffer_pins
-from trcvtui.tui.formatting import plain, wrapped
+from trcvtui.tui.formatting import wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, TextView, row
+from trcvtui.tui.widgets.dialogs import ResultScreen
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
 PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
@@ -32,7 +33,7 @@ EVERYWHERE: Final = (
     ("J", "doctor: what is wrong with the selected instance, where it shows, what mends it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
-    ("y", "yank what the pane shows: twelve formats in a menu; y y takes its first"),
+    ("y", "yank what the pane shows: hex, 16#.., members, history; y y takes the first"),
     ("K", "mark: what a saved session will expect begins here"),
     ("A", "add an instance (with the CONNECT and DATA that it lacks), connection, DATA, peer, message"),
     ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
@@ -94,7 +95,7 @@ PEER: Final = (
     ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
     ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
-    ("e", "try every split of the message, as a table; enter in it takes the cut"),
+    ("e", "try every split of the message, as a table; y copies it"),
     ("o", "a UDT as a form: its members as fields"),
     ("w", "the message under a name into the project's library; p picks from it"),
     ("a d", "a reply rule more; no replies"),
@@ -196,57 +197,38 @@ def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) 
     return [*rows, EMPTY]
 
 
-class HelpText(TextView):
-    """All of it as one scrolling text."""
+def help_rows(view_model: ViewModel, focused: Widget | None, app: App[None], width: int) -> list[Row]:
+    """Return what is wrong with the settings, the keys, and the STATUS table of the dialect."""
+    rows: list[Row] = []
+    names: dict[str, str] = getattr(app, "key_names", {})
+    for problem in getattr(app, "problems", ()):
+        first, *rest = wrapped(f"✗ {problem}", width - 2)
+        rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
+    rows += [EMPTY] * bool(rows)
+    picture = view_model.live
+    is_replay = picture is not None and picture.position is not None
+    time_line = [("Time line of the recording", TIME_LINE)] if is_replay else []
+    for title, table in [*time_line, *sections_for(focused)]:
+        rows += key_rows(title, table, width, names)
+    return [*rows, *_status_rows(view_model, width)]
 
-    def __init__(self, view_model: ViewModel, focused: Widget | None) -> None:
-        super().__init__(id="help")
-        self._view_model = view_model
-        self._focused = focused
 
-    def make_rows(self) -> list[Row]:
-        return [*self._keys(), *self._table()]
-
-    def _keys(self) -> list[Row]:
-        rows: list[Row] = []
-        names: dict[str, str] = getattr(self.app, "key_names", {})
-        for problem in getattr(self.app, "problems", ()):
-            first, *rest = wrapped(f"✗ {plain(problem)}", self.line_width - 2)
-            rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
-        rows += [EMPTY] * bool(rows)
-        picture = self._view_model.live
-        is_replay = picture is not None and picture.position is not None
-        time_line = [("Time line of the recording", TIME_LINE)] if is_replay else []
-        for title, table in [*time_line, *sections_for(self._focused)]:
-            rows += key_rows(title, table, self.line_width, names)
-        return rows
-
-    def _table(self) -> list[Row]:
-        dialect, instance = self._view_model.project.dialect, self._view_model.instance
-        rows = [row((f"STATUS of {plain(dialect.title)}", "strong"))]
-        for found in dialect.status:
-            current = instance is not None and found.code == instance.outputs.status
-            rows.append(
-                row(
-                    ("▸ " if current else "  ", "key"),
-                    (f"{found.word}  ", "error" if found.error else "strong"),
-                    ("ERROR " if found.error else "      ", "error"),
-                    (plain(found.title), "strong" if current else ""),
-                    style="cursor" if current else "",
-                )
-            )
-            for cause in found.causes:
-                rows += self._indented("because", cause)
-            for check in found.checks:
-                rows += self._indented("check", check)
-        return rows
-
-    def _indented(self, label: str, text: str) -> list[Row]:
-        lines = wrapped(text, self.line_width - 20)
-        return [
-            row((f"           {label if number == 0 else '':<8}", "faint"), (line, "dim"))
-            for number, line in enumerate(lines)
-        ]
+def _status_rows(view_model: ViewModel, width: int) -> Iterator[Row]:
+    dialect, instance = view_model.project.dialect, view_model.instance
+    yield row((f"STATUS of {dialect.title}", "strong"))
+    for found in dialect.status:
+        current = instance is not None and found.code == instance.outputs.status
+        yield row(
+            ("▸ " if current else "  ", "key"),
+            (f"{found.word}  ", "error" if found.error else "strong"),
+            ("ERROR " if found.error else "      ", "error"),
+            (found.title, "strong" if current else ""),
+            style="cursor" if current else "",
+        )
+        for label, texts in (("because", found.causes), ("check", found.checks)):
+            for text in texts:
+                for number, line in enumerate(wrapped(text, width - 20)):
+                    yield row((f"           {'' if number else label:<8}", "faint"), (line, "dim"))
 
 
 def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
@@ -265,13 +247,16 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     return [first, *(section for section in sections if section[0] != title)]
 
 
-class HelpScreen(ListDialog[None]):
+class HelpScreen(ResultScreen):
     """Closed by the keys that opened it, and by escape."""
 
     BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False, id="help")]
-    DEFAULT_CSS = "HelpScreen HelpText { width: 100; height: 90%; }"
+    DEFAULT_CSS = "HelpScreen ResultText { width: 100; height: 90%; }"
 
     def __init__(self, view_model: ViewModel, focused: Widget | None = None) -> None:
-        text = HelpText(view_model, focused)
-        text.set_title(None, "Help", "↑↓ and page keys scroll, esc closes")
-        super().__init__(text, None)
+        super().__init__(
+            "help",
+            "Help",
+            "↑↓ and page keys scroll, esc closes",
+            lambda width: help_rows(view_model, focused, self.app, width),
+        )

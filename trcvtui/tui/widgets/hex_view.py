@@ -8,7 +8,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.history.records import Before, JobSpan
+from trcvtui.history.records import JobSpan, PreviousJobBytes
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
@@ -140,7 +140,7 @@ class HexView(LineView):
         self.holes: tuple[range, ...] = ()
         self.patterns: tuple[bytes, ...] = ()
         self.frame: Marked | None = None  # the frame that begins with the first byte
-        self.before: Before | None = None
+        self.before: PreviousJobBytes | None = None
         self.shows_before = False
 
     def show_bytes(
@@ -157,7 +157,7 @@ class HexView(LineView):
         """Return whether nobody knows a byte: a capture has it not."""
         return any(offset in hole for hole in self.holes)
 
-    def show_before(self, before: Before | None) -> None:
+    def show_before(self, before: PreviousJobBytes | None) -> None:
         """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
         self.before = before
         self.show()

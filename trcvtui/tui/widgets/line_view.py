@@ -1,7 +1,8 @@
 """The base of every pane: it draws its own lines and repaints only those that changed.
 
 A subclass says how many rows there are and what stands in each: text with the names of its styles. Text is
-never markup, so whatever bytes a partner sends stay text.
+never markup, and control characters are spelled out where a row or a title is drawn, so whatever bytes a
+partner sends stay text.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
-from trcvtui.tui.formatting import cells
+from trcvtui.tui.formatting import cells, plain
 from trcvtui.tui.widgets.theme import composed
 
 Part = tuple[str, str]
@@ -63,7 +64,9 @@ def row(*parts: Part, style: str = "") -> Row:
 def pane_title(digit: int | None, name: str, detail: str = "") -> Content:
     """Return what stands in the border of a pane; text, never markup."""
     mark = [(f"{digit} ", "bold $accent")] if digit is not None else []
-    return Content.assemble(*mark, (name, "bold"), (f" · {detail}" if detail else "", "not bold"))
+    return Content.assemble(
+        *mark, (plain(name), "bold"), (f" · {plain(detail)}" if detail else "", "not bold")
+    )
 
 
 class LineView(ScrollView, can_focus=True, inherit_bindings=False):
@@ -175,7 +178,9 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
     def _strip(self, line: Row) -> Strip:
         base = self.named_style(line.style)
-        segments = [Segment(text, self.named_style(f"{style} {line.style}")) for text, style in line.parts]
+        segments = [
+            Segment(plain(text), self.named_style(f"{style} {line.style}")) for text, style in line.parts
+        ]
         strip, width = Strip(segments), self.line_width
         if strip.cell_length > width > 0:
             strip = Strip([*strip.crop(0, width - 1), Segment("…", base)])

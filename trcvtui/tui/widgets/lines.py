@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from trcvtui import lane_note
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
-from trcvtui.tui.formatting import SECOND, clip, count, plain, short_time, wrapped
+from trcvtui.tui.formatting import SECOND, clip, count, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
@@ -323,7 +323,7 @@ class HeaderLine(WordLine):
     def pieces(self) -> list[HeaderWord]:
         """Return file, dialect, model; scans and how punctual they are."""
         project, picture = self._view_model.project, self._view_model.picture
-        name = plain(project.path.name)
+        name = project.path.name
         pieces = [HeaderWord(f"trcvtui{lane_note()}", "dim", 60), HeaderWord(name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
@@ -346,9 +346,9 @@ class HeaderLine(WordLine):
         live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.recorded:
-            pieces.append(HeaderWord(f"recording: {clip(plain(now.recorded), MOST_TRIGGER)}", "warn", 3))
+            pieces.append(HeaderWord(f"recording: {clip(now.recorded, MOST_TRIGGER)}", "warn", 3))
         if now.armed:
-            pieces.append(HeaderWord(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
+            pieces.append(HeaderWord(f"trigger armed: {clip(now.armed, MOST_TRIGGER)}", "warn", 3))
         if now.position is None:  # a replay is late for nothing
             pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
             style = "warn" if timing.overruns else "dim"
@@ -373,7 +373,7 @@ class HeaderLine(WordLine):
         chip = f" * FROZEN at scan {view_model.picture.snapshot.scan} *  F live "
         if view_model.fired is None:
             return [HeaderWord(chip, "stop", 0)]
-        text = f" TRIGGER {clip(plain(view_model.fired.text), MOST_TRIGGER)} "
+        text = f" TRIGGER {clip(view_model.fired.text, MOST_TRIGGER)} "
         return [HeaderWord(text, "hold", 1), HeaderWord(chip, "stop", 0)]
 
 

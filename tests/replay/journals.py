@@ -1,0 +1,89 @@
+"""Journals that need no file: of scenarios, and of benches that a screen drives."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from tests.scenario.scenarios import Kept, play
+from trcvtui.bench.bench import Bench
+from trcvtui.commands.snapshots import EngineTiming
+from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.files import noting_reads
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.recording.journal import Entry, Keyframe, blocks, entries_of
+from trcvtui.recording.recorder import RunRecorder
+from trcvtui.recording.recording import BlockPlace
+from trcvtui.replay.command import print_jsonl
+from trcvtui.replay.keyframes import Keyframes
+from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.what_if import WhatIf
+from trcvtui.scenario.scenario import load_bench
+
+
+class InMemory:
+    """A journal whose blocks have no places."""
+
+    def __init__(self, entries: Sequence[Entry]) -> None:
+        self._entries = entries
+
+    def entries(self, first: int = 0) -> Iterator[Entry]:
+        assert not first
+        return iter(self._entries)
+
+    def index(self) -> tuple[()]:
+        return ()
+
+    def keyframes(self) -> tuple[()]:
+        return ()
+
+    def keyframe(self, place: BlockPlace) -> Keyframe:
+        raise AssertionError(place)
+
+
+def recorded(path: Path, *overrides: str) -> tuple[str, list[Entry]]:
+    """Return what a scenario has printed as jsonl, and its journal."""
+    run = play(path, "sim", *overrides, is_recorded=True)
+    return run.text, [*run.entries]
+
+
+def again(entries: Iterable[Entry]) -> RunAgain:
+    return RunAgain(entries_of(blocks(entries), "R"), "R")
+
+
+def jsonl(entries: Iterable[Entry]) -> str:
+    out = io.StringIO()
+    print_jsonl(again(entries), out.write)
+    return out.getvalue()
+
+
+def what_if_nothing_changed(entries: Sequence[Entry]) -> None:
+    run = WhatIf(Keyframes(InMemory(entries), "R.pcapng"), (), None)
+    run.play()
+    nothing_differs(run)
+
+
+def nothing_differs(run: WhatIf) -> None:
+    was, now = run.sums()
+    assert (run.parts_at, run.guess_from, run.trouble, now) == (None, None, "", was)
+
+
+def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
+    """Return a bench after these lines with five scans each, and its journal."""
+    kept = Kept()
+    recorder = RunRecorder(lambda: kept, waits=False)
+    with noting_reads(recorder.reads):
+        project = load_bench(path)
+        with recorder:
+            bench = fresh_bench(project, "sim", recorder.seam)
+            recorder.begin(bench, path, (), is_scenario=False)
+            console = Controller(bench)
+            for number, line in enumerate(lines.splitlines()):
+                console.take(number, line)
+                for _ in range(5):
+                    console.scan()
+                    console.picture(UpdateRequest(), EngineTiming(mode=""), 10)
+                    recorder.gap(bench)
+            bench.close()
+    return bench, kept.entries

@@ -1,0 +1,204 @@
+"""Commands of a bench: a PLC with its partners, on this machine."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from pathlib import Path
+
+from trcvtui.cli.options import (
+    GOOD,
+    Args,
+    CommandParser,
+    add_commands,
+    add_kernel,
+    add_netns,
+    add_no_secrets,
+    add_project,
+    add_record,
+    add_set,
+    add_theme,
+    dialect_names,
+    follow,
+    given,
+    load_bench,
+    print_lines,
+    record_to,
+)
+from trcvtui.cli.screen import has_terminal, open_screen, show
+from trcvtui.errors import mistake
+from trcvtui.paths import given_path
+
+FORMATS = ("text", "jsonl", "junit")
+
+
+def add_run(parser: CommandParser) -> None:
+    parser.set_defaults(command=_run)
+    add_project(parser)
+    add_kernel(parser)
+    add_netns(parser)
+    parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
+    add_record(parser, "FILE")
+    add_theme(parser)
+
+
+def _run(args: Args) -> int:
+    return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_to(args))
+
+
+def add_serve(parser: CommandParser) -> None:
+    parser.set_defaults(command=_serve)
+    add_project(parser)
+    add_kernel(parser)
+    parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
+    parser.add_argument("--write", action="store_true", help="let the browser command the bench")
+    parser.add_argument("--as-root", action="store_true", help="allow --write when run as root")
+    add_theme(parser)
+
+
+def _serve(args: Args) -> int:
+    from trcvtui.tui.served import refuse_root, serve
+
+    refuse_root(args.write, args.as_root)
+    load_bench(args.project)
+    serve(args.project, args.kernel, args.port, args.write, args.theme)
+    return GOOD
+
+
+def add_examples(parser: CommandParser) -> None:
+    parser.set_defaults(command=_examples)
+    parser.add_argument("word", metavar="WORD", nargs="?", help="such as 80C5: scenarios that have it, too")
+
+
+def _examples(args: Args) -> int:
+    from trcvtui.paths import example_lines
+
+    lines = list(example_lines(args.word))
+    if not lines:
+        raise mistake("trcvtui examples", f"no project, story or scenario with '{args.word}'", "another word")
+    return print_lines(lines)
+
+
+def add_scenario(parser: CommandParser) -> None:
+    parser.set_defaults(command=_scenario)
+    parser.last_words = lambda: f"formats: {', '.join(FORMATS)}; {dialect_names()}"
+    parser.add_argument("files", metavar="FILE.toml", nargs="+", type=given_path)
+    add_kernel(parser, "sim")
+    parser.add_argument("--format", metavar="NAME", default="text", help="default: text")
+    add_netns(parser)
+    parser.add_argument("--out", metavar="FILE", type=Path, help="write here instead of stdout")
+    add_set(parser, "such as options.retry=T#100ms")
+    about = "twice or more: in each of these, side by side"
+    parser.add_argument("--dialect", metavar="NAME", action="append", default=[], help=about)
+    add_record(parser, "FILE|DIR")
+
+
+def _scenario(args: Args) -> int:
+    if args.format not in FORMATS:
+        raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
+    gc.disable()  # what is imported stays
+    from trcvtui.scenario.command import run_files
+
+    gc.enable()
+    out, record = args.out, record_to(args)
+    return run_files(args.files, args.kernel, args.format, out, args.set, args.netns, record, args.dialect)
+
+
+def add_record_command(parser: CommandParser) -> None:
+    parser.set_defaults(command=_record)
+    add_project(parser)
+    parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="of the numbered files")
+    add_kernel(parser)
+    parser.add_argument("--ring", metavar="SIZE", help="such as 256MiB: the oldest files go")
+    parser.add_argument("--split", metavar="SIZE", help="of one file; default: an eighth of the ring")
+    parser.add_argument("--on", metavar="CONDITION", help='keep what surrounds it: "TRCV_C_1 STATUS=80C5"')
+    parser.add_argument("--before", metavar="T#..", help="default: T#30s")
+    parser.add_argument("--after", metavar="T#..", help="default: T#10s")
+    parser.add_argument("--duration", metavar="T#..", help="default: until Ctrl+C or SIGTERM")
+    add_no_secrets(parser)
+
+
+def _record(args: Args) -> int:
+    from trcvtui.scenario.record import limits_of, record
+
+    limits = limits_of(args.ring, args.split, args.on, args.before, args.after)
+    secrets = not args.no_secrets
+    return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, follow())
+
+
+def add_replay(parser: CommandParser) -> None:
+    parser.set_defaults(command=_replay)
+    parser.add_argument("file", metavar="FILE", type=given_path, help="a recording, also .gz")
+    parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
+    parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
+    add_set(parser, "what if it had been this")
+    parser.add_argument("--dialect", metavar="NAME", help="what if it had been this one")
+    about = "where the screen opens; default: the first ERROR, finding or DONE"
+    parser.add_argument("--at", metavar="SCAN|T#..", help=about)
+
+
+def _replay(args: Args) -> int:
+    is_what_if = args.set or args.dialect is not None
+    if args.at is not None and (args.check or args.format or is_what_if):
+        found = "--at with --check, --format, --set or --dialect"
+        raise mistake("trcvtui replay", found, "--at for the screen alone")
+    if is_what_if:
+        from trcvtui.replay.command import what_if_file
+
+        return what_if_file(args.file, args.check, args.format, args.set, args.dialect)
+    if not args.check and args.format is None and has_terminal():
+        from trcvtui.replay.driver import ReplayDriver
+
+        return show(lambda: ReplayDriver(args.file, args.at), is_replay=True)
+    from trcvtui.replay.command import replay_file
+
+    return replay_file(args.file, args.check, args.format)
+
+
+def add_recording(parser: CommandParser) -> None:
+    rows = {
+        "strip": ("a copy to hand on", _add_strip),
+        "dissector": ("print what shows the journal in Wireshark (Lua)", _add_dissector),
+    }
+    add_commands(parser, rows, required=True)
+
+
+def _add_strip(parser: CommandParser) -> None:
+    parser.set_defaults(command=_strip)
+    parser.add_argument("source", metavar="IN", type=given)
+    parser.add_argument("target", metavar="OUT", type=given)
+    parser.add_argument("--no-payload", action="store_true", help="zeros in place of all that was sent")
+    parser.add_argument("--no-secrets", action="store_true", help="TLS stays closed")
+    about = "other addresses, no names, no TLS secrets; payload stays"
+    parser.add_argument("--anonymise", action="store_true", help=about)
+
+
+def _strip(args: Args) -> int:
+    from trcvtui.recording.strip import LeaveOut, strip
+
+    out = LeaveOut(args.no_payload, args.no_secrets, args.anonymise)
+    for line in strip(args.source, args.target, out):
+        sys.stderr.write(f"{line}\n")
+    return GOOD
+
+
+def _add_dissector(parser: CommandParser) -> None:
+    parser.set_defaults(command=_dissector)
+
+
+def _dissector(args: Args) -> int:
+    from trcvtui.recording.strip import dissector
+
+    sys.stdout.write(dissector())
+    return GOOD
+
+
+COMMANDS = {
+    "run": ("the screen; makes a new file, too", "new.toml", add_run),
+    "examples": ("projects and stories to try", "", add_examples),
+    "serve": ("the screen in a browser", "bench.toml --port 8000", add_serve),
+    "scenario": ("a test without a screen", "test.toml --format junit", add_scenario),
+    "record": ("keep what a bench does", "bench.toml --out runs", add_record_command),
+    "replay": ("a recording again, step by step", "run.pcapng", add_replay),
+    "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", add_recording),
+}

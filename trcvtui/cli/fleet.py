@@ -1,0 +1,114 @@
+"""Commands of many lines: an agent, the screen of all agents."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from pathlib import Path
+
+from trcvtui.cli.options import (
+    Args,
+    CommandParser,
+    add_kernel,
+    add_no_secrets,
+    add_project,
+    add_theme,
+    follow,
+    load_bench,
+)
+from trcvtui.cli.screen import has_terminal
+from trcvtui.errors import mistake
+
+BROKER = "the broker; user and password: TRCVTUI_MQTT_.."
+
+
+def _add_certificates(parser: CommandParser) -> None:
+    parser.add_argument("--mqtt-ca", metavar="FILE", help="who may have signed its certificate (PEM)")
+    parser.add_argument("--mqtt-cert", metavar="FILE", help="ours")
+    parser.add_argument("--mqtt-key", metavar="FILE", help="of --mqtt-cert")
+
+
+def add_agent(parser: CommandParser) -> None:
+    parser.set_defaults(command=_agent)
+    add_project(parser)
+    add_kernel(parser)
+    parser.add_argument("--site", default="default", help="of the topics; default: default")
+    parser.add_argument("--name", help="of the topics; default: HOST-PROJECT")
+    parser.add_argument("--mqtt", metavar="mqtts://HOST", help=BROKER)
+    _add_certificates(parser)
+    parser.add_argument("--metrics", metavar="ADDR:PORT", help="a page for Prometheus")
+    parser.add_argument("--record", metavar="DIR", type=Path, help="keep each run: numbered files")
+    parser.add_argument("--ring", metavar="SIZE", default="256MiB", help="of the files; default: 256MiB")
+    add_no_secrets(parser)
+    about = 'of [[watch]]: what captures, "dumpcap -q -i eth0 -w -"'
+    parser.add_argument("--packets", metavar="COMMAND", help=about)
+    about = "publish the evidence of findings, which may have bytes"
+    parser.add_argument("--with-payload", action="store_true", help=about)
+
+
+def _agent(args: Args) -> int:
+    import shlex
+
+    from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
+    from trcvtui.fleet.broker import broker_of, need_paho
+    from trcvtui.fleet.metrics import place_of_page
+    from trcvtui.recording.files import RecordTo
+    from trcvtui.scenario.record import limits_of
+
+    path = args.project
+    if args.mqtt is None and args.metrics is None:
+        raise mistake("trcvtui agent", "neither", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
+    page = None if args.metrics is None else place_of_page(args.metrics)
+    broker = None
+    if args.mqtt is not None:
+        broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
+        need_paho()
+    record = None
+    if args.record is not None:
+        from trcvtui.files import make_folder
+
+        for folder in (args.record, args.record / path.stem):
+            make_folder(folder, "--record")
+        limits = limits_of(args.ring, None, None, None, None)
+        record = RecordTo(args.record / path.stem, False, not args.no_secrets, limits, follow())
+    name = args.name or default_name(path)
+    try:
+        packets = tuple(shlex.split(args.packets or ""))
+    except ValueError as wrong:
+        raise mistake("--packets", str(wrong), "a program and its arguments") from None
+    settings = AgentSettings(
+        path, args.kernel, args.site, name, broker, page, record, args.with_payload, packets
+    )
+    return run_agent(settings, load_bench(path))
+
+
+def add_fleet(parser: CommandParser) -> None:
+    parser.set_defaults(command=_fleet)
+    parser.add_argument("url", metavar="mqtts://HOST", help=BROKER)
+    parser.add_argument("--site", metavar="PATTERN", default="*", help='such as "plant*"; default: all')
+    _add_certificates(parser)
+    add_theme(parser)
+
+
+def _fleet(args: Args) -> int:
+    from trcvtui.clock import wall_ns
+    from trcvtui.fleet.broker import OPEN_TO_ALL, broker_of, need_paho
+
+    broker = broker_of(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
+    need_paho()
+    if not has_terminal():
+        raise mistake("trcvtui fleet", "no terminal", "a terminal; scripts read the broker: docs/fleet.md")
+    if not broker.has_tls:
+        sys.stderr.write(f"{OPEN_TO_ALL}\n")
+    gc.disable()  # until the list stands: what is imported on the way to it stays
+    os.environ.setdefault("TEXTUAL_FPS", "200")
+    from trcvtui.tui.fleet.app import run_fleet
+
+    return run_fleet(broker, args.site, f"fleet-{wall_ns():x}-{os.getpid()}", args.theme)
+
+
+COMMANDS = {
+    "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", add_agent),
+    "fleet": ("all agents on one screen", "mqtts://HOST", add_fleet),
+}

@@ -1,0 +1,290 @@
+"""Commands of a line: the traffic of real devices."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from trcvtui.cli.options import (
+    GOOD,
+    WRONG_INPUT,
+    Args,
+    CommandParser,
+    add_format,
+    add_kernel,
+    add_plc,
+    add_project,
+    add_set,
+    dialect_names,
+    follow,
+    given,
+    load_bench,
+    print_lines,
+)
+from trcvtui.cli.screen import has_terminal, show
+from trcvtui.errors import UserError, mistake
+from trcvtui.paths import given_path
+
+if TYPE_CHECKING:
+    from trcvtui.diagnosis.doctor import RecordedFacts
+    from trcvtui.diagnosis.receiver import Receiver
+    from trcvtui.net.tap import Route
+
+
+def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
+    parser.last_words = dialect_names
+    add_project(parser, "whose instances look on")
+    add_plc(parser, plc)
+    parser.add_argument("--dialect", metavar="NAME", help="default: the project's, or the first of all")
+
+
+# -- watch ----------------------------------------------------------------------------------------------
+
+
+def add_watch(parser: CommandParser) -> None:
+    parser.set_defaults(command=_watch)
+    about = "pcapng or pcap, also .gz; one capture; - is stdin, as it grows"
+    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    _add_shadows(parser)
+    parser.last_words = _capture_programs
+    add_format(parser, "jsonl", is_text_default=True)
+
+
+def _watch(args: Args) -> int:
+    shadows = args.project, args.plc, args.dialect
+    if "-" in args.files:
+        return _watch_stdin(args, shadows)
+    if args.format is None and has_terminal():
+        from trcvtui.line.on_screen import WatchDriver
+
+        sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
+        return show(lambda: WatchDriver(args.files, shadows), is_replay=True)
+    from trcvtui.line.watch_command import watch
+
+    watch(args.files, *shadows, args.format)
+    return GOOD
+
+
+def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]) -> int:
+    if args.files != ["-"]:
+        raise mistake("trcvtui watch", "- beside files", "- alone, or files")
+    if sys.stdin.isatty():
+        raise mistake("stdin", "a terminal", "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
+    if args.format is None and sys.stdout.isatty():
+        from trcvtui.line.live_screen import LiveDriver
+
+        sys.stderr.write("waiting for packets on stdin\n")
+        return show(lambda: LiveDriver(shadows))
+    from trcvtui.line.watch_command import watch_stdin
+
+    watch_stdin(*shadows, args.format)
+    return GOOD
+
+
+def _capture_programs() -> str:
+    from textwrap import fill
+
+    return f"""live, from a program that may capture (trcvtui needs no rights):
+  Linux    dumpcap -q -i eth0 -w - | trcvtui watch -
+           tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
+  macOS    sudo tcpdump -U --immediate-mode -i en0 -w - | trcvtui watch -
+  Windows  (cmd.exe) "%ProgramFiles%\\Wireshark\\dumpcap" -q -i 1 -w - | trcvtui watch -
+  ssh      ssh HOST tcpdump -U --immediate-mode -i eth0 -w - | trcvtui watch -
+who may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpcap
+{fill(dialect_names(), 78)}"""
+
+
+# -- tap ------------------------------------------------------------------------------------------------
+
+
+def add_tap(parser: CommandParser) -> None:
+    parser.set_defaults(command=_tap)
+    places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
+    parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
+    about = "the other end; ADDR is 127.0.0.1 where it lacks"
+    parser.add_argument("connect", metavar="CONNECT", nargs="?", help=about)
+    parser.add_argument("--record", metavar="FILE", help="keep what passes: pcapng, also for Wireshark")
+    about = "print what shadows show; default: text on a terminal"
+    parser.add_argument("--format", choices=("jsonl",), help=about)
+    _add_shadows(parser, "CONNECT")
+    parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
+    parser.add_argument("--armed", action="store_true", help="keys r (RST), f (FIN) act at once")
+
+
+def _tap(args: Args) -> int:
+    from trcvtui.line.tap_command import Looks, forward
+    from trcvtui.net.tap import route_of
+
+    if args.listen is None:
+        routes = _taps_of(args.project)
+    elif args.connect is None:
+        raise mistake("CONNECT", "nothing", "where the bytes of LISTEN go")
+    else:
+        routes = [route_of("T", args.listen, args.connect, ("LISTEN", "CONNECT"))]
+    is_terminal = sys.stdout.isatty()
+    has_screen = args.format is None and sys.stdin.isatty() and is_terminal
+    shadows = args.project, args.plc, args.dialect, args.format
+    looks = Looks(*shadows, args.format is not None or is_terminal, has_screen, args.hold, args.armed)
+    return forward(routes, looks, _tap_record(args.record))
+
+
+def tap_screen(tap: str, asked: str, kernel: str) -> int:
+    """Show a tap that hands us ways for its events over a socket; a child of the process that forwards."""
+    import json
+
+    from trcvtui.line.tap_screen import TapDriver
+
+    try:
+        return show(lambda: TapDriver(int(tap), json.loads(asked), kernel))
+    except UserError as wrong:
+        sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
+        return WRONG_INPUT
+
+
+def _taps_of(project: Path | None) -> list[Route]:
+    """Return the taps of a project; raise UserError where there is none."""
+    taps = () if project is None else load_bench(project).taps
+    if not taps:
+        raise mistake("trcvtui tap", "neither", "LISTEN and CONNECT, or a --project with [[tap]]")
+    from trcvtui.line.tap_observer import routes_of
+
+    return routes_of(taps)
+
+
+def _tap_record(path: str | None) -> IO[bytes] | None:
+    """Return the file of a recording; raise UserError for one that is refused."""
+    if path is None:
+        return None
+    from trcvtui.files import create
+
+    return create(path, "--record")
+
+
+# -- conversations, doctor, report ----------------------------------------------------------------------
+
+
+def add_conversations(parser: CommandParser) -> None:
+    parser.set_defaults(command=_conversations)
+    about = "pcapng or pcap, also .gz; one capture"
+    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    add_project(parser, "on whose ports a PLC listens")
+    add_plc(parser)
+    add_format(parser, "text", "json")
+
+
+def _conversations(args: Args) -> int:
+    from trcvtui.capture.command import conversations_of
+
+    known = None
+    if args.project is not None:
+        from trcvtui.line.shadows import known_ends
+
+        known = known_ends(load_bench(args.project))
+    return print_lines(conversations_of(args.files, args.plc, args.format, known))
+
+
+def add_doctor(parser: CommandParser) -> None:
+    parser.set_defaults(command=_doctor)
+    about = "captures, recordings, projects (.toml)"
+    parser.add_argument("files", metavar="FILE", nargs="+", type=given, help=about)
+    add_plc(parser)
+    add_project(parser, "what its instances expect")
+    parser.add_argument("--udt", metavar="FILE", type=given, help="the type of the messages to the PLC")
+    add_set(parser, "judge it as if this had been so")
+    add_format(parser, "text", "json", "jsonl")
+    about = "run the projects so long, judge the traffic"
+    parser.add_argument("--for", dest="time", metavar="T#..", help=about)
+    add_kernel(parser, of="of --for; ")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
+    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help="a Dask cluster, in place of --jobs")
+    about = "write a project that takes what comes"
+    parser.add_argument("--suggest", metavar="NEW.toml", type=given_path, help=about)
+
+
+def _doctor(args: Args) -> int:
+    from trcvtui.diagnosis.doctor import DoctorQuestion, doctor, verdict_on_project
+
+    sets = tuple(args.set) if args.project is None else ()
+    asked = DoctorQuestion(args.plc, _receivers(args), partial(_recorded, sets))
+    projects = [Path(file) for file in args.files if file.endswith(".toml")]
+    lints = [verdict_on_project(load_bench(path, args.set)) for path in projects]
+    files = [file for file in args.files if not file.endswith(".toml")]
+    if args.suggest is not None:
+        from trcvtui.diagnosis.readings.suggest import suggest
+
+        for line in suggest(files, args.plc, args.suggest):
+            sys.stderr.write(f"{line}\n")
+    if args.time is None:
+        return doctor(files, asked, args.format, args.jobs, lints, scheduler=args.scheduler)
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        runs = {run: str(path) for path in projects for run in _run_for(path, args, folder)}
+        return doctor([*files, *runs], asked, args.format, args.jobs, lints, runs)
+
+
+def _receivers(args: Args) -> tuple[Receiver, ...]:
+    from trcvtui.diagnosis.doctor import receiver_of_type
+
+    receivers: tuple[Receiver, ...] = ()
+    if args.project is not None:
+        from trcvtui.diagnosis.lint import receivers_of
+        from trcvtui.replay.what_if import pins_of
+
+        receivers = receivers_of(load_bench(args.project, args.set), pins_of(args.set))
+    if args.udt is None:
+        return receivers
+    from trcvtui.udt.command import only_layout
+
+    return (*receivers, receiver_of_type(only_layout(args.udt)))
+
+
+def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
+    from trcvtui.recording.recording import Recording
+
+    try:
+        Recording(path)
+    except UserError:
+        if sets:
+            raise mistake("--set", f"{path}, a capture", "--project beside it, or a recording") from None
+        return None
+    from trcvtui.replay.job_facts import recorded_facts
+
+    return recorded_facts(path, sets)
+
+
+def _run_for(path: Path, args: Args, folder: str) -> list[str]:
+    """Run a project for the time of `--for`, recorded; return its recording."""
+    from trcvtui.scenario.record import limits_of, record
+
+    out = Path(folder) / str(len(list(Path(folder).iterdir())))
+    limits = limits_of(None, None, None, None, None)
+    record(path, out, args.kernel, limits, None, args.time, False, follow(), is_kept=False)
+    return [str(file) for file in sorted(out.iterdir())]
+
+
+def add_report(parser: CommandParser) -> None:
+    parser.set_defaults(command=_report)
+    parser.add_argument("file", metavar="FILE", type=given_path, help="a recording or a capture, also .gz")
+    about = "a new file, or an older report"
+    parser.add_argument("--out", metavar="REPORT.html", required=True, type=Path, help=about)
+    parser.add_argument("--no-payload", action="store_true", help="sizes and times, no bytes that were sent")
+    _add_shadows(parser)
+
+
+def _report(args: Args) -> int:
+    from trcvtui.report.command import report_file
+
+    shadows = args.project, args.plc, args.dialect
+    return report_file(args.file, args.out, not args.no_payload, shadows)
+
+
+COMMANDS = {
+    "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch),
+    "tap": ("between two ends: look on, intervene", "2001 192.168.0.10:2000", add_tap),
+    "conversations": ("who talked to whom, and when", "line.pcapng", add_conversations),
+    "doctor": ("name what is wrong", "line.pcapng", add_doctor),
+    "report": ("one page to send on", "line.pcapng --out line.html", add_report),
+}

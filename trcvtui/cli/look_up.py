@@ -1,0 +1,107 @@
+"""Commands that look something up: a code, a call, a type; and what a shell completes."""
+
+from __future__ import annotations
+
+from trcvtui.cli.options import (
+    Args,
+    CommandParser,
+    add_format,
+    add_project,
+    dialect_names,
+    load_bench,
+    print_text,
+)
+from trcvtui.cli.udt import add_udt
+from trcvtui.errors import mistake
+
+
+def add_status(parser: CommandParser) -> None:
+    parser.set_defaults(command=_status)
+    parser.last_words = dialect_names
+    parser.add_argument(
+        "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
+    )
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first below; json: all")
+    parser.add_argument("--all", action="store_true", help="of all dialects")
+    parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
+    add_format(parser, "text", "json")
+
+
+def _status(args: Args) -> int:
+    from trcvtui.dialects import DIALECTS
+    from trcvtui.dialects import status_report as report
+
+    if args.all and args.dialect is not None:
+        raise mistake("trcvtui status", "--all with --dialect", "one of the two")
+    dialects = tuple(DIALECTS.values())
+    chosen = report.chosen_dialects(dialects, args.dialect)
+    code = None if args.code is None else report.parse_code(args.code)
+    is_json = args.format == "json"
+    wanted = code, args.block, report.parse_number(args.code or "")
+    found, others = report.explain(chosen if is_json else dialects, *wanted), list[str]()
+    if not is_json and not args.all:
+        found, others = report.of_one_dialect(found, args.dialect)
+    if code is None and not is_json:
+        return print_text(report.as_table(found))
+    from trcvtui.scenario.scenario_index import scenarios_of
+
+    codes = None if code is None else {one.row.code for one in found}  # two: `10` may be a WORD, or a number
+    if is_json:
+        by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in chosen}
+        return print_text(report.as_json(report.with_scenarios(found, by_dialect)))
+    telling = report.with_telling(
+        found, lambda name, may_tell: scenarios_of(DIALECTS[name].scenario_folder, codes, may_tell)
+    )
+    asked = None if args.all or args.dialect is not None else dialects[0].name
+    return print_text(report.as_text(telling, others, asked))
+
+
+def add_st(parser: CommandParser) -> None:
+    parser.set_defaults(command=_st)
+    add_project(parser)
+    parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
+
+
+def _st(args: Args) -> int:
+    from trcvtui.project.st_call import st_text
+
+    project = load_bench(args.project)
+    names = [args.instance] if args.instance else [decl.name for decl in project.instances]
+    return print_text(st_text(project, names))
+
+
+def add_completion(parser: CommandParser) -> None:
+    parser.set_defaults(command=_completion)
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+    parser.description = 'Prints what completes `trcvtui` in a shell: eval "$(trcvtui completion bash)"'
+
+
+def _completion(args: Args) -> int:
+    import shtab
+
+    parser = args.whole()
+    _prepare(parser)
+    return print_text(shtab.complete(parser, args.shell))
+
+
+def _prepare(parser: CommandParser) -> None:
+    """Show the commands, which help leaves out, and let what names a file be completed by files."""
+    from argparse import _SubParsersAction
+
+    import shtab
+
+    for action in parser._actions:
+        if isinstance(action, _SubParsersAction):
+            action.help = None
+            for each in action.choices.values():
+                _prepare(each)
+        elif {*str(action.metavar).replace(".", "|").split("|")} & {"FILE", "DIR", "toml", "IN", "OUT"}:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+
+
+COMMANDS = {
+    "status": ("explain a STATUS code", "80C5", add_status),
+    "st": ("instances as calls in Structured Text", "bench.toml", add_st),
+    "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", add_udt),
+    "completion": ("commands and options for a shell", "bash", add_completion),
+}

@@ -1,0 +1,165 @@
+"""What the groups of commands share: the parser, options of several commands, what is printed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from trcvtui.errors import one_line
+from trcvtui.paths import given_path
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import Project
+    from trcvtui.recording.files import FileSink, RecordTo, Sink
+
+GOOD: Final = 0
+FAILED: Final = 1
+WRONG_INPUT: Final = 2
+KERNELS: Final = ("sim", "live")
+LOOKS: Final = (  # ours, then Textual's: to ask it for their names takes a tenth of a second
+    "dark", "light", "ansi", "textual-dark", "textual-light", "nord", "gruvbox", "dracula", "monokai",
+    "flexoki", "tokyo-night", "catppuccin-mocha", "catppuccin-latte", "catppuccin-frappe",
+    "catppuccin-macchiato",
+    "solarized-light", "solarized-dark", "rose-pine", "rose-pine-moon", "rose-pine-dawn", "atom-one-dark",
+    "atom-one-light", "ansi-dark", "ansi-light",
+)  # fmt: skip
+
+Args = SimpleNamespace
+
+
+class _Help(argparse.HelpFormatter):
+    """Help for 80 columns; text with line breaks keeps them."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=78)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if "\n" in text else super()._fill_text(text, width, indent)
+
+
+class CommandParser(argparse.ArgumentParser):
+    """One line for a mistake; the last lines of the help are made when somebody asks for them."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
+        self.last_words: Callable[[], str] | None = None
+        self.given: Sequence[str] = ()  # what stands after the command's name
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and leave with 2."""
+        self.exit(WRONG_INPUT, one_line(f"{self.prog}: {message}") + "\n")
+
+    def format_help(self) -> str:
+        """Return the help, with the names that only an import can tell."""
+        if self.last_words is not None:
+            self.epilog = self.last_words()
+        return super().format_help()
+
+
+Row = tuple[str, Callable[[CommandParser], None]]  # what a command does; what adds its arguments
+Rows = Mapping[str, Row]
+
+
+def add_commands(parser: CommandParser, rows: Rows, metavar: str = "WHAT", **settings: Any) -> None:
+    """Let the first word be a command; where it was given, it is made alone: each takes a millisecond."""
+    commands = parser.add_subparsers(metavar=metavar, **settings)
+    for name in [word for word in parser.given[:1] if word in rows] or rows:
+        about, add = rows[name]
+        made = commands.add_parser(name, help=about)
+        made.given = parser.given[1:]
+        add(made)
+
+
+# -- options --------------------------------------------------------------------------------------------
+
+
+def add_format(parser: CommandParser, *names: str, is_text_default: bool = False) -> None:
+    default = None if is_text_default else names[0]
+    parser.add_argument("--format", choices=names, default=default, help=f"default: {default or 'text'}")
+
+
+def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> None:
+    parser.add_argument("--kernel", choices=KERNELS, default=default, help=f"{of}default: {default}")
+
+
+def add_project(parser: CommandParser, help: str | None = None) -> None:
+    """Add the project: the first word, or with a text an option."""
+    parser.add_argument(
+        "--project" if help else "project", metavar="PROJECT.toml", type=given_path, help=help
+    )
+
+
+def add_plc(parser: CommandParser, default: str = "guessed") -> None:
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help=f"the PLC end; default: {default}")
+
+
+def add_set(parser: CommandParser, help: str) -> None:
+    parser.add_argument("--set", metavar="PATH=VALUE", action="append", default=[], help=help)
+
+
+def add_theme(parser: CommandParser, default: str | None = argparse.SUPPRESS) -> None:
+    about = "dark, light, ansi or a theme of Textual such as nord; default: dark; "
+    about += "ansi where the terminal has 16 colours or fewer"
+    parser.add_argument("--theme", choices=LOOKS, metavar="NAME", default=default, help=about)
+
+
+def add_netns(parser: CommandParser) -> None:
+    parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
+
+
+def add_no_secrets(parser: CommandParser) -> None:
+    parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+
+
+def add_record(parser: CommandParser, places: str) -> None:
+    parser.add_argument("--record", metavar=places, help="keep the run: pcapng, also for Wireshark")
+    parser.add_argument("--overwrite", action="store_true", help="where a recording stands already")
+    add_no_secrets(parser)
+
+
+def record_to(args: Args) -> RecordTo | None:
+    """Return what `--record` asks for; None: nothing."""
+    if args.record is None:
+        return None
+    from trcvtui.recording.files import RecordTo
+
+    return RecordTo(Path(args.record), args.overwrite, not args.no_secrets, follow=follow())
+
+
+def follow() -> Callable[[FileSink, str], Sink]:
+    from trcvtui.replay.follower import Followed
+
+    return Followed
+
+
+def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
+    from trcvtui.scenario.scenario import load_bench
+
+    return load_bench(path, sets)
+
+
+def given(text: str) -> str:
+    """Return the name of a file as it was given, or of the example that it means."""
+    return str(given_path(text)) if text != "-" else text
+
+
+def dialect_names() -> str:
+    from trcvtui.dialects import DIALECTS
+
+    return "dialects: " + ", ".join(f"{dialect.name} ({dialect.title})" for dialect in DIALECTS.values())
+
+
+# -- stdout ---------------------------------------------------------------------------------------------
+
+
+def print_text(text: str) -> int:
+    sys.stdout.write(text + "\n")
+    return GOOD
+
+
+def print_lines(lines: Iterable[str]) -> int:
+    return print_text("\n".join(lines))

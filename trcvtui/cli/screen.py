@@ -1,0 +1,82 @@
+"""The screen, beside the process whose pictures it shows.
+
+Rule: the screen library is imported after that process has been started, which reads the project meanwhile.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench
+from trcvtui.errors import mistake
+
+if TYPE_CHECKING:
+    from trcvtui.engine.driver import EngineDriver
+    from trcvtui.recording.files import RecordTo
+
+
+def has_terminal() -> bool:
+    return os.isatty(0) and os.isatty(1)
+
+
+def open_screen(
+    path: Path,
+    kernel: str,
+    netns: bool = False,
+    theme: str | None = None,
+    read_only: bool = False,
+    record: RecordTo | None = None,
+) -> int:
+    if netns:
+        from trcvtui.bench.bench import enter_own_network
+
+        enter_own_network(kernel)  # found out here, where there is no screen yet
+    if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
+        load_bench(path)
+        raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
+    if not read_only and not _is_there(path):
+        return WRONG_INPUT
+    from trcvtui.engine.driver import start_engine
+
+    return show(lambda: start_engine(path, kernel, netns, read_only, record), theme, read_only)
+
+
+def show(
+    start: Callable[[], EngineDriver],
+    theme: str | None = None,
+    read_only: bool = False,
+    is_replay: bool = False,
+) -> int:
+    from trcvtui.engine.driver import EngineStopped
+
+    gc.disable()  # until the first frame stands: what is imported on the way to it stays
+    driver = start()  # at once: it reads the project while the screen is imported
+    try:
+        # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
+        os.environ.setdefault("TEXTUAL_FPS", "200")
+        from trcvtui.tui.app import run_app
+
+        return run_app(driver, driver.project(), theme, read_only, is_replay)
+    except EngineStopped as stopped:  # before there was a screen that could show it
+        sys.stderr.write(f"{str(stopped).rstrip()}\n")
+        return FAILED
+    finally:
+        driver.close()
+
+
+def _is_there(path: Path) -> bool:
+    if "TEXTUAL_DRIVER" in os.environ:
+        return True  # in a browser nobody can be asked
+    try:
+        if path.stat().st_size:
+            return True
+    except OSError:
+        pass
+    from trcvtui.engine.project_edits import is_wanting, offer_in_the_terminal
+
+    return offer_in_the_terminal(path) if is_wanting(path) else True

@@ -1,0 +1,172 @@
+"""Commands of `trcvtui udt`: a type, its layout, its bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from trcvtui.cli.options import (
+    FAILED,
+    GOOD,
+    Args,
+    CommandParser,
+    add_commands,
+    add_format,
+    given,
+    print_lines,
+    print_text,
+)
+
+BYTES = "HEX|@FILE|-"
+
+
+def add_udt(parser: CommandParser) -> None:
+    add_commands(parser, COMMANDS, required=True)
+
+
+def _add_type(
+    parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
+) -> None:
+    parser.set_defaults(command=command)
+    parser.last_words = _last_words
+    parser.add_argument("file", metavar="FILE", type=given, help="the file that declares the type")
+    one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
+    layout = "default: baosky, of a Siemens source s7-standard"
+    if twice:
+        layout += "; twice: ours, then theirs; so with --type and each option down to --string-even"
+    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
+    parser.add_argument("--layout", metavar="NAME", help=layout, **one)
+    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
+    parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
+    parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
+    about = "whether a STRING of odd size takes one byte more"
+    parser.add_argument("--string-even", metavar="yes|no", help=about, **one)
+    many: dict[str, Any] = {"action": "append", "default": []}
+    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
+    about = "a file of types and constants that FILE uses; repeatable"
+    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
+    if formats:
+        add_format(parser, *formats)
+
+
+def _last_words() -> str:
+    from trcvtui.udt.layout.rules import layout_names
+    from trcvtui.udt.sources import formats_text
+
+    return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
+
+
+def _add_show(parser: CommandParser) -> None:
+    _add_type(parser, _show, ("text", "json"))
+
+
+def _show(args: Args) -> int:
+    from trcvtui.udt import command
+
+    return print_lines(command.show(args))
+
+
+def _add_decode(parser: CommandParser) -> None:
+    _add_type(parser, _decode, ("text", "json", "md", "csv"))
+    parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
+
+
+def _decode(args: Args) -> int:
+    from trcvtui.udt import command
+
+    return print_lines(command.decode(args))
+
+
+def _add_encode(parser: CommandParser) -> None:
+    from trcvtui.udt.byte_text import BYTE_FORMS
+
+    _add_type(parser, _encode, tuple(BYTE_FORMS))
+    about = "an object of path: value"
+    parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
+
+
+def _encode(args: Args) -> int:
+    from trcvtui.udt import command
+
+    return print_text(command.encode(args))
+
+
+def _add_export(parser: CommandParser) -> None:
+    from trcvtui.udt.exports import LANGUAGES
+
+    _add_type(parser, _export)
+    about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
+    parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
+    parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
+    parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
+
+
+def _export(args: Args) -> int:
+    from trcvtui.udt import command
+
+    text = command.export(args)
+    return print_text(text) if text else GOOD
+
+
+def _add_compare(parser: CommandParser) -> None:
+    _add_type(parser, _compare, ("text", "json"), twice=True)
+    more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
+    more.required = False  # with "*" argparse takes none, as soon as an option stands before them
+
+
+def _compare(args: Args) -> int:
+    from trcvtui.udt import command
+
+    lines, is_equal = command.compare(args)
+    print_lines(lines)
+    return GOOD if is_equal else FAILED
+
+
+def _add_fit(parser: CommandParser) -> None:
+    _add_type(parser, _fit, ("text", "json"))
+    parser.description = (
+        "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
+        "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
+        "best, 1 where that is not sure. The layout options say what our own side uses: it is named first "
+        "where several mean the same."
+    )
+    about = "one message, or several of one size in a row; in a file an empty line stands between messages"
+    parser.add_argument("hex", metavar=BYTES, nargs="+", help=about)
+
+
+def _fit(args: Args) -> int:
+    from trcvtui.udt import command
+
+    text, is_sure = command.fit(args)
+    print_text(text)
+    return GOOD if is_sure else FAILED
+
+
+def _add_cure(parser: CommandParser) -> None:
+    _add_type(parser, _cure, twice=True)
+    parser.description = (
+        "Prints the type for our side that lies as theirs does, and swap code for the sender where the byte "
+        "orders differ. A layout option given once is theirs, given twice ours and theirs."
+    )
+    forms = ("scl", "st", "padded")
+    about = "all of it in SCL or ST; padded: the type with its gaps as members alone, as our side writes it"
+    parser.add_argument("--as", dest="form", choices=forms, required=True, help=about)
+
+
+def _cure(args: Args) -> int:
+    from trcvtui.tui.lab.lab_fix import cure_source
+    from trcvtui.udt import command
+
+    ours, theirs = command.two_sides_of_a_cure(args)
+    return print_text(cure_source(ours, theirs, args.form).rstrip("\n"))
+
+
+COMMANDS = {
+    "show": ("members with offset, size, type; padding", _add_show),
+    "decode": ("bytes to values, as far as they go", _add_decode),
+    "encode": ("values to bytes, as hex on stdout", _add_encode),
+    "export": ("the type for Wireshark", _add_export),
+    "compare": ("two layouts side by side; exit 1 where they differ", _add_compare),
+    "fit": ("which layout, byte order or other cause fits the bytes; exit 1: not sure", _add_fit),
+    "cure": ("the type or the swap code that cures a mismatch", _add_cure),
+}

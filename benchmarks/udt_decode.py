@@ -39,7 +39,7 @@ CHILD: Final = """import resource, subprocess, sys
 subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, check=True)
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)"""
-SMALL, LARGE = 100, 100_000  # elements of the arrays that a page is read from
+SMALL, LARGE = 100, 16_000  # elements of the arrays that a page is read from
 
 
 def measure(effort: Effort) -> Iterator[Figure]:

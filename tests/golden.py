@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+
+from trcvtui.errors import Problem, UserError
 
 FOLDER = Path(__file__).with_name("golden")
 SECTION = re.compile(r"^== (.*) ==\n\n", re.MULTILINE)
@@ -34,6 +36,31 @@ def agree(name: str, section: str, said: Iterable[tuple[str, Iterable[str]]]) ->
         )
     else:
         assert f"{written}\n" == sections.get(section), f"run `UPDATE_GOLDEN=1 pytest -n 0`, and read {path}"
+
+
+def mistakes(section: str, read: Callable[[str], object]) -> None:
+    """Let each case of a section of `file_mistakes` be read: its first problem is of the kind before it.
+
+    `read` raises UserError or returns a tuple of problems; `\\n` in a case is the end of a line.
+    """
+    said: list[tuple[str, list[str]]] = []
+    wrong: list[tuple[str, str]] = []
+    for kind, case in cases("file_mistakes", section):
+        try:
+            found = read(case.replace("\\n", "\n").replace("\\r", "\r").replace("\\t", "\t"))
+            problems: tuple[Problem, ...] = found if isinstance(found, tuple) else ()
+        except UserError as refused:
+            problems = refused.problems
+        said.append((f"{kind}: {case}", [str(problem) for problem in problems]))
+        if not problems or problems[0].kind != kind:
+            wrong.append((case, problems[0].kind if problems else "no mistake"))
+    assert wrong == []
+    agree("file_mistakes", section, said)
+
+
+def answers(section: str, read: Callable[[str], Iterable[str]], name: str = "file_mistakes") -> None:
+    """Let each case of a section be answered; the lines are those of the list."""
+    agree(name, section, [(f"{kind}: {case}", read(case)) for kind, case in cases(name, section)])
 
 
 def _sections(name: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""`[[connect]]` of a dialect with connection descriptions: fields, bytes, the bench's own keys, mistakes."""
+"""`[[connect]]` of a dialect with connection descriptions: fields, bytes, mistakes, view, what is saved."""
 
 from __future__ import annotations
 
@@ -10,13 +10,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests import golden
+from tests.scenario.scenarios import CONFIGS
+from trcvtui.commands.table import parse_line
+from trcvtui.commands.words import Add
+from trcvtui.engine.project_edits import save_project
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
+from trcvtui.project.connect_view import DescriptionView, description_view, initial_values
 from trcvtui.project.descriptions import db_bytes, either_way, parse_selector
-from trcvtui.project.file import read_project
+from trcvtui.project.edit import adding
+from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.project.project import PeerDecl
 
@@ -39,10 +46,8 @@ def flaw_of(config: ConnectConfig) -> Flaw | None:
     return config.flaw.flaw if config.flaw else None
 
 
-def problems(*tables: str) -> list[str]:
-    with pytest.raises(UserError) as refused:
-        read(*tables)
-    return [str(problem) for problem in refused.value.problems]
+def read_one(table: str) -> None:
+    read(table)
 
 
 def test_fields_become_the_bytes_of_the_example() -> None:
@@ -194,23 +199,6 @@ def test_a_tsap_is_written_in_hex_or_as_text(text: str, tsap: bytes | None) -> N
     assert parse_selector(text) == tsap
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("E002", '"16#E002" (the bytes E0 02) or "text:E002" (the text)'),
-        ("E0 02", '"16#E002" (the bytes E0 02) or "text:E0 02" (the text)'),
-        ("AB", '"16#AB" (the bytes AB) or "text:AB" (the text)'),
-        ("E0.02.01", '"16#E00201" (the bytes E0 02 01) or "text:E0.02.01" (the text)'),
-        ("7", '"16#07" (the bytes 07) or "text:7" (the text)'),
-        ("16#XY", 'a TSAP of at most 32 bytes such as "16#E002", "E0.02" or "TCP-1"'),
-    ],
-)
-def test_a_tsap_that_could_be_hex_or_text_is_refused_with_both(text: str, wanted: str) -> None:
-    with pytest.raises(UserError) as refused:
-        read(f'type = "TCON_IP_RFC"\nLocalTSelector = "{text}"\nIsoPort = 0')
-    assert f"expected {wanted}" in str(refused.value)
-
-
 @given(st.binary(min_size=1, max_size=32))
 def test_a_tsap_of_any_bytes_is_written_so_that_it_reads_back_the_same(tsap: bytes) -> None:
     written = dict(keys_of(PeerDecl("P1", True, "@C1", session=IsoSettings(tsap, tsap, 8192))))
@@ -249,30 +237,8 @@ def test_the_ends_of_a_secure_description_are_those_of_the_plain_one() -> None:
 # -- mistakes ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ('type = "TCON_IP_V5"', "connect C1: type: found 'TCON_IP_V5'"),
-        ("ID = 70000", "connect C1: ID: found 70000, expected a whole number from 0 to 65535"),
-        ('RemoteAddress = "300.1.1.1"', "connect C1: RemoteAddress: found '300.1.1.1'"),
-        ('bytes = "00 zz"', "connect C1: bytes: found '00 zz'"),
-        (f'bytes = "{EXAMPLE}"\nLocalPort = 2000', "connect C1: LocalPort: found an unknown key"),
-        (f'bytes = "{EXAMPLE}"\nRemotePort = 2001', "connect C1: RemotePort: found 2001, expected @NAME"),
-        ('LocalTSelector = "16#E002"', "connect C1: LocalTSelector: found an unknown key"),
-        ("IsoPort = 0", "connect C1: IsoPort: found 0, expected nothing: only ISO-on-TCP has it"),
-        (
-            'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"\nIsoPort = "@P1"',
-            "connect C1: IsoPort: found '@P1', expected a port: a passive end listens on its own",
-        ),
-        ('type = "TCON_IP_RFC"\nIsoPort = "@P9"', "connect C1: IsoPort: found 'P9'"),
-        ("ActiveEstablished = true\nListenPort = 0", "connect C1: ListenPort: found 0"),
-        ('DnsAnswer = "10.0.0.1"', "connect C1: DnsAnswer: found '10.0.0.1'"),
-        ('type = "TCON_QDN"\nRemoteQDN = "pläc."', "connect C1: RemoteQDN: found 'pläc.'"),
-    ],
-)
-def test_a_mistake_names_its_place(table: str, words: str) -> None:
-    found = problems(table)
-    assert any(words in problem for problem in found), found
+def test_a_mistake_names_its_place() -> None:
+    golden.mistakes("connection descriptions", read_one)
 
 
 def test_other_dialects_keep_their_tcp_connectconfig() -> None:
@@ -313,3 +279,131 @@ def test_a_copy_of_a_db_that_was_cut_off_in_a_byte_is_refused(cut: str) -> None:
 
 def test_a_dump_with_marks_and_commas_is_read() -> None:
     assert db_bytes("16#00, 16#40,0x00 01") == b"\x00\x40\x00\x01"
+
+
+HEAD = 'dialect = "s7-1500"\n'
+NAMED = 'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "a.b."\nRemotePort = 2000'
+WRITTEN = {
+    "plain": "",
+    "tcp": 'type = "TCON_IP_v4"\nLocalPort = 2000\nListenPort = 0',
+    "its own port": 'type = "TCON_IP_v4"\nLocalPort = 2000',
+    "a free port": 'type = "TCON_IP_v4"\nListenPort = 0',
+    "no port": 'type = "TCON_IP_v4"',
+    "active": 'type = "TCON_IP_v4"\nActiveEstablished = true\nRemoteAddress = "10.0.0.7"\nRemotePort = 2000',
+    "peer": 'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"',
+    "udp": 'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\nKeepAliveTimeInterval = 3',
+    "iso": 'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"\nIsoPort = 0',
+    "iso active": (
+        'type = "TCON_IP_RFC"\nActiveEstablished = true\nRemoteAddress = "127.0.0.1"\n'
+        'LocalTSelector = "16#E002"\nRemoteTSelector = "TCP-1"\nIsoPort = "@P1"'
+    ),
+    "param": 'type = "TCON_Param"\nactive_est = false\nlocal_tsap_id = "07 d0"',
+    "name": NAMED + '\nDnsAnswer = "127.0.0.1"',
+    "no server": NAMED + '\nDnsAnswer = "none"',
+    "unknown": NAMED + '\nDnsAnswer = "0.0.0.0"',
+    "asked": NAMED,
+    "unsafe": (
+        'type = "TCON_IP_V4_SEC"\nActivateSecureConn = true\nActiveEstablished = true\n'
+        'RemoteAddress = "127.0.0.1"\nRemotePort = 2000\nverify = "none, this is unsafe"'
+    ),
+    "bytes": 'bytes = "00 40 00 01 0b"',
+    "wrong length": 'type = "TCON_IP_RFC"\nbytes = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"',
+}
+
+
+@pytest.mark.parametrize("what", WRITTEN)
+def test_the_keys_of_a_description_are_read_as_that_connect_again(what: str) -> None:
+    peer = '[[peer]]\nname = "P1"\n'
+    [first] = read_project(
+        tomllib.loads(f'{HEAD}{peer}[[connect]]\nname = "C1"\n{WRITTEN[what]}'), "b.toml", Path(".")
+    ).connects
+    document = tomllib.loads(HEAD + peer) | {"connect": [{"name": "C1", **dict(keys_of(first))}]}
+    [again] = read_project(document, "b.toml", Path(".")).connects
+    assert again == first
+
+
+def test_an_added_connect_of_iso_on_tcp_and_its_peer_can_be_saved(tmp_path: Path) -> None:
+    project = load_project(CONFIGS / "s7-receiver.toml")
+    lines = (
+        "add connect C2 type=TCON_IP_RFC LocalTSelector=E0.02 IsoPort=0",
+        "add peer P2 active=false iso=true local_tsap=E0.01 remote_tsap=E0.02 tpdu=256",
+    )
+    added = [command.decl for line in lines if isinstance(command := parse_line(line, project, "w"), Add)]
+    assert len(added) == 2
+    saved = save_project(
+        project.path, tmp_path / "x.toml", tuple(adding(decl, project) for decl in added), "w", {}
+    )
+    assert saved.connect("C2") == added[0]
+    assert saved.peer("P2") == added[1]
+
+
+def view(table: str, dialect: str = "s7-1500") -> DescriptionView | None:
+    text = f'dialect = "{dialect}"\n[[connect]]\nname = "C1"\n{table}\n[[peer]]\nname = "P1"\n'
+    return description_view(read_project(tomllib.loads(text), "b.toml", Path()).connects[0])
+
+
+def remarks(seen: DescriptionView) -> dict[str, str]:
+    return {row.field: row.remark for row in seen.rows if row.remark}
+
+
+def test_a_connect_without_a_description_has_no_view() -> None:
+    assert view("", dialect="baosky") is None
+
+
+def test_an_active_tcp_description_says_where_it_goes() -> None:
+    seen = view('ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"')
+    assert seen is not None
+    assert (seen.structure, seen.says, seen.flaw) == ("TCON_IP_v4", "TCP, active to 127.0.0.1:@P1", "")
+    assert remarks(seen) == {
+        "InterfaceId": "on the bench: 127.0.0.1",
+        "ConnectionType": "TCP",
+        "RemotePort": "on the bench: @P1",
+    }
+
+
+def test_the_field_that_is_wrong_says_why() -> None:
+    seen = view('type = "TCON_IP_RFC"\nLocalTSelector = "16#1002"\nIsoPort = 0')
+    assert seen is not None
+    assert seen.flaw == "two bytes begin with E0, not with 10"
+    assert remarks(seen)["LocalTSelector"] == "! two bytes begin with E0, not with 10"
+    assert remarks(seen)["ActiveEstablished"] == "port: a free one"
+
+
+def test_bytes_of_no_description_are_shown_with_their_flaw() -> None:
+    seen = view('bytes = "00 40 00"')
+    assert seen is not None
+    assert seen.flaw == "3 bytes are no connection description"
+    assert seen.says == "no connection description"
+    assert seen.rows[-1].remark == "! 3 bytes are no connection description"
+    assert b"".join(row.data for row in seen.rows) == b"\x00\x40\x00"
+
+
+def test_a_description_is_written_as_the_initial_values_of_a_db() -> None:
+    text = """
+dialect = "s7-1500"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+RemoteAddress = "10.0.0.9"
+LocalTSelector = "16#E002"
+"""
+    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    assert config.description is not None
+    assert tuple(each.text for each in initial_values(config.description, {})) == (
+        "InterfaceId := 64",
+        "ID := 1",
+        "ConnectionType := 12",
+        "ActiveEstablished := FALSE",
+        "RemoteAddress := (ADDR := [10, 0, 0, 9])",
+        "RemoteTSelector := (TSelLength := 0, TSel := [])",
+        "LocalTSelector := (TSelLength := 2, TSel := [16#E0, 16#02])",
+    )
+
+
+def test_a_free_port_says_so_and_where_it_listens_now() -> None:
+    text = 'dialect = "s7-1500"\n[[connect]]\nname = "C1"\nListenPort = 0\n'
+    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    closed, open_ = description_view(config), description_view(config, "127.0.0.1:40001")
+    assert closed is not None and open_ is not None
+    assert closed.says == "TCP, passive on 127.0.0.1, a free port"
+    assert open_.says == "TCP, passive on 127.0.0.1:40001, a free port"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import golden
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
@@ -237,36 +238,14 @@ def test_of_a_file_in_an_unknown_dialect_the_dialect_alone_is_wrong() -> None:
     assert caught.value.lines() == ["bench.toml: dialect: found 's7-9000', expected s7-1500"]
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (SMALLEST, "s.toml: scenario: found nothing, expected a table [scenario] with steps"),
-        (f"scenario = 3\n{SMALLEST}", "s.toml: scenario: found 3, expected a table [scenario] with steps"),
-        (
-            SMALLEST + "model = 3",
-            "s.toml: scenario: found nothing, expected a table [scenario] with steps\n"
-            "s.toml: connect C1: model: found an unknown key, expected one of name, ActiveEstablished, "
-            "LocalAddress, LocalPort, RemoteAddress, RemotePort, SendDelayOpt, KeepAliveTimeInterval",
-        ),
-        (
-            'project = "x.toml"\nmodel = "T3"\n[scenario]\n',
-            's.toml: model: found an unknown key beside project = "...", expected one of project, scenario',
-        ),
-        ("project = 1\n[scenario]\n", "s.toml: project: found 1, expected a text in quotes"),
-        (
-            'project = "x.toml"\n[scenario]\n',
-            "x.toml: found No such file or directory, expected a TOML file that can be read",
-        ),
-    ],
-)
-def test_a_mistake_in_the_frame_of_a_scenario(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, line: str
-) -> None:
+def test_a_mistake_in_the_frame_of_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("s.toml").write_text(text)
-    with pytest.raises(UserError) as caught:
+
+    def load(text: str) -> None:
+        Path("s.toml").write_text(text)
         load_scenario_document("s.toml")
-    assert caught.value.lines() == line.split("\n")
+
+    golden.mistakes("frames of scenarios", load)
 
 
 def test_a_project_alone_knows_no_scenario_key() -> None:
@@ -278,3 +257,57 @@ def test_a_scenario_file_is_also_a_project(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text('dialect = "baosky"\n[[connect]]\nname = "C1"\n')
     (tmp_path / "play.toml").write_text('project = "bench.toml"\n[scenario]\nsteps = "run 1"\n')
     assert load_project(tmp_path / "play.toml").connects == load_project(tmp_path / "bench.toml").connects
+
+
+DATA = """
+[[data]]
+name = "rx"
+type = "ARRAY[0..7] OF BYTE"
+optimized = true
+"""
+INSTANCE = """
+[[connect]]
+name = "C1"
+
+[[instance]]
+name = "T"
+block = "TRCV_C"
+connect = "C1"
+ADHOC = true
+"""
+
+
+def project(dialect: str, tables: str) -> Project:
+    return read_project(tomllib.loads(f'dialect = "{dialect}"\n{tables}'), "b.toml", Path("."))
+
+
+def mistake(dialect: str, tables: str) -> str:
+    with pytest.raises(UserError) as raised:
+        project(dialect, tables)
+    [line] = raised.value.lines()
+    return line
+
+
+def test_data_may_be_symbolic() -> None:
+    [data] = project("s7-1500", DATA).data
+    assert data.optimized
+    [plain] = project("s7-1500", DATA.replace("optimized = true", "")).data
+    assert not plain.optimized
+
+
+def test_to_other_vendors_symbolic_means_nothing() -> None:
+    assert mistake("baosky", DATA) == (
+        "b.toml: data rx: optimized: found an unknown key, expected one of name, type, "
+        "layout, byte_order, text, pointer_size, string_even"
+    )
+
+
+def test_instructions_before_3_have_no_adhoc_pin() -> None:
+    assert mistake("s7-1200-legacy", INSTANCE) == (
+        "b.toml: instance T: ADHOC: found a pin, "
+        "expected another: blocks of s7-1200-legacy have none of that name"
+    )
+    newer = project("s7-1500", INSTANCE)
+    assert "ADHOC" in [pin.name for pin in newer.pins("TRCV_C")]
+    older = project("s7-1200-legacy", INSTANCE.replace("ADHOC = true", ""))
+    assert "ADHOC" not in [pin.name for pin in older.pins("TRCV_C")]

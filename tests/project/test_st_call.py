@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import golden
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.cli.main import main
 from trcvtui.dialects import DIALECTS
@@ -64,21 +65,11 @@ def instance(name: str, block: str, *lines: str) -> str:
 
 
 def test_a_call_binds_every_pin_in_the_order_of_the_manual(tmp_path: Path) -> None:
-    bench = project(tmp_path, instance("TSEND_C_1", "TSEND_C", "CONT = true"))
-    assert st_call(bench, "TSEND_C_1").splitlines() == [
-        "TSEND_C_1(",
-        "    REQ:=FALSE,",
-        "    CONT:=TRUE,",
-        "    LEN:=0,",
-        "    CONNECT:=C1,",
-        "    DATA:=tx,",
-        "    COM_RST:=TSEND_C_1_COM_RST,",
-        "    DONE=>TSEND_C_1_DONE,",
-        "    BUSY=>TSEND_C_1_BUSY,",
-        "    ERROR=>TSEND_C_1_ERROR,",
-        "    STATUS=>TSEND_C_1_STATUS",
-        ");",
-    ]
+    def call(case: str) -> list[str]:
+        block, _, line = case.partition(" ")
+        return st_call(project(tmp_path, instance("X", block, line)), "X").splitlines()
+
+    golden.answers("calls", call, "st_calls")
 
 
 def test_the_present_inputs_stand_as_literals(tmp_path: Path) -> None:
@@ -131,36 +122,14 @@ def test_an_open_data_pin_is_left_out_and_said(tmp_path: Path) -> None:
 
 
 def test_the_variables_stand_above_the_calls_and_a_shared_one_once(tmp_path: Path) -> None:
+    def variables(case: str) -> list[str]:
+        names = [f"I{n}" for n, _ in enumerate(case.split())]
+        return st_variables(project(tmp_path, *map(instance, names, case.split())), names).splitlines()
+
+    golden.answers("variables", variables, "st_calls")
     bench = project(tmp_path, instance("S", "TSEND_C"), instance("D", "TDISCON"))
-    text = st_text(bench, ["S", "D"], {"D": {"REQ": True}})
-    comment, first, second = text.split("\n\n")
-    assert comment == "\n".join(
-        [
-            "(* VAR",
-            "    S : TSEND_C;",
-            "    C1 : TCP_CONNECTCONFIG := (",
-            "        ActiveEstablished := TRUE,",
-            "        RemoteAddress := [10, 0, 0, 7],",
-            "        RemotePort := 2001,",
-            "        LocalAddress := [127, 0, 0, 1],",
-            "        LocalPort := 0,",
-            "        SendDelayOpt := TRUE,",
-            "        KeepAliveTimeInterval := 3",
-            "    );",
-            "    tx : ARRAY[0..7] OF BYTE;",
-            "    S_COM_RST : BOOL;",
-            "    S_DONE : BOOL;",
-            "    S_BUSY : BOOL;",
-            "    S_ERROR : BOOL;",
-            "    S_STATUS : WORD;",
-            "    D : TDISCON;",
-            "    D_DONE : BOOL;",
-            "    D_BUSY : BOOL;",
-            "    D_ERROR : BOOL;",
-            "    D_STATUS : WORD;",
-            "END_VAR *)",
-        ]
-    )
+    comment, first, second = st_text(bench, ["S", "D"], {"D": {"REQ": True}}).split("\n\n")
+    assert comment == st_variables(bench, ["S", "D"])
     assert (first, second) == (st_call(bench, "S"), st_call(bench, "D", {"REQ": True}))
     assert "REQ:=TRUE" in second
 
@@ -177,21 +146,6 @@ def test_every_variable_of_a_call_is_declared(tmp_path: Path) -> None:
         if word not in ("TRUE", "FALSE")
     }
     assert used <= declared
-
-
-def test_a_udp_block_is_given_its_two_records(tmp_path: Path) -> None:
-    bench = project(tmp_path, instance("S", "USEND_C"))
-    assert st_variables(bench, ["S"]).splitlines()[1:10] == [
-        "    S : USEND_C;",
-        "    U1 : UDP_CONFIG := (",
-        "        LocalAddress := [10, 0, 0, 1],",
-        "        LocalPort := 2005",
-        "    );",
-        "    A1 : ADDR_PARAM := (",
-        "        RemoteAddress := [10, 0, 0, 7],",
-        "        RemotePort := 2006",
-        "    );",
-    ]
 
 
 def test_a_remote_port_that_names_a_peer_is_left_out(tmp_path: Path) -> None:

@@ -36,21 +36,7 @@ from trcvtui.udt.types import (
 
 CAUSES = ("none", "header", "trailer", "word-swap", "byte-swap", "short", "long")
 FILLS = ("round", "round-16", "zeros", "constant", "ones", "text", "random-numbers", "small", "negative")
-USUAL = (
-    "REAL",
-    "REAL",
-    "REAL",
-    "LREAL",
-    "INT",
-    "INT",
-    "UINT",
-    "DINT",
-    "DINT",
-    "UDINT",
-    "BOOL",
-    "BOOL",
-    "BYTE",
-)
+USUAL = ("REAL",) * 3 + ("LREAL", "INT", "INT", "UINT", "DINT", "DINT", "UDINT", "BOOL", "BOOL", "BYTE")
 RARE = ("WORD", "DWORD", "USINT", "SINT", "TIME", "DT", "DATE", "TOD", "LINT", "ULINT", "LTIME", "CHAR")
 
 

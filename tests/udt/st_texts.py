@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
+from trcvtui.errors import Problem
+from trcvtui.udt.ast import Declarations, Formula, MemberSpec, Reference
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import (
-    ELEMENTARY,
-    Struct,
-    Type,
-    Union,
-    type_text,
-)
+from trcvtui.udt.types import ELEMENTARY, Struct, Type, Union, type_text
 
 INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
 
@@ -42,3 +38,28 @@ def member(text: str) -> Type:
 
 def lines(text: str) -> list[str]:
     return [str(problem) for problem in types_of(text, "f.st").problems]
+
+
+def bare(read: Declarations) -> tuple[tuple[str, object], ...]:
+    """Return types and their specifications without the places where they stand."""
+    return tuple((type_.name, _bare(type_.spec)) for type_ in read.types)
+
+
+def _bare(value: object) -> object:
+    match value:
+        case Reference(name, _):
+            return name.upper().removeprefix("_.")
+        case Formula(text, _):
+            return text.replace(" ", "")
+        case MemberSpec(name, spec, _):
+            return name, _bare(spec)
+        case tuple() if hasattr(value, "_fields"):
+            return (type(value).__name__, *(_bare(part) for part in value))
+        case tuple():
+            return tuple(_bare(part) for part in value)
+    return value
+
+
+def problems_of(read: Declarations) -> tuple[Problem, ...]:
+    """Return what is wrong in the types, and beside them."""
+    return (*(problem for type_ in read.types for problem in type_.problems), *read.problems)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.udt.answers import compare_json, compare_text
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare.compare import ComparedRow, Comparison
+from trcvtui.udt.compare.compare import ComparedRow, Comparison, compare_json, compare_text, is_equal
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for, shape
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
@@ -97,7 +98,7 @@ def test_layouts_that_differ_only_in_how_a_member_is_stored_are_not_equal(
     assert [(row.path, row.differs) for row in both.rows(b"") if row.differs] == [
         (path, ("form",)) for path in said
     ]
-    assert compare_text(both, b"")[1] is compare_json(both, b"")[1] is (not said)
+    assert is_equal(both, both.rows(b"")) is (not said)
 
 
 @pytest.mark.slow
@@ -107,8 +108,8 @@ def test_layouts_are_equal_exactly_when_profiles_call_them_one(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules
 ) -> None:
     a, b = lay_out(type_, ours), lay_out(type_, theirs)
-    _, equal = compare_json(Comparison(a, b), b"")
-    if equal:
+    both = Comparison(a, b)
+    if is_equal(both, both.rows(b"")):
         assert shape(a) == shape(b)
     elif a.rules.byte_order == b.rules.byte_order:
         assert shape(a) != shape(b)
@@ -118,11 +119,14 @@ def test_layouts_are_equal_exactly_when_profiles_call_them_one(
 def test_text_json_and_exit_code_agree_however_far_the_first_difference_is() -> None:
     members = "a : ARRAY[1..70000] OF BYTE; t : TIME;"
     both = Comparison(layout_of(members), layout_of(members, "codesys-4"))
-    text, equal = compare_text(both, b"")
-    assert not equal
-    assert text.splitlines()[-1].endswith("; 1 of 70001 members differs, the first at byte 70000")
-    answer, equal = compare_json(both, b"")
-    assert answer["equal"] is equal is False
+    rows = list(both.rows(b""))
+    assert not is_equal(both, rows)
+    assert (
+        compare_text(both, rows, b"")
+        .splitlines()[-1]
+        .endswith("; 1 of 70001 members differs, the first at byte 70000")
+    )
+    assert json.loads(compare_json(both, rows, b""))["equal"] is False
 
 
 @settings(max_examples=60, deadline=None)

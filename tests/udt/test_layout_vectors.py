@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from tests.udt.answers import show_json, show_text
+from tests.udt.answers import show_json
+from tests.udt.udt_strategies import places_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
+from trcvtui.udt.report import show_text
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -172,26 +174,11 @@ def test_s8_without_string_even_goes_on_directly_after_the_string() -> None:
     assert f"{layout.size}: {' '.join(places(layout))}" == "10: 0 7 8"
 
 
-WORKED = Struct(
-    "Worked",
-    (
-        Member("bReady", T["BOOL"]),
-        Member("bFault", T["BOOL"]),
-        Member("byMode", T["BYTE"]),
-        Member("bAck", T["BOOL"]),
-        Member("iCount", T["INT"]),
-        Member("rTemp", T["REAL"]),
-        Member("sName", StringType(5)),
-        Member("byTail", T["BYTE"]),
-        Member("aFlags", array("BOOL", (0, 9))),
-        Member("aRaw", array("BYTE", (0, 2))),
-        Member("usi", T["USINT"]),
-        Member("stIn", Struct("", (Member("x", T["BOOL"]), Member("y", T["DINT"])))),
-        Member("dtl", T["DTL"]),
-        Member("lr", T["LREAL"]),
-        Member("bEnd", T["BOOL"]),
-    ),
-)
+WORKED = types_of("""TYPE Worked : STRUCT
+    bReady : BOOL; bFault : BOOL; byMode : BYTE; bAck : BOOL; iCount : INT; rTemp : REAL; sName : STRING[5];
+    byTail : BYTE; aFlags : ARRAY[0..9] OF BOOL; aRaw : ARRAY[0..2] OF BYTE; usi : USINT;
+    stIn : STRUCT x : BOOL; y : DINT; END_STRUCT; dtl : DTL; lr : LREAL; bEnd : BOOL;
+END_STRUCT END_TYPE""").named("Worked")
 
 
 def test_the_worked_example_of_the_siemens_page() -> None:
@@ -262,15 +249,7 @@ def test_what_a_type_extends_comes_first_without_a_name_in_front() -> None:
     middle = Struct("Middle", (Member("a", T["BYTE"]),), base)
     type_ = Struct("Top", (Member("b", T["INT"]), Member("in", middle)), middle)
     layout = lay_out(type_, rules_for("codesys-8"))
-    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
-        ("id", 0),
-        ("kind", 4),
-        ("a", 8),
-        ("b", 12),
-        ("in.id", 16),
-        ("in.kind", 20),
-        ("in.a", 24),
-    ]
+    assert places_of(layout) == ("id@0 kind@4 a@8 b@12 in.id@16 in.kind@20 in.a@24")
     assert layout.number_of("Kind") == 1
     assert layout.number_of("in.KIND") == 5
     with pytest.raises(UserError, match="expected a member"):
@@ -278,32 +257,13 @@ def test_what_a_type_extends_comes_first_without_a_name_in_front() -> None:
 
 
 def test_members_of_a_union_share_their_bytes() -> None:
-    pair = Struct("", (Member("a", T["BYTE"]), Member("b", T["DINT"])))
-    type_ = Struct(
-        "S",
-        (
-            Member("n", T["INT"]),
-            Member(
-                "u",
-                Union(
-                    "U",
-                    (Member("real", T["REAL"]), Member("pair", pair), Member("raw", array("WORD", (0, 1)))),
-                ),
-            ),
-            Member("end", T["BYTE"]),
-        ),
-    )
+    types = types_of("""TYPE U : UNION
+        real : REAL; pair : STRUCT a : BYTE; b : DINT; END_STRUCT; raw : ARRAY[0..1] OF WORD; END_UNION;
+        S : STRUCT n : INT; u : U; end : BYTE; END_STRUCT; END_TYPE""")
+    type_ = types.named("S")
     layout = lay_out(type_, rules_for("codesys-8"))
     assert layout.size == 16
-    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
-        ("n", 0),
-        ("u.real", 4),
-        ("u.pair.a", 4),
-        ("u.pair.b", 8),
-        ("u.raw[0]", 4),
-        ("u.raw[1]", 6),
-        ("end", 12),
-    ]
+    assert places_of(layout) == ("n@0 u.real@4 u.pair.a@4 u.pair.b@8 u.raw[0]@4 u.raw[1]@6 end@12")
     assert list(layout.padding()) == [(2, 2), (13, 3)], "the gap in one member is data of another"
     assert [layout.leaf_at(place) for place in (2, 4, 7, 8, 12)] == [None, 1, 1, 3, 6]
     data = bytes.fromhex("0100 EEEE 00509A44 07000000 09 EEEEEE")

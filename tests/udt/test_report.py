@@ -9,13 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.udt.answers import decode_json, decode_text, show_json, show_text
+from tests.udt.answers import decode_json, show_json
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
 from trcvtui.udt import report
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import real_text
-from trcvtui.udt.report import encode_values
+from trcvtui.udt.report import decode_text, encode_values, show_text
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import StringType, Struct
 

@@ -1,4 +1,4 @@
-"""ST text: the grammar row by row, the position in every error, and no text that breaks the reader."""
+"""ST text: the position in every error, no text breaks the reader, drawn declarations come back."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests import golden
+from tests.udt.st_text import Writer, declarations, placeless
+from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.ast import MOST_NESTED
+from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import decode_text, read_file, read_text
+from trcvtui.udt.sources import read_file, read_text
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, StringType, Struct, Subrange, Type, type_text
+from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Subrange, Type, type_text
 
 DATA = Path(__file__).parent / "data"
-SAMPLES = sorted(path for path in DATA.glob("*.st") if path.name != "twincat.st")  # that one has FB instances
 
 
 def members_of(types: TypeSet, name: str) -> dict[str, Type]:
@@ -25,52 +28,20 @@ def members_of(types: TypeSet, name: str) -> dict[str, Type]:
     return {member.name: member.type for member in type_.members}
 
 
-def member(text: str) -> Type:
-    """Return the type of the only member of a STRUCT with this text."""
-    types = types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE")
-    (type_,) = members_of(types, "T").values()
-    return type_
-
-
-def problems(text: str) -> list[str]:
-    return [str(problem) for problem in types_of(text, "f.st").problems]
-
-
 def test_a_whole_file_as_an_engineer_writes_it() -> None:
     types = read_file(DATA / "telegram.st")
     assert types.problems == ()
     assert types.names() == ["Mode", "Speed", "Level", "State", "Telegram", "Point"]
     layout = lay_out(types.named("Telegram"), rules_for())
-    assert [(leaf.path, type_text(leaf.type), leaf.offset) for leaf in layout.leaves()] == [
-        ("id", "DINT", 0),
-        ("a", "LREAL", 4),
-        ("B", "LREAL", 12),
-        ("name", "STRING[20]", 20),
-        ("short", "STRING[5]", 42),
-        ("long", "STRING", 49),
-        ("m[1,-1]", "INT", 132),
-        ("m[1,0]", "INT", 134),
-        ("m[1,1]", "INT", 136),
-        ("m[2,-1]", "INT", 138),
-        ("m[2,0]", "INT", 140),
-        ("m[2,1]", "INT", 142),
-        ("st.x", "BYTE", 144),
-        ("st.mode", "Mode", 146),
-        ("speeds[0][0]", "REAL", 148),
-        ("speeds[0][1]", "REAL", 152),
-        ("speeds[1][0]", "REAL", 156),
-        ("speeds[1][1]", "REAL", 160),
-        ("points[2].x", "REAL", 164),
-        ("points[2].y", "REAL", 168),
-        ("points[2].ok", "BOOL", 172),
-        ("points[3].x", "REAL", 176),
-        ("points[3].y", "REAL", 180),
-        ("points[3].ok", "BOOL", 184),
-        ("t", "TIME", 188),
-        ("at_noon", "TOD", 192),
-        ("level", "INT(0..10)", 196),
-        ("state", "State", 198),
-    ]
+    found = [f"{leaf.path}:{type_text(leaf.type)}@{leaf.offset}" for leaf in layout.leaves()]
+    assert " ".join(found) == (
+        "id:DINT@0 a:LREAL@4 B:LREAL@12 name:STRING[20]@20 short:STRING[5]@42 long:STRING@49 "
+        "m[1,-1]:INT@132 m[1,0]:INT@134 m[1,1]:INT@136 m[2,-1]:INT@138 m[2,0]:INT@140 m[2,1]:INT@142 "
+        "st.x:BYTE@144 st.mode:Mode@146 speeds[0][0]:REAL@148 speeds[0][1]:REAL@152 "
+        "speeds[1][0]:REAL@156 speeds[1][1]:REAL@160 points[2].x:REAL@164 points[2].y:REAL@168 "
+        "points[2].ok:BOOL@172 points[3].x:REAL@176 points[3].y:REAL@180 points[3].ok:BOOL@184 "
+        "t:TIME@188 at_noon:TOD@192 level:INT(0..10)@196 state:State@198"
+    )
     assert layout.size == 200
 
 
@@ -100,31 +71,6 @@ def test_types_of_a_member(text: str, expected: Type) -> None:
 
 
 @pytest.mark.parametrize(
-    "initial",
-    [
-        "5",
-        "-16#FF",
-        "'it$'s ; END_STRUCT'",
-        '"wide; END_TYPE"',
-        "T#1d2h_3m",
-        "TOD#12:30:15.250",
-        "DT#2024-01-31-12:30:15",
-        "(a := 1, b := (c := 2))",
-        "[1, 2, 3(4)]",
-        "1, 2, 3",
-        "Mode#Run",
-        "GVL.limit + F(x)",
-        "REAL#1.5E-3",
-        "5 (* ; *) // ; END_TYPE",
-    ],
-)
-def test_an_initial_value_is_skipped(initial: str) -> None:
-    types = types_of(f"TYPE T : STRUCT a : INT := {initial}\n; b : REAL := {initial}\n; END_STRUCT END_TYPE")
-    assert types.problems == ()
-    assert members_of(types, "T") == {"a": ELEMENTARY["INT"], "b": ELEMENTARY["REAL"]}
-
-
-@pytest.mark.parametrize(
     "gap",
     [
         " ",
@@ -140,6 +86,12 @@ def test_an_initial_value_is_skipped(initial: str) -> None:
         "{don't}",
         "{two\nlines}",
         "\u00a0",
+        "{attribute 'x' := 'y'}",
+        '{attribute addProperty Name "a } b"}',
+        "{attribute 'pytmc' := '\n    pv: A;\n    field: } INVALID ;\n    io: i;\n'}",
+        "{attribute 'text' := 'the valve's state'}",
+        '{\n  S7_Access := "ReadOnly := External";\n  S7_Visibility := "Hidden"\n}',
+        "{attribute wpf [Container(Layout.Tabs)]}",
     ],
 )
 def test_comments_and_pragmas_may_stand_anywhere(gap: str) -> None:
@@ -155,22 +107,6 @@ def test_a_comment_that_nests_by_accident_ends_at_its_first_end() -> None:
     )
     assert types.names() == ["A", "B", "C"]
     assert types.problems == ()
-
-
-@pytest.mark.parametrize(
-    ("text", "base", "values"),
-    [
-        ("(A, B, C)", "INT", [("A", 0), ("B", 1), ("C", 2)]),
-        ("(A := 5, B, C := 2,)", "INT", [("A", 5), ("B", 6), ("C", 2)]),
-        ("(A := 16#10, B := -1) DINT := B", "DINT", [("A", 16), ("B", -1)]),
-        ("UINT (A := UINT#1, B := 2)", "UINT", [("A", 1), ("B", 2)]),
-        ("(A, B := A + (3, 4), C, D := 9)", "INT", [("A", 0), ("B", None), ("C", None), ("D", 9)]),
-    ],
-)
-def test_enumerations(text: str, base: str, values: list[tuple[str, int | None]]) -> None:
-    type_ = types_of(f"TYPE E : {text}; END_TYPE").named("E")
-    assert isinstance(type_, Enumeration)
-    assert (type_.name, type_.base.name, list(type_.values)) == ("E", base, values)
 
 
 def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> None:
@@ -197,61 +133,12 @@ def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
     assert members_of(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": ELEMENTARY["REAL"]}
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("TYPE T STRUCT", "f.st:1:8: found 'STRUCT', expected ':'"),
-        ("TYPE T :\n  STRUCT\n\ta INT;\nEND_STRUCT END_TYPE", "f.st:3:4: found 'INT', expected ':'"),
-        ("TYPE T : STRUCT a : INT b : INT; END_STRUCT END_TYPE", "f.st:1:25: found 'b', expected ';'"),
-        ("TYPE T : STRUCT a : INT := 5 b : INT; END_STRUCT END_TYPE", "f.st:1:32: found ':', expected ';'"),
-        ("TYPE T : STRUCT a : ; END_STRUCT END_TYPE", "f.st:1:21: found ';', expected a type"),
-        ("TYPE T : STRUCT a : INT := ; END_STRUCT END_TYPE", "f.st:1:28: found ';', expected a value"),
-        (
-            "TYPE T : STRUCT 5 : INT; END_STRUCT END_TYPE",
-            "f.st:1:17: found '5', expected a member or 'END_STRUCT'",
-        ),
-        (
-            "TYPE T : STRUCT a, : INT; END_STRUCT END_TYPE",
-            "f.st:1:20: found ':', expected the name of a member",
-        ),
-        (
-            "TYPE T : STRUCT a : INT; END_TYPE",
-            "f.st:1:26: found 'END_TYPE', expected a member or 'END_STRUCT'",
-        ),
-        (
-            "TYPE T : STRUCT a : INT;",
-            "f.st:1:25: found the end of the text, expected a member or 'END_STRUCT'",
-        ),
-        ("TYPE T : INT;", "f.st:1:14: found the end of the text, expected 'END_TYPE'"),
-        ("TYPE : INT; END_TYPE", "f.st:1:6: found ':', expected the name of a type or 'END_TYPE'"),
-        ("TYP T : INT; END_TYPE", "f.st:1:1: found 'TYP', expected 'TYPE'"),
-        ("TYPE T : ARRAY[0..] OF INT; END_TYPE", "f.st:1:19: found ']', expected a whole number"),
-        ("TYPE T : ARRAY[0 9] OF INT; END_TYPE", "f.st:1:18: found '9', expected '..'"),
-        ("TYPE T : ARRAY[9..0] OF INT; END_TYPE", "f.st:1:19: found '0', expected a number from 9 upwards"),
-        ("TYPE T : ARRAY[0..1.5] OF INT; END_TYPE", "f.st:1:19: found '1.5', expected a whole number"),
-        ("TYPE T : ARRAY[0..9 OF INT; END_TYPE", "f.st:1:21: found 'OF', expected ']'"),
-        ("TYPE T : ARRAY[0..9] INT; END_TYPE", "f.st:1:22: found 'INT', expected 'OF'"),
-        ("TYPE T : STRING[0]; END_TYPE", "f.st:1:17: found '0', expected a length of 1 or more"),
-        ("TYPE T : STRING[5); END_TYPE", "f.st:1:18: found ')', expected ']'"),
-        ("TYPE T : (A, A); END_TYPE", "f.st:1:14: found 'A', expected each name once in an enumeration"),
-        ("TYPE T : (A B); END_TYPE", "f.st:1:13: found 'B', expected ',' or ')'"),
-        ("TYPE T : (A, B) REAL; END_TYPE", "f.st:1:17: found 'REAL', expected an integer type such as INT"),
-        ("TYPE T : INT; § END_TYPE", "f.st:1:15: found '§', expected the name of a type or 'END_TYPE'"),
-        ("TYPE T : INT; (* END_TYPE", "f.st:1:15: found '(*' without an end, expected '*)'"),
-        ("TYPE T : INT; {a END_TYPE", "f.st:1:15: found '{' without an end, expected '}'"),
-        (
-            "TYPE T : STRUCT a : STRING := 'abc;\nEND_STRUCT END_TYPE",
-            "f.st:1:31: found ''' without an end, expected '''",
-        ),
-        ("\r\n\r\n  TYPE T : Foo; END_TYPE", "f.st:3:12: found 'Foo', expected a known type"),
-    ],
-)
-def test_every_error_has_its_place_and_what_was_expected(text: str, line: str) -> None:
-    assert line in problems(text)
+def test_every_error_has_its_place_and_what_was_expected() -> None:
+    golden.mistakes("types in ST", lambda text: types_of(text, "f.st").problems)
 
 
 def test_all_mistakes_of_a_file_are_found_in_reading_order() -> None:
-    assert [line.partition(" ")[0] for line in problems((DATA / "one_bad.st").read_text())] == [
+    assert [line.partition(" ")[0] for line in lines((DATA / "one_bad.st").read_text())] == [
         "f.st:6:7:",
         "f.st:8:9:",
     ]
@@ -295,19 +182,8 @@ def test_a_missing_end_type_hides_nothing() -> None:
 def test_nesting_ends_at_its_limit_with_a_line() -> None:
     deep = f"TYPE T : {'ARRAY[0..0] OF ' * MOST_NESTED}INT; END_TYPE"
     expected = f"expected at most {MOST_NESTED} levels of STRUCT and ARRAY"
-    assert problems(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
-    assert not problems(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
-def test_a_file_cut_at_any_byte_gives_types_or_lines(path: Path) -> None:
-    data = path.read_bytes()
-    for end in range(len(data) + 1):
-        types = types_of(decode_text(data[:end]), "cut.st")
-        assert all("\n" not in str(problem) for problem in types.problems)
-        for name in types.names():
-            lay_out(types.named(name), rules_for())
+    assert lines(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
+    assert not lines(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
 
 
 WORDS = """TYPE END_TYPE STRUCT END_STRUCT UNION END_UNION ARRAY OF STRING INT a b T 5 16#F POINTER TO REF_TO
@@ -371,3 +247,14 @@ def test_no_text_breaks_the_reader(text: str) -> None:
 @pytest.mark.timeout(5)
 def test_a_hostile_text_of_50_kilobytes_ends_soon(text: str) -> None:
     assert types_of(text).names() == []
+
+
+@pytest.mark.slow
+@given(declarations(), st.data())
+def test_what_is_written_as_st_text_comes_back_equal(
+    declared: list[Declaration], data: st.DataObject
+) -> None:
+    text = Writer(data.draw).file(declared)
+    read = read_st(text, "f.st")
+    assert read.problems == ()
+    assert [placeless(found) for found in read.types] == [placeless(known) for known in declared]

@@ -1,41 +1,27 @@
-"""Every row of the grammar table of udt.md section 5, each as a small file of its own: words and types."""
+"""Every row of the grammar table of udt.md section 5, each as a small file of its own."""
 
 from __future__ import annotations
 
 import pytest
 
-from tests.udt.st_texts import good, lines, members
+from tests.udt.st_texts import INT, good, member, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
+from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
     ELEMENTARY,
+    Array,
     Enumeration,
+    Pointer,
+    StringType,
     Struct,
     Union,
+    Unplaced,
+    type_text,
 )
 
 # -- comments, pragmas, attributes -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "pragma",
-    [
-        "{attribute 'x' := 'y'}",
-        '{attribute addProperty Name "a } b"}',
-        "{attribute 'pytmc' := '\n    pv: A;\n    field: } INVALID ;\n    io: i;\n'}",
-        "{attribute 'text' := 'the valve's state'}",
-        "{S7.extern = ReadOnly}",
-        '{\n  S7_Access := "ReadOnly := External";\n  S7_Visibility := "Hidden"\n}',
-        "{ }",
-        "{attribute wpf [Container(Layout.Tabs)]}",
-    ],
-)
-def test_pragmas_stand_before_and_after_everything(pragma: str) -> None:
-    types = good(
-        f"{pragma} TYPE {pragma} T {pragma} : {pragma} STRUCT {pragma} a {pragma} : {pragma} INT;"
-        f"{pragma} b : {pragma} BOOL {pragma} ; {pragma} END_STRUCT {pragma} END_TYPE {pragma}"
-    )
-    assert members(types, "T") == {"a": "INT", "b": "BOOL"}
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2, 4, 8])
@@ -62,11 +48,6 @@ def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
     assert (a.pack, b.pack) == (None, 2)
 
 
-def test_a_pack_mode_that_no_compiler_takes_is_told() -> None:
-    text = "{attribute 'pack_mode' := '3'} TYPE A : STRUCT x : INT; END_STRUCT END_TYPE"
-    assert lines(text) == ["f.st:1:41: found 'STRUCT', expected pack_mode 0, 1, 2, 4 or 8 instead of '3'"]
-
-
 # -- initial values --------------------------------------------------------------------------------------
 
 
@@ -87,6 +68,15 @@ def test_a_pack_mode_that_no_compiler_takes_is_told() -> None:
         "NOT (a AND b) <> 5 >= 3",
         "'$'; $00'",
         '"MyConst"',
+        "5",
+        "-16#FF",
+        "'it$'s ; END_STRUCT'",
+        '"wide; END_TYPE"',
+        "TOD#12:30:15.250",
+        "(a := 1, b := (c := 2))",
+        "1, 2, 3",
+        "Mode#Run",
+        "5 (* ; *) // ; END_TYPE\n",
         "`x`",
     ],
 )
@@ -118,6 +108,9 @@ def test_the_last_member_and_the_last_type_may_lack_their_semicolon() -> None:
          [("A", 4), ("B", 5), ("C", 6), ("D", 8), ("F", 6)]),
         ("(A := Nope, B, C := 3, D)", "INT", False, [("A", None), ("B", None), ("C", 3), ("D", 4)]),
         ("Word (A := 1)", "WORD", True, [("A", 1)]),
+        ("(A := 5, B, C := 2,)", "INT", False, [("A", 5), ("B", 6), ("C", 2)]),
+        ("(A := 16#10, B := -1) DINT := B", "DINT", True, [("A", 16), ("B", -1)]),
+        ("(A, B := A + (3, 4), C, D := 9)", "INT", False, [("A", 0), ("B", None), ("C", None), ("D", 9)]),
     ],
 )  # fmt: skip
 def test_enumerations(text: str, base: str, is_named: bool, values: list[tuple[str, int | None]]) -> None:
@@ -168,45 +161,152 @@ def test_an_access_word_may_stand_before_a_name_and_be_one(word: str) -> None:
     assert good(f"TYPE {word} : INT; END_TYPE").names() == [word]
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (
-            "TYPE T EXTENDS Nope : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:16: found 'Nope', expected a known type",
-        ),
-        (
-            "TYPE T EXTENDS T : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:16: found 'T', which extends this, expected a type that does not extend itself",
-        ),
-        (
-            "TYPE A EXTENDS B : STRUCT END_STRUCT B EXTENDS A : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:48: found 'A', which extends this, expected a type that does not extend itself",
-        ),
-        (
-            "TYPE A : INT; T EXTENDS A : STRUCT END_STRUCT END_TYPE",
-            "f.st:1:25: found 'A', expected a STRUCT to extend",
-        ),
-        (
-            "TYPE A : STRUCT END_STRUCT T EXTENDS A : UNION END_UNION END_TYPE",
-            "f.st:1:38: found 'A', expected a UNION to extend",
-        ),
-        (
-            "TYPE T EXTENDS A : INT; END_TYPE",
-            "f.st:1:20: found 'INT', expected STRUCT or UNION after EXTENDS",
-        ),
-        (
-            "TYPE A : STRUCT x : INT; END_STRUCT T EXTENDS A : STRUCT X : INT; END_STRUCT END_TYPE",
-            "f.st:1:58: found member 'X' a second time, expected a name that its base has not",
-        ),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_extended(text: str, line: str) -> None:
-    assert lines(text) == [line]
-
-
 def test_a_long_chain_of_bases_is_refused_and_its_lower_part_kept() -> None:
     chain = "".join(f"T{n} EXTENDS T{n + 1} : STRUCT m{n} : INT; END_STRUCT " for n in range(3000))
     types = types_of(f"TYPE {chain} T3000 : STRUCT END_STRUCT END_TYPE")
     assert len(types.names()) == MOST_NESTED
     assert types.problems
+
+
+# -- arrays, constants, texts, subranges -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ARRAY [ 1 .. 3 , 0 .. 2 ] OF INT", "ARRAY[1..3,0..2] OF INT"),
+        ("ARRAY[0..1]OF\nARRAY[0..1]OF BYTE", "ARRAY[0..1] OF ARRAY[0..1] OF BYTE"),
+        ("ARRAY[-(3)..2*(4-1)] OF INT", "ARRAY[-3..6] OF INT"),
+        ("Array[0..\"MAX\"] of Bool", "ARRAY[0..10] OF BOOL"),
+        ("ARRAY[1..GVL.MAX+1] OF INT", "ARRAY[1..11] OF INT"),
+        ("ARRAY[1..Lib.GVL.MAX / 3] OF INT", "ARRAY[1..3] OF INT"),
+        ("ARRAY[E#A..E.C] OF INT", "ARRAY[2..4] OF INT"),
+        ("ARRAY[0..UINT#16#F] OF INT", "ARRAY[0..15] OF INT"),
+        ("STRING[gvl.max]", "STRING[10]"),
+        ("WSTRING(MAX - 1)", "WSTRING[9]"),
+        ("INT(-MAX..MAX)", "INT(-10..10)"),
+        ("Small(1..2)", "SINT(1..2)"),
+        ("REAL(0.0..1.5)", "REAL"),
+    ],
+)  # fmt: skip
+def test_bounds_and_lengths_are_worked_out(text: str, expected: str) -> None:
+    constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
+    types = good(f"{constants} TYPE E : (A := 2, B, C); Small : SINT(0..5); T : {text}; END_TYPE")
+    assert type_text(types.named("T")) == expected
+
+
+def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_ones_are_kept() -> None:
+    types = types_of(
+        "TYPE A : STRUCT x : ARRAY[1..GVL.N] OF Foo; y : STRING[gvl.n + M]; z : FOO; END_STRUCT\n"
+        "B : ARRAY[0..M] OF INT; C : A; D : INT; END_TYPE",
+        "f.st",
+    )
+    assert [problem.found for problem in types.problems] == ["'GVL.N'", "'Foo'", "'M'"]
+    assert types.unknown_constants == ("GVL.N", "M")
+    assert types.names() == ["D"]
+    later = types_of("TYPE A : ARRAY[0..Z] OF B; B : ARRAY[0..Y] OF INT; C : ARRAY[0..X] OF INT; END_TYPE")
+    assert later.unknown_constants == ("Z", "Y", "X")
+    known = join([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
+    assert type_text(known.named("B")) == "ARRAY[0..2] OF INT"
+
+
+def test_a_huge_bound_costs_nothing() -> None:
+    type_ = good(f"TYPE T : ARRAY[0..{2**63}, 0..{2**63}] OF STRING[{2**40}]; END_TYPE").named("T")
+    assert isinstance(type_, Array)
+    assert type_.count == (2**63 + 1) ** 2
+
+
+# -- names -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Lib.T", "_.T", "Ns.Sub.t", "`T`", '"T"', '_."T"', "x . T"])
+def test_a_qualified_name_is_known_by_its_last_part(name: str) -> None:
+    types = good(f"TYPE T : STRUCT END_STRUCT U : {name}; END_TYPE")
+    assert types.named("U") is types.named("T")
+
+
+def test_quoted_names_may_be_keywords_and_hold_anything() -> None:
+    types = good(
+        'TYPE "My type-1" : STRUCT "Type" : INT; "END_STRUCT" : BOOL; `x y` : "My type-2"; END_STRUCT;'
+        ' "My type-2" : INT; END_TYPE'
+    )
+    assert members(types, "my TYPE-1") == {"Type": "INT", "END_STRUCT": "BOOL", "x y": "INT"}
+
+
+def test_places_and_several_names() -> None:
+    types = good(
+        "TYPE T : STRUCT a AT %I* : INT; b AT%Q*:BOOL; c, d AT %MD48 : BYTE; e {x} AT %IX0.3 : BIT;"
+        " AT : INT; END_STRUCT END_TYPE"
+    )
+    assert members(types, "T") == {"a": "INT", "b": "BOOL", "c": "BYTE", "d": "BYTE", "e": "BIT", "AT": "INT"}
+
+
+def test_names_of_all_letters_and_an_empty_struct() -> None:
+    types = good("TYPE 温度_1 : STRUCT END_STRUCT; Größe : STRUCT ключ : 温度_1; END_STRUCT END_TYPE // ±°C")
+    assert members(types, "温度_1") == {}
+    assert members(types, "Größe") == {"ключ": "温度_1"}
+
+
+# -- structures ------------------------------------------------------------------------------------------
+
+
+def test_structures_and_unions_in_place() -> None:
+    types = good(
+        "TYPE T : STRUCT a : STRUCT b : UNION x : REAL := 1.0; y : ARRAY[0..3] OF BYTE; END_UNION;"
+        " END_STRUCT;"
+        " c : ARRAY[0..1] OF STRUCT d : INT END_STRUCT; e : (P, Q); END_STRUCT; END_TYPE"
+    )
+    assert members(types, "T") == {"a": "STRUCT", "c": "ARRAY[0..1] OF STRUCT", "e": "INT"}
+
+
+@pytest.mark.parametrize("word", ["OVERLAP", "PERSISTENT"])
+def test_a_word_after_struct_is_accepted_and_may_be_a_member(word: str) -> None:
+    types = good(f"TYPE T : STRUCT {word} a : INT; END_STRUCT END_TYPE TYPE U : INT; END_TYPE")
+    assert members(types, "T") == {"a": "INT"}
+    assert list(types.notes) == (["t"] if word == "OVERLAP" else [])
+    assert members(good(f"TYPE T : STRUCT {word} : INT; END_STRUCT END_TYPE"), "T") == {word: "INT"}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("POINTER TO Nowhere", "POINTER TO Nowhere"),
+        ("pointer to array[0..9] of Lib.T", "pointer to array[0..9] of Lib.T"),
+        ("REFERENCE TO INT", "REFERENCE TO INT"),
+        ("REF_TO STRING[20]", "REF_TO STRING[20]"),
+        ("POINTER TO POINTER TO BYTE", "POINTER TO POINTER TO BYTE"),
+    ],
+)
+def test_pointers_keep_their_text_and_their_target_may_be_unknown(text: str, expected: str) -> None:
+    assert member(f"a : {text} := 0;") == Pointer(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("TON := (PT := T#5S)", "TON"),
+        ("TON", "TON"),
+        ("Standard.R_TRIG", "R_TRIG"),
+        ("Lib.Cyl(MAIN._a, b := (1))", "Lib.Cyl"),
+        ("Inspector(THISSTRUCT)", "Inspector"),
+        ("ANY_NUM", "ANY_NUM"),
+        ("Variant", "VARIANT"),
+        ("Pointer", "POINTER"),
+    ],
+)
+def test_what_nobody_can_lay_out_keeps_its_name_and_the_members_around_it(text: str, name: str) -> None:
+    types = good(f"TYPE T : STRUCT x : INT; a : {text}; y : INT; END_STRUCT END_TYPE")
+    type_ = types.named("T")
+    assert isinstance(type_, Struct)
+    unplaced = type_.members[1].type
+    assert isinstance(unplaced, Unplaced)
+    assert unplaced.name == name
+
+
+def test_a_declared_type_wins_over_a_builtin_one() -> None:
+    types = good(
+        "TYPE TON : STRUCT a : INT; END_STRUCT; T : TON; DTL : INT; U : DTL; V : T_MaxString; END_TYPE"
+    )
+    assert types.named("T") is types.named("TON")
+    assert types.named("U") is INT
+    assert types.named("V") == StringType(255)

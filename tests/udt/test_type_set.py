@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests import golden
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import MOST_NESTED
@@ -17,23 +18,6 @@ def lines_of(call: object) -> list[str]:
     with pytest.raises(UserError) as refused:
         call()  # type: ignore[operator]
     return refused.value.lines()
-
-
-def test_duplicates_recursion_and_unknown_types_are_told_together() -> None:
-    types = types_of(
-        "TYPE A : STRUCT x : INT; X : REAL; END_STRUCT END_TYPE\n"
-        "TYPE B : STRUCT b : ARRAY[0..1] OF B; END_STRUCT END_TYPE\n"
-        "TYPE C : STRUCT u, v : Nothing; END_STRUCT END_TYPE\n"
-        "TYPE D : INT; D : REAL; INT : BOOL; Good : BYTE; END_TYPE\n"
-    )
-    assert [str(problem) for problem in types.problems] == [
-        "test.st:1:26: found member 'X' a second time, expected a new name; the first is at test.st:1:17",
-        "test.st:2:36: found 'B', which contains this member, expected a type that does not contain itself",
-        "test.st:3:24: found 'Nothing', expected a known type",
-        "test.st:4:15: found 'D' a second time, expected one declaration of it; the first is at test.st:4:6",
-        "test.st:4:25: found 'INT', expected a name that no IEC type has",
-    ]
-    assert types.names() == ["Good"]
 
 
 def test_a_circle_of_types_is_found_wherever_it_is_entered() -> None:
@@ -107,33 +91,14 @@ def test_a_type_in_one_line_as_in_a_project_file() -> None:
     assert parse_type("ARRAY[1..2] OF Telegram", types) == Array(((1, 2),), types.named("Telegram"))
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", "data.rx.type:1:1: found the end of the text, expected a type"),
-        ("BYT", "data.rx.type:1:1: found 'BYT', expected a known type"),
-        ("INT;", "data.rx.type:1:4: found ';', expected the end of the type"),
-        ("ARRAY[0..9] BYTE", "data.rx.type:1:13: found 'BYTE', expected 'OF'"),
-        ("ARRAY[0..9] OF Nope", "data.rx.type:1:16: found 'Nope', expected a known type"),
-        ("STRUCT a INT; END_STRUCT", "data.rx.type:1:10: found 'INT', expected ':'"),
-        ("INT '", "data.rx.type:1:5: found ''' without an end, expected '''"),
-    ],
-)
-def test_a_type_in_one_line_that_is_none(text: str, line: str) -> None:
-    assert lines_of(lambda: parse_type(text, where="data.rx.type")) == [line]
+def test_a_type_in_one_line_that_is_none() -> None:
+    golden.mistakes("types in one line", lambda text: parse_type(text, where="data.rx.type"))
 
 
 def test_a_bad_udt_in_one_line_tells_where_its_file_is_wrong() -> None:
     types = types_of("TYPE Bad : STRUCT x : Nope; END_STRUCT END_TYPE")
     assert lines_of(lambda: parse_type("ARRAY[0..1] OF bad", types)) == [
         "test.st:1:23: found 'Nope', expected a known type"
-    ]
-
-
-def test_a_circle_of_names_is_told_from_end_to_end() -> None:
-    types = types_of("TYPE A : B; B : C; C : A; END_TYPE")
-    assert [str(problem) for problem in types.problems] == [
-        "test.st:1:24: found 'A' in a circle: C, A, B, C, expected a type that does not contain itself"
     ]
 
 

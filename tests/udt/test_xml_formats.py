@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as hyp
 
-from tests.udt.xml_writer import bare
+from tests import golden
+from tests.udt.st_texts import bare, problems_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
 from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
@@ -51,9 +54,8 @@ def st(text: str) -> object:
     return bare(read_st(text, "F"))
 
 
-def lines_of(declarations: Declarations) -> list[str]:
-    own = [problem for type_ in declarations.types for problem in type_.problems]
-    return [str(problem) for problem in (*own, *declarations.problems)]
+def lines_of(read: Declarations) -> list[str]:
+    return [str(problem) for problem in problems_of(read)]
 
 
 def line_of(text: str) -> str:
@@ -269,27 +271,25 @@ def test_constants_of_global_variables_are_read() -> None:
     assert [one[:2] for one in read.constants] == [("MAX", 16), ("GVL.MAX", 16)]
 
 
-@pytest.mark.parametrize(
-    ("type_", "line"),
-    [
-        ("", "F:3:20: found <baseType> with nothing in it, expected a type"),
-        ("<array><baseType><INT/></baseType></array>", "<array> without bounds"),
-        (
-            '<array><dimension lower="5" upper="1"/><baseType><INT/></baseType></array>',
-            "a number from 5 upwards",
-        ),
-        ('<array><dimension lower="0" upper="1..2"/><baseType><INT/></baseType></array>', "found '1..2'"),
-        ("<enum/>", "<enum> without values"),
-        ('<struct><variable name="a"/></struct>', "member 'a' without a type"),
-        ("<struct><variable/></struct>", '<variable> without name, expected name="..."'),
-        ('<string length="0"/>', "a length of 1 or more"),
-        ("<subrangeSigned><range lower='0' upper='1'/></subrangeSigned>", "without all its parts"),
-        (
-            "<array><dimension lower='0' upper='1'/><baseType>" * 40 + "<INT/>" + "</baseType></array>" * 40,
-            "32 levels",
-        ),
-    ],
+def test_each_plcopen_mistake_is_one_line() -> None:
+    golden.mistakes("types in PLCopen XML", lambda text: problems_of(plcopen(data_type(text))))
+    deep = "<array><dimension lower='0' upper='1'/><baseType>" * 40 + "<INT/>" + "</baseType></array>" * 40
+    for type_, told in (("", "with nothing in it, expected a type"), (deep, "32 levels")):
+        (line,) = lines_of(plcopen(data_type(type_)))
+        assert told in line
+
+
+SAMPLES = (
+    PLCOPEN.format(types=data_type(STRUCT), version="tc6_0200", more=""),
+    OPENNESS.format('<Member Name="a" Datatype="Array[0..3] of Struct"><Member Name="b"/></Member>'),
 )
-def test_each_plcopen_mistake_is_one_line(type_: str, line: str) -> None:
-    (found,) = lines_of(plcopen(data_type(type_)))
-    assert line in found and found.startswith("F:3:")
+
+
+@given(hyp.sampled_from(SAMPLES), hyp.data())
+def test_a_sample_with_a_part_left_out_ends_in_types_or_lines(text: str, data: hyp.DataObject) -> None:
+    begin = data.draw(hyp.integers(0, len(text)))
+    end = data.draw(hyp.integers(begin, min(len(text), begin + 60)))
+    try:
+        read_xml_file(text[:begin] + text[end:], "F")
+    except UserError as refused:
+        assert refused.lines()

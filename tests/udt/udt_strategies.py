@@ -51,6 +51,11 @@ def layout_of(text: str, layout: str = "baosky", byte_order: str | None = None) 
     return lay_out(types.named("T"), rules_for(layout, byte_order))
 
 
+def places_of(layout: Layout) -> str:
+    """Return path and offset of every leaf, such as `id@0 st.x@4`."""
+    return " ".join(f"{leaf.path}@{leaf.offset}" for leaf in layout.leaves())
+
+
 rows = st.sampled_from(ROWS)
 integers = st.sampled_from([row for row in ROWS if row.kind is ValueKind.INTEGER])
 texts = st.builds(StringType, st.one_of(st.none(), st.integers(1, 254)), st.booleans())

@@ -13,7 +13,6 @@ from trcvtui.cli.options import (
     add_commands,
     add_format,
     given,
-    print_lines,
     print_text,
 )
 
@@ -63,7 +62,7 @@ def _add_show(parser: CommandParser) -> None:
 def _show(args: Args) -> int:
     from trcvtui.udt import command
 
-    return print_lines(command.show(args))
+    return print_text(command.show(args))
 
 
 def _add_decode(parser: CommandParser) -> None:
@@ -74,7 +73,7 @@ def _add_decode(parser: CommandParser) -> None:
 def _decode(args: Args) -> int:
     from trcvtui.udt import command
 
-    return print_lines(command.decode(args))
+    return print_text(command.decode(args))
 
 
 def _add_encode(parser: CommandParser) -> None:
@@ -117,8 +116,8 @@ def _add_compare(parser: CommandParser) -> None:
 def _compare(args: Args) -> int:
     from trcvtui.udt import command
 
-    lines, is_equal = command.compare(args)
-    print_lines(lines)
+    text, is_equal = command.compare(args)
+    print_text(text)
     return GOOD if is_equal else FAILED
 
 

@@ -59,26 +59,22 @@ EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
-def show(args: SimpleNamespace) -> Iterator[str]:
+def show(args: SimpleNamespace) -> str:
     from trcvtui.udt.report import show_json, show_text
 
     layout = layout_of(args)
-    return iter([show_json(layout)]) if args.format == "json" else show_text(layout)
+    return show_json(layout) if args.format == "json" else show_text(layout)
 
 
-def decode(args: SimpleNamespace) -> Iterator[str]:
-    from trcvtui.udt.report import decode_json, decode_text
+def decode(args: SimpleNamespace) -> str:
+    from trcvtui.udt.report import csv_lines, decode_json, decode_text, markdown, member_rows
 
     layout = layout_of(args)
     data = given_bytes(" ".join(args.hex))
-    if args.format == "json":
-        return iter([decode_json(layout, data)])
-    if args.format == "text":
-        return decode_text(layout, data)
-    from trcvtui.udt.report import csv_lines, markdown, member_rows
-
+    if args.format in ("json", "text"):
+        return (decode_json if args.format == "json" else decode_text)(layout, data)
     rows = member_rows(layout, data, layout.name)
-    return markdown(rows) if args.format == "md" else csv_lines(rows)
+    return "\n".join(markdown(rows) if args.format == "md" else csv_lines(rows))
 
 
 def encode(args: SimpleNamespace) -> str:
@@ -104,7 +100,7 @@ def export(args: SimpleNamespace) -> str:
     return ""
 
 
-def compare(args: SimpleNamespace) -> tuple[Iterator[str], bool]:
+def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
@@ -125,10 +121,9 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     fits = ranked(ours.type, messages, ours.name, own=ours.rules)
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
-        import json
+        from trcvtui.udt.report import json_lines
 
-        text = json.dumps(fit_json(fits), indent=2, allow_nan=False)  # ASCII: bytes from a wire stay data
-        return text.replace("\x7f", "\\u007f"), is_sure
+        return json_lines(fit_json(fits)), is_sure
     sizes = " + ".join(f"{len(message)}" for message in messages[:8]) + (
         " + ..." if len(messages) > 8 else ""
     )

@@ -39,11 +39,11 @@ def show_json(layout: Layout) -> str:
     return json_lines(record)
 
 
-def show_text(layout: Layout) -> Iterator[str]:
-    """Yield the table of `udt show`: every leaf and every gap in offset order."""
-    yield f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
-    yield from in_columns([("offset", "size", "type", "path"), *_shown(layout)], "rrll")
-    yield from _notes(layout)
+def show_text(layout: Layout) -> str:
+    """Return the table of `udt show`: every leaf and every gap in offset order."""
+    head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
+    table = in_columns([("offset", "size", "type", "path"), *_shown(layout)], "rrll")
+    return "\n".join([head, *table, *_notes(layout)])
 
 
 def _by_offset(layout: Layout) -> list[Leaf]:
@@ -76,12 +76,12 @@ def decode_json(layout: Layout, data: Data) -> str:
     return json_lines({"type": layout.name, "size": layout.size, "complete": is_complete, "values": values})
 
 
-def decode_text(layout: Layout, data: Data) -> Iterator[str]:
-    """Yield the table of `udt decode`: every leaf with its value, and how far the bytes go."""
-    yield f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
+def decode_text(layout: Layout, data: Data) -> str:
+    """Return the table of `udt decode`: every leaf with its value, and how far the bytes go."""
+    head = f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
     rows = member_rows(layout, data, layout.name)
-    yield from in_columns([("offset", "type", "path", "value"), *rows], "rlll")
-    yield from _notes(layout)
+    table = in_columns([("offset", "type", "path", "value"), *rows], "rlll")
+    return "\n".join([head, *table, *_notes(layout)])
 
 
 def member_rows(

@@ -13,7 +13,6 @@ from typing import Final
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.diagnosis.readings.trial import KNOWN_STARTS, TEXT, LengthField, Placed
 
-LOOKED_AT: Final = 4096  # bytes in which marks are looked for
 LONGEST_MARK: Final = 12
 MOST_SEEDS: Final = 10
 MOST_MARKS: Final = 7

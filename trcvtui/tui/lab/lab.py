@@ -258,7 +258,6 @@ def _cut(window: HistoryWindow, start: int, stop: int) -> bytes:
 
 
 OURS, THEIRS = "ours", "theirs"
-SIDES: Final = (OURS, THEIRS)
 FIRST_GUESS: Final = "natural8"  # what a C compiler does, unless it is ours
 OTHER_GUESS: Final = "packed"
 PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)

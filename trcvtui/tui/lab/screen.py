@@ -101,7 +101,7 @@ def _compared(lab: Lab) -> str:
         return ""
     content = lab.bytes.content
     rows = list(comparison.rows(content))
-    return "".join(f"{line}\n" for line in compare_text(comparison, rows, content))
+    return f"{compare_text(comparison, rows, content)}\n"
 
 
 def _ranking(lab: Lab) -> str:

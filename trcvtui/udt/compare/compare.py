@@ -222,14 +222,12 @@ def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
     return same and not any(row.differs for row in rows)
 
 
-def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> Iterator[str]:
-    """Yield the lines of the object of `udt compare`, a row in each.
+def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
+    """Return the object of `udt compare`, a row in each line.
 
     Rows stand in our order, null where a side has no such member.
     """
     ours, theirs = comparison.ours, comparison.theirs
-    yield "{"
-    yield f'  "ours": {json_text(_side(ours))},\n  "theirs": {json_text(_side(theirs))},'
     records = [
         {
             "path": row.path,
@@ -240,23 +238,22 @@ def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
         for row in rows
     ]
     lines = ",\n".join(f"    {json_text(record)}" for record in records)
-    yield f'  "rows": [\n{lines}\n  ],' if lines else '  "rows": [],'
-    yield f'  "equal": {json_text(is_equal(comparison, rows))}\n}}'
+    sides = f'  "ours": {json_text(_side(ours))},\n  "theirs": {json_text(_side(theirs))},\n'
+    told = f'  "rows": [\n{lines}\n  ],\n' if lines else '  "rows": [],\n'
+    return f'{{\n{sides}{told}  "equal": {json_text(is_equal(comparison, rows))}\n}}'
 
 
-def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> Iterator[str]:
-    """Yield the table of `udt compare`; a row that differs begins with `*`."""
-    yield f"ours    {_extent(comparison.ours)}"
-    yield f"theirs  {_extent(comparison.theirs)}"
+def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
+    """Return the table of `udt compare`; a row that differs begins with `*`."""
+    ours, theirs = comparison.ours, comparison.theirs
     values = ("value",) if data else ()
     head = ("", "path", "ours", *values, "theirs", *values, "differs")
-    name = comparison.ours.name
-    told = [(*_texts_of(row, name, bool(data)), ", ".join(row.differs)) for row in rows]
-    yield from in_columns([head, *told], "llrlrll" if data else "llrrl")
-    yield str(comparison.summary(rows))
-    orders = comparison.ours.rules.byte_order, comparison.theirs.rules.byte_order
-    if orders[0] != orders[1]:
-        yield f"byte order: ours {orders[0]}, theirs {orders[1]}"
+    told = [(*_texts_of(row, ours.name, bool(data)), ", ".join(row.differs)) for row in rows]
+    table = in_columns([head, *told], "llrlrll" if data else "llrrl")
+    lines = [f"ours    {_extent(ours)}", f"theirs  {_extent(theirs)}", *table, str(comparison.summary(rows))]
+    if ours.rules.byte_order != theirs.rules.byte_order:
+        lines.append(f"byte order: ours {ours.rules.byte_order}, theirs {theirs.rules.byte_order}")
+    return "\n".join(lines)
 
 
 def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:

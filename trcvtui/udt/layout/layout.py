@@ -76,9 +76,9 @@ class Layout:
         return self.root.leaves
 
     @cached_property
-    def codec(self) -> Codec:
-        """Return the codec of the whole layout, compiled once."""
-        return codec_of(self.root, BYTE_ORDERS[self.rules.byte_order])
+    def codec(self) -> Codec | None:
+        """Return the codec of the whole layout, compiled once; None where leaves share bytes."""
+        return codec_of(self._leaves, BYTE_ORDERS[self.rules.byte_order])
 
     @cached_property
     def _leaves(self) -> tuple[Leaf, ...]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from itertools import product
 
 from trcvtui.errors import Problem, UserError
-from trcvtui.udt.layout.codec import Data, Values, present
+from trcvtui.udt.layout.codec import Data, Values
 from trcvtui.udt.layout.coding import Refused, Value
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -21,10 +21,9 @@ from trcvtui.udt.types import StringType
 
 def decode(layout: Layout, data: Data) -> Values:
     """Return the values of all leaves, None for each that is missing or partly present."""
-    try:
+    if layout.codec is not None and len(data) >= layout.size:
         return layout.codec.read(data)
-    except struct.error:
-        return present(layout.leaves(), layout.codec.read_filled(data), len(data))
+    return decode_leaves(layout, data, 0, layout.leaf_count)
 
 
 def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> Values:

@@ -1,4 +1,4 @@
-"""Text files of other people's projects: read, or answered with lines that are right; cut, never a traceback.
+"""Files of other people's projects: read, or answered with lines that are right; cut, never a traceback.
 
 TRCVTUI_UDT_CORPUS names their folder; with TRCVTUI_ORACLE every file is cut at every byte.
 """
@@ -9,15 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.corpus import FULL, OWN, cuts, files, of_others
+from tests.udt.corpus import FULL, OWN, cuts, files, needs_given, of_others
+from tests.udt.st_texts import bare
 from trcvtui.errors import UserError
+from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import decode_text, read_file, read_files, read_text
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import Array, Struct, Type, Union, Unplaced, type_text
+from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Type, Union, Unplaced, type_text
 
 SUFFIXES = (".st", ".iecst", ".txt", ".udt", ".scl", ".s7dcl", ".exp", ".typ", ".var")
 FILES = files(*SUFFIXES)
+EVERY_FILE = [*FILES, *files(".xml", ".tcdut", ".tcgvl", ".h")]
 # What a file on its own may lack: a type or a constant of another file.
 LACKS = ("a known type", "a known constant")
 
@@ -43,7 +46,7 @@ def unplaced(type_: Type) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "path", [path for path in FILES if path.name != "one_bad.st"], ids=lambda path: path.name
+    "path", [path for path in EVERY_FILE if path.name != "one_bad.st"], ids=lambda path: path.name
 )
 def test_a_file_is_read_and_lacks_at_most_what_other_files_declare(path: Path) -> None:
     types = read_file(path)
@@ -112,3 +115,72 @@ def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
             assert problem.where.startswith("cut:")
             assert "\n" not in str(problem)
         lay_out_all(types)
+
+
+XML_FILES = files(".xml", ".tcdut", ".tcgvl", ".h")
+SOURCES = (".scl", ".s7dcl", ".udt")
+
+
+def declared(path: Path) -> Declarations:
+    return read_text(decode_text(path.read_bytes()), str(path), path.suffix)
+
+
+PAIRS = [
+    (path, source)
+    for path in XML_FILES
+    if path.suffix == ".xml" and path.parent != OWN
+    for suffix in SOURCES
+    if (source := path.with_suffix(suffix)).exists()
+]
+
+
+@needs_given
+def test_the_corpus_holds_types_in_two_formats() -> None:
+    assert len(PAIRS) >= 7
+
+
+@pytest.mark.parametrize(("xml", "source"), of_others(PAIRS, 2), ids=lambda path: path.name)
+def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, source: Path) -> None:
+    assert bare(declared(xml)) == bare(declared(source))
+    (name,) = (type_.name for type_ in declared(xml).types)
+    sides = []
+    for suffix in (xml.suffix, source.suffix):
+        types = read_files(path for path, other in PAIRS for path in (path, other) if path.suffix == suffix)
+        for profile in ("s7-standard", "codesys-8"):
+            laid = lay_out(types.named(name), rules_for(profile), name)
+            sides.append((profile, [(leaf.path, leaf.offset, leaf.size) for leaf in laid.leaves()]))
+    assert sides[:2] == sides[2:] and sides[0][1]
+
+
+@pytest.mark.timeout(1800 if FULL else 120)
+@pytest.mark.parametrize("path", XML_FILES, ids=lambda path: path.name)
+def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
+    data = path.read_bytes()
+    whole = len(data.rstrip())
+    for length in cuts(len(data), 30):
+        try:
+            types = join([read_text(decode_text(data[:length]), path.name, path.suffix)], path.name)
+        except UserError as refused:
+            (line,) = refused.lines()
+            assert line.startswith(path.name)
+        else:
+            assert length >= whole or path.suffix == ".h", "XML that breaks off is no XML"
+            assert all(str(problem).startswith(path.name) for problem in types.problems)
+
+
+def test_own_samples_hold_what_they_say() -> None:
+    motor = read_file(OWN / "motor.TcDUT").named("ST_Motor")
+    assert isinstance(motor, Struct) and motor.pack == 1
+    assert [member.type for member in motor.members] == [
+        ELEMENTARY["BOOL"],
+        ELEMENTARY["LREAL"],
+        StringType(10),
+    ]
+    tank = read_file(OWN / "openness.xml").named("Tank")
+    assert isinstance(tank, Struct) and [member.name for member in tank.members] == ["State", "Levels", "At"]
+    plant = read_file(OWN / "plcopen.xml").named("Anlage")
+    assert isinstance(plant, Struct) and plant.pack == 2 and isinstance(plant.members[1].type, Array)
+    assert plant.members[1].type.bounds == ((1, 4),)
+    station = read_file(OWN / "device.h").named("Station")
+    assert isinstance(station, Struct) and station.pack is None
+    assert lay_out(station, rules_for("codesys-8"), "Station").size == 1 + 1 + 16 + 8 + 5 + 1 + 8

@@ -50,8 +50,7 @@ CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml)
 LIVE   := test_a_scenario_on_real_sockets
 RECORD := tests/recording/test_record_command.py::test_
 TESTS  ?= tests/e2e/test_tap_screen.py tests/recording/test_black_box.py tests/tui/fleet/test_fleet_screen.py \
-          tests/properties/test_killed_runs.py $(RECORD)a_run_that_is_killed_leaves_a_file_that_opens \
-          $(RECORD)record_ends_cleanly_when_all_its_programs_are_told_to \
+          tests/properties/test_killed_runs.py $(RECORD)record_ends_cleanly_when_all_its_programs_are_told_to \
           $(CUT:configs/scenarios/baosky/%.toml='tests/scenario/test_every_scenario.py::$(LIVE)[baosky/%]')
 stress: $(READY)
 	@$(BIN)/python .ci/stress.py $(ROUNDS) $(TESTS)

@@ -185,14 +185,3 @@ def block_names_in(package: Path) -> Iterator[str]:
 
 def test_no_code_outside_the_table_names_a_block() -> None:
     assert list(block_names_in(PACKAGE)) == []
-
-
-def test_a_block_that_is_named_elsewhere_is_told_with_its_place_and_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "rig").mkdir()
-    (tmp_path / "rig" / "advice.py").write_text('\nSENDERS = {"TSEND_C"}\n')
-    (tmp_path / "dialects").mkdir()
-    (tmp_path / "dialects" / "rules.py").write_text('BLOCKS = ("TSEND_C",)\n')
-    assert list(block_names_in(tmp_path)) == [
-        "rig/advice.py:2 names the block TSEND_C: ask its row (blocks/table.py, block_row), "
-        "and give the row what it does not say yet"
-    ]

@@ -6,43 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.blocks.framing_vectors import VECTORS, Call, Vector
+from tests.blocks.framing_vectors import VECTORS
 from trcvtui.blocks.framing import KEPT_NOISE, Ending, Frame, Framer, Framing
 
 MS = 1_000_000
-OF_THE_BLOCK = ("V35", "V36", "V37")  # what pointers and sizes are is checked before the framer is asked
-ERRORS = {Ending.OVERRUN: 23}
 
 
 def test_the_table_is_whole() -> None:
     assert [vector.id for vector in VECTORS] == [f"V{n:02}" for n in range(1, 41)]
-
-
-@pytest.mark.parametrize(
-    "vector", [v for v in VECTORS if v.id not in OF_THE_BLOCK], ids=lambda v: f"{v.id} {v.case}"
-)
-def test_a_vector(vector: Vector) -> None:
-    framer, queue, told = Framer(), b"", []
-    before = -1
-    for ms in range(0, vector.last_ms, vector.cycle):
-        queue += vector.arrived(before, ms)
-        before = ms
-        framing = Framing(vector.size, vector.prefix, vector.suffix_at(ms), vector.timeout * MS)
-        if ms == vector.reset_at:
-            framer.drop()
-            continue
-        if framer.differs(framing):
-            framer.drop()
-            told.append(Call(ms, False, 1))
-            continue
-        used, frame = framer.take(queue, framing, ms * MS)
-        queue = queue[used:]
-        if frame is not None:
-            is_gap = frame.ending is Ending.GAP
-            told.append(Call(ms, True, ERRORS.get(frame.ending, 0), is_gap, frame.content))
-    assert tuple(told) == vector.calls
-    assert (framer.busy, framer.part, framer.discarded) == (vector.busy, vector.part, vector.discarded)
-    assert queue == vector.left
 
 
 # -- P1 to P6 ------------------------------------------------------------------------------------------
@@ -185,23 +156,6 @@ def test_noise_for_ever_is_counted_and_only_its_end_is_kept() -> None:
     for _ in range(100):
         assert framer.take(b"\xff" * 10_000, framing, 0) == (10_000, None)
     assert (framer.discarded, framer.noise, framer.busy) == (1_000_000, b"\xff" * KEPT_NOISE, False)
-
-
-def test_a_frame_that_never_ends_is_cut_at_size_again_and_again() -> None:
-    framer, framing, queue = Framer(), Framing(16, suffix=b"\n"), b"U" * 1000
-    for _ in range(62):
-        used, frame = framer.take(queue, framing, 0)
-        assert (used, frame) == (16, Frame(b"U" * 16, Ending.OVERRUN))
-        queue = queue[used:]
-    assert framer.take(queue, framing, 0) == (8, None)
-    assert framer.part == b"U" * 8
-
-
-def test_a_prefix_that_does_not_fit_runs_into_the_overrun() -> None:
-    framer, framing = Framer(), Framing(2, prefix=b"ABC")
-    assert framer.take(b"xABC", framing, 0) == (3, Frame(b"AB", Ending.OVERRUN))
-    assert framer.take(b"C", framing, 0) == (1, None)
-    assert (framer.discarded, framer.busy) == (2, False)
 
 
 def test_a_timeout_may_change_while_a_frame_is_half_here() -> None:

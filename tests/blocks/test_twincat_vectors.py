@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.blocks.framing_vectors import VECTORS, Vector
-from tests.scenario.scenarios import failures, play
+from tests.scenario.scenarios import failures
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped
 from trcvtui.cli.main import main
@@ -79,22 +79,13 @@ def _expected(vector: Vector, ms: int) -> list[str]:
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=lambda v: f"{v.id} {v.case}")
-def test_a_vector_is_a_scenario_that_holds(vector: Vector, tmp_path: Path) -> None:
-    path = tmp_path / "vector.toml"
-    path.write_text(scenario_of(vector), encoding="utf-8")
-    result = play(path, "sim")
-    assert result.verdict.passed, failures(result.verdict)
-    pulses = [record["t_ms"] for record in result.records() if record["DONE"]]
-    assert pulses == [call.ms for call in vector.calls if call.done]
-
-
-@pytest.mark.parametrize("vector", VECTORS, ids=lambda v: f"{v.id} {v.case}")
-def test_after_its_last_call_a_vector_leaves_what_the_table_says(vector: Vector, tmp_path: Path) -> None:
+def test_a_vector_as_a_scenario_leaves_what_the_table_says(vector: Vector, tmp_path: Path) -> None:
     path = tmp_path / "vector.toml"
     path.write_text(scenario_of(vector), encoding="utf-8")
     scenario = load_scenario(path)
     bench = Bench(scenario.project, "sim")
-    Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(scenario.steps)
+    verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(scenario.steps)
+    assert verdict.passed, failures(verdict)
     frames = [line.t_ns // MS for line in bench.runtime.ledger if isinstance(line.event, FrameEnded)]
     noise = [e.size for line in bench.runtime.ledger if isinstance(e := line.event, NoiseDropped)]
     assert frames == [call.ms for call in vector.calls if call.done]
@@ -102,16 +93,6 @@ def test_after_its_last_call_a_vector_leaves_what_the_table_says(vector: Vector,
     assert sum(noise) == vector.discarded
     assert bench.runtime.snapshot().combuffers[0].count == len(vector.left)
     bench.close()
-
-
-def test_the_command_line_plays_them_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files = []
-    for vector in VECTORS:
-        path = tmp_path / f"{vector.id}.toml"
-        path.write_text(scenario_of(vector), encoding="utf-8")
-        files.append(str(path))
-    assert main(["scenario", *files]) == 0
-    assert capsys.readouterr().out.count("passed") == len(VECTORS)
 
 
 def test_a_wrong_expectation_fails(tmp_path: Path) -> None:

@@ -12,10 +12,6 @@ from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import RunScans
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
-from trcvtui.scenario.runner import Runner, VirtualPace
-from trcvtui.scenario.scenario import load_scenario
-
-UDP_SCENARIOS = sorted(CONFIGS.glob("scenarios/*/udp-*.toml"))
 
 
 class Desk:
@@ -116,21 +112,6 @@ def test_an_instance_deleted_in_mid_job_locks_until_the_socket_is_closed(tmp_pat
     desk.say("set R2 CONT=0", "run 1", "set R2 CONT=1", "run 4")
     assert desk.status("R2") == "7006"
     desk.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", UDP_SCENARIOS, ids=[path.stem for path in UDP_SCENARIOS])
-def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
-    seen = []
-    for calls_all in (True, False):
-        scenario = load_scenario(path)
-        bench = Bench(scenario.project, "sim")
-        bench.runtime.calls_all = calls_all
-        verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play(scenario.steps)
-        seen.append((verdict.traces, verdict.failures, [line.event for line in bench.runtime.ledger]))
-        bench.close()
-    assert seen[0] == seen[1]
-    assert seen[0][1] == ()
 
 
 MISTAKES = {

@@ -95,17 +95,6 @@ def test_socat_as_the_device_five_bytes_then_three_then_twenty_five(terminals: l
     terminal.wait("ended with 0")
 
 
-def test_keys_toggle_the_pins_of_the_block(terminals: list[Terminal]) -> None:
-    terminal = open_terminal(terminals, 140, 45, "run", str(PASSIVE), "--kernel", "sim")
-    terminal.wait("7000")
-    terminal.keys("t")
-    terminal.wait("7002")
-    terminal.keys("n")
-    terminal.wait("80A1")
-    terminal.keys("t")
-    terminal.wait(lambda text: "7003" in text and "7000" in text)
-
-
 def test_a_wrong_project_is_one_line_and_exit_2(terminals: list[Terminal], tmp_path: Path) -> None:
     project = tmp_path / "bench.toml"
     project.write_text('dialect = "baosky"\n\n[[connect]]\nname = "C1"\nLocalAddress = "300.1.1.1"\n')

@@ -56,18 +56,6 @@ def console() -> Controller:
     return Controller(Bench(read_project(DOCUMENT, "pipe", Path()), "sim"))
 
 
-def test_a_picture_arrives_as_it_was_taken() -> None:
-    bench = console()
-    with two_ends() as (engine, screen):
-        pipe = UpdatePipe(engine)
-        for _ in range(5):
-            bare, sent = picture(bench, "rx0")
-            pipe.begin(bare)
-            pipe.go_on(clock.now_ns() + FAR_AWAY)
-            assert not pipe.is_busy()
-            assert screen.recv() == sent
-
-
 def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
     bench = console()
     with two_ends() as (engine, screen):

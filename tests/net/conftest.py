@@ -15,11 +15,15 @@ from trcvtui.net.sim.kernel import SimKernel
 def b(request: pytest.FixtureRequest) -> Iterator[IsoBench]:
     if request.param == "sim":
         sim = SimKernel()
-        yield IsoBench(Net(SimNetwork(sim)))
+        made = IsoBench(Net(SimNetwork(sim)))
+        yield made
+        made.close()
         assert sim.leaks() == ()
     else:
         real = OsNetwork()
-        yield IsoBench(Net(real))
+        made = IsoBench(Net(real))
+        yield made
+        made.close()
         leaks = real.kernel.leaks()
         real.close()
         assert leaks == ()

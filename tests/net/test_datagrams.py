@@ -66,6 +66,7 @@ def test_a_machine_without_an_address_has_no_way_to_another_one() -> None:
     handle = opened(b, end=None)
     far = Endpoint("198.51.100.7", 9)
     assert b.sim.send_to(handle, memoryview(b"x"), far) == Fault("send", "ENETUNREACH")
+    assert b.sim.connect(b.socket(), far) == Fault("connect", "ENETUNREACH")
 
 
 def test_datagrams_are_no_connection() -> None:

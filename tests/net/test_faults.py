@@ -6,7 +6,7 @@ import pytest
 
 from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import ANY_PORT, Bench
-from tests.net.sim.net_sim import SimBench, SimNetwork
+from tests.net.sim.net_sim import SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
 from trcvtui.net.kernel import CALLS, Accepted, KernelLoss
@@ -30,12 +30,6 @@ class FaultyBench(Bench):
 
 
 # -- the plan ------------------------------------------------------------------------------------------------
-
-
-def test_an_empty_plan_is_not_active_and_takes_nothing() -> None:
-    plan = FaultPlan()
-    assert not plan.active
-    assert plan.take("bind", "C1") is None
 
 
 def test_every_call_has_a_default_errno() -> None:
@@ -266,13 +260,3 @@ def test_a_failed_close_or_abort_frees_the_handle_all_the_same(
     assert getattr(b.kernel, call)(one.client) == injected(call, error)
     assert b.loss(one.server) == KernelLoss(lost, 0)
     assert getattr(b.kernel, call)(one.client) == Fault(call, "EBADF")
-
-
-def test_the_plan_may_change_while_connections_stand() -> None:
-    b = SimBench()
-    plan = FaultPlan()
-    kernel = FaultyKernel(b.sim, plan)
-    handle = kernel.socket("C1")
-    assert not isinstance(handle, Fault)
-    plan.add("bind", on="C1")
-    assert kernel.bind(handle, ANY_PORT) == injected("bind", "EADDRINUSE")

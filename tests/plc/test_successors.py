@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from itertools import permutations
 from pathlib import Path
 
@@ -144,40 +143,6 @@ def test_a_successor_waits_and_is_the_next_partner_while_the_first_frame_is_read
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_who_comes_while_the_first_stands_is_a_second_client_as_ever(kernel: str) -> None:
-    line = Line(RECEIVER, kernel=kernel)
-    line.run(5)
-    line.do("peer P1 connect", "peer P2 connect")
-    line.run(4)
-    assert (line.bench.peers["P1"].state, line.bench.peers["P2"].state) == ("connected", "reset")
-    line.close()
-
-
-@pytest.mark.parametrize("policy", ["reject", "replace", "queue"])
-def test_a_successor_waits_whatever_becomes_of_second_clients(policy: str) -> None:
-    line = Line(SENDER, RECEIVER, second_client=policy)
-    line.run(5)
-    for number in range(1, 4):
-        line.device(f"P{number}", number)
-    line.run(30)
-    assert line.received == frames(3)
-    line.close()
-
-
-@pytest.mark.parametrize("slow", ["S", "R"])
-@pytest.mark.parametrize("blocks", ORDERS[1:3], ids=["S-R", "R-S"])
-def test_tasks_of_different_intervals_lose_nothing(blocks: tuple[Block, ...], slow: str) -> None:
-    line = Line(*blocks, slow=slow)
-    line.run(30)
-    for number in range(1, 7):
-        line.device(f"P{number}", number)
-        line.run(2)
-    line.run(300)
-    assert line.received == frames(6)
-    line.close()
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("slow", ["R1", "R2"])
 @pytest.mark.parametrize("wait", range(7))
 def test_a_whole_frame_shows_before_the_loss_that_a_task_of_another_priority_has_met(
@@ -309,19 +274,6 @@ def test_a_whole_frame_waits_for_a_buffer_though_its_sender_has_gone() -> None:
     line.close()
 
 
-def test_an_adhoc_receiver_takes_what_came_before_the_fin() -> None:
-    line = Line(SENDER, RECEIVER)
-    line.do("set R ADHOC=1")
-    line.run(5)
-    for number in range(1, 4):
-        line.do(
-            f"peer P{number} connect", f"peer P{number} send hex 0{number} 0{number}", f"peer P{number} close"
-        )
-    line.run(20)
-    assert [data[:2] for data in line.received] == [bytes([n, n]) for n in (1, 2, 3)]
-    line.close()
-
-
 def test_part_of_a_frame_after_whole_ones_is_80a6_and_the_successor_is_served() -> None:
     line = Line(SENDER, RECEIVER)
     line.run(5)
@@ -340,35 +292,6 @@ def test_who_comes_when_the_queue_is_full_comes_again_by_itself(kernel: str) -> 
     line.do("peer P1 connect", "peer P2 connect", "peer P3 connect")
     assert [line.bench.peers[f"P{n}"].state for n in (1, 2, 3)] == ["connected", "connected", "connecting"]
     line.close()
-
-
-@pytest.mark.slow
-def test_a_thousand_devices_one_after_the_other_and_a_thousand_frames_in_order() -> None:
-    for blocks in ORDERS[:3]:
-        line = Line(*blocks)
-        line.run(5)
-        call_all(line, 1000, random.Random(13))
-        assert line.received == frames(1000)
-        assert (line.dropped(), line.turned_away()) == (0, 0)
-        line.close()
-
-
-def call_all(line: Line, count: int, dice: random.Random) -> None:
-    """Let one device after the other connect, send and close, 0 to 60 ms apart; each waits for the stack."""
-    sent = pause = 0
-    device = line.bench.peers["P1"]
-    for _ in range(20 * count):
-        while sent < count and not pause:
-            if device.state not in ("connected", "connecting"):
-                line.do("peer P1 connect")
-            if device.state == "connecting":
-                break
-            sent, pause = sent + 1, dice.randint(0, 6)
-            line.do(f"peer P1 send hex {frame(sent).hex()}", "peer P1 close")
-        line.run(1)
-        pause = max(0, pause - 1)
-        if len(line.received) == count:
-            return
 
 
 @pytest.mark.parametrize("kernel", KERNELS)

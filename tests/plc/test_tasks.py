@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 
 from trcvtui.bench.bench import Bench
-from trcvtui.plc.call_order import CallOrder
-from trcvtui.plc.commands import SetInput
 from trcvtui.project.file import read_project
 
 
@@ -49,29 +47,6 @@ def test_a_task_is_called_in_the_first_scan_that_has_reached_its_time(
     seen = calls(10, {"interval": "T#10ms"}, {"interval": interval})
     assert [t_ms for t_ms, called in seen if "B" in called] == called_at
     assert all("A" in called for _, called in seen)
-
-
-def test_all_commands_before_a_scan_wake_the_blocks_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    document = {
-        "dialect": "baosky",
-        "connect": [{"name": "C1", "LocalAddress": "127.0.0.1"}],
-        "instance": [{"name": "A", "block": "TRCV_C", "connect": "C1"}],
-    }
-    bench = Bench(read_project(document, "tasks.toml", Path()), "sim")
-    bench.step()
-    woken = []
-    wake_all = CallOrder.wake_all
-
-    def counted(order: CallOrder) -> None:
-        woken.append(order)
-        wake_all(order)
-
-    monkeypatch.setattr(CallOrder, "wake_all", counted)
-    for value in (True, False, True):
-        bench.runtime.submit(SetInput("A", "EN_R", value))
-    bench.step()
-    bench.close()
-    assert len(woken) == 1
 
 
 def test_the_smaller_priority_goes_first_and_equal_ones_as_in_the_file() -> None:

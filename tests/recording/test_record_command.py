@@ -17,7 +17,7 @@ from tests.scenario.scenarios import BAOSKY, CONFIGS
 from tests.waiting import until, until_size
 from trcvtui.capture.pcap import open_capture
 from trcvtui.cli.main import main
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import mistake
 from trcvtui.recording import files, writer
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.journal import SIM_WALL_NS, Answered, EntriesLost, Entry, RunBegins
@@ -46,13 +46,6 @@ def test_a_recorded_scenario_checks_and_prints_the_same(
     assert capsys.readouterr().out == printed
 
 
-def test_two_runs_of_one_seed_give_the_same_bytes(tmp_path: Path) -> None:
-    files = [tmp_path / "A.pcapng", tmp_path / "B.pcapng"]
-    for file in files:
-        main(["scenario", str(STORY), "--record", str(file)])
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-
 def test_several_scenarios_have_a_file_each(tmp_path: Path) -> None:
     asked = BAOSKY[:3]
     assert main(["scenario", *map(str, asked), "--record", str(tmp_path / "new")]) == 0
@@ -79,19 +72,6 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureF
     assert len(capsys.readouterr().err.splitlines()) == 2
 
 
-def test_a_recording_cut_anywhere_says_where_its_journal_ends(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file, part = tmp_path / "R.pcapng", tmp_path / "part.pcapng"
-    main(["scenario", str(STORY), "--record", str(file)])
-    whole = file.read_bytes()
-    for size in range(0, len(whole), 501):
-        part.write_bytes(whole[:size])
-        assert main(["replay", str(part), "--check"]) in (1, 2)
-        told = capsys.readouterr()
-        assert len((told.out + told.err).splitlines()) <= 2 or size == 0
-
-
 # -- the process that writes -------------------------------------------------------------------------------
 
 BEGINS = RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
@@ -109,13 +89,6 @@ def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
     sink.close()
     assert sink.trouble == ""
     assert entries(tmp_path / "R.pcapng") == [BEGINS, *some(1000) * 20]
-
-
-def test_a_writer_process_refuses_what_the_writer_refuses(tmp_path: Path) -> None:
-    RecordingWriter(tmp_path / "R.pcapng").close()
-    with pytest.raises(UserError) as told:
-        WriterProcess(tmp_path / "R.pcapng", RecordTo(tmp_path / "R.pcapng"))
-    assert "there already" in str(told.value)
 
 
 def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path) -> None:
@@ -149,21 +122,6 @@ def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     [gap] = [one for one in found if isinstance(one, EntriesLost)]
     assert gap.number + len(found) == 1 + 40 * 10_000 + 3 + 1
     assert found[-3:] == some(3)
-
-
-@pytest.mark.live
-@pytest.mark.slow
-def test_a_run_that_is_killed_leaves_a_file_that_opens(tmp_path: Path) -> None:
-    scenario, file = tmp_path / "long.toml", tmp_path / "R.pcapng"
-    text = STORY.read_text(encoding="utf-8").replace("peer P1 stall", "run 100000")
-    scenario.write_text(text, encoding="utf-8")
-    words = ["scenario", str(scenario), "--kernel", "live", "--record", str(file)]
-    with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
-        until_size(run, file, 30_000)
-        run.kill()
-    found = entries(file)
-    assert isinstance(found[0], RunBegins)
-    assert main(["replay", str(file), "--check"]) == 1
 
 
 # -- `trcvtui record` --------------------------------------------------------------------------------------
@@ -237,13 +195,16 @@ def test_a_ring_keeps_the_newest_files_and_each_runs_again_from_its_beginning(
         assert {packet.data[20:24] for packet in came} == {struct.pack(">HH", 32768, 32769)}
 
 
+ASKED_ON = ["record", "--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
+ASKED_ON += ["--kernel", "sim", "--duration", "T#3s"]
+
+
 def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    asked = ["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]
-    assert main(asked) == 0
+    assert main([*ASKED_ON, "--out", str(out), str(project)]) == 0
     assert len(names(out)) > 1
     for name in names(out):
+        assert main(["replay", str(out / name), "--check"]) == 0  # from the beginning of its run
         found = entries(out / name)
         [told] = [one.args for one in found if isinstance(one, Answered) and one.call == "do"][-1:]
         assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
@@ -255,25 +216,12 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
         assert min(times) >= at - 180_000_000  # 100 before, 50 after, and what is rounded to scans
 
 
-def test_a_file_of_a_trigger_runs_again_from_the_beginning_of_its_run(project: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    assert (
-        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
-    )
-    for name in names(out):
-        assert main(["replay", str(out / name), "--check"]) == 0
-
-
 def test_a_file_of_a_trigger_after_too_long_a_run_says_what_it_lacks(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(files, "MOST_OLD_BYTES", 1000)
     out = tmp_path / "out"
-    on = ["--on", "TRCV_C_1 STATUS=7008", "--before", "T#100ms", "--after", "T#50ms"]
-    assert (
-        main(["record", str(project), "--kernel", "sim", "--out", str(out), *on, "--duration", "T#3s"]) == 0
-    )
+    assert main([*ASKED_ON, "--out", str(out), str(project)]) == 0
     last = entries(out / names(out)[-1])
     gaps = [one for one in last if isinstance(one, EntriesLost)]
     assert gaps[0].why == files.ELSEWHERE

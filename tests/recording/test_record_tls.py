@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL
+from tests.recording.test_recording import NEEDS_TSHARK, tshark
 from trcvtui.cli.main import main
 from trcvtui.recording.journal import Answered
 from trcvtui.recording.recording import Recording
-
-TSHARK = shutil.which("tshark")
-NEEDS_TSHARK = pytest.mark.skipif(TSHARK is None, reason="tshark is not installed")
 
 
 def recorded(bench: Path, folder: Path, kernel: str, *options: str) -> Path:
@@ -22,12 +18,6 @@ def recorded(bench: Path, folder: Path, kernel: str, *options: str) -> Path:
     scenario = bench / "tls-server.toml"
     assert main(["scenario", str(scenario), "--kernel", kernel, "--record", str(file), *options]) == 0
     return file
-
-
-def tshark(file: Path, *options: str) -> str:
-    assert TSHARK
-    ran = subprocess.run([TSHARK, "-r", str(file), *options], capture_output=True, text=True, check=False)
-    return ran.stdout
 
 
 def _answers(file: Path) -> bytes:

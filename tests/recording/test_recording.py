@@ -9,7 +9,6 @@ import os
 import random
 import re
 import shutil
-import stat
 import struct
 import subprocess
 import sys
@@ -19,19 +18,16 @@ from typing import IO
 
 import pytest
 
-from tests.recording.test_replay import recorded, run
+from tests.recording.test_replay import recorded
 from tests.scenario.scenarios import CONFIGS, SCENARIOS
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP
-from trcvtui.capture.pcap import open_capture
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.recording import recording
-from trcvtui.recording.journal import SIM_WALL_NS, STEP, Answered, Entry, RunBegins, WireCall
+from trcvtui.recording.journal import SIM_WALL_NS, STEP, Answered, Entry, RunBegins
 from trcvtui.recording.recording import Recording, RecordingWriter
-from trcvtui.recording.replay import Replay
-from trcvtui.scenario.runner import VirtualPace
 
 TSHARK = shutil.which("tshark")
 NEEDS_TSHARK = pytest.mark.skipif(TSHARK is None, reason="tshark is not installed")
@@ -51,10 +47,6 @@ def written(path: Path, target: Path) -> tuple[object, list[Entry]]:
     return seen, entries
 
 
-def kept(entries: list[Entry]) -> list[Entry]:
-    return [entry for entry in entries if not isinstance(entry, WireCall)]
-
-
 def tshark(path: Path, *options: str) -> str:
     assert TSHARK
     ran = subprocess.run([TSHARK, "-r", str(path), *options], capture_output=True, text=True, check=False)
@@ -70,19 +62,6 @@ def a_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 LONGEST = CONFIGS / "scenarios" / "stories" / "en-r-dropped.toml"
-
-
-def test_a_scenario_runs_again_on_its_file(tmp_path: Path) -> None:
-    for number, path in enumerate(SCENARIOS[::8]):
-        target = tmp_path / f"{number}.pcapng"
-        seen, entries = written(path, target)
-        opened = Recording(target)
-        again = list(opened.entries())
-        assert again == [begins(path), *kept(entries)], path
-        replay = Replay(iter(again[1:]), "R")
-        assert run(path, "sim", replay, VirtualPace()) == seen
-        replay.end()
-        assert opened.stopped == ""
 
 
 @pytest.mark.parametrize("seed", [0] if MUTATIONS == 1000 else range(8))
@@ -137,39 +116,7 @@ def test_wireshark_finds_no_fault_and_follows_the_stream_to_the_bytes_of_data(a_
     assert followed == came.hex()
 
 
-@NEEDS_TSHARK
-def test_the_packet_that_completes_a_job_says_so(a_file: Path) -> None:
-    comments = tshark(a_file, "-T", "fields", "-e", "frame.comment").split("\n")
-    found = [line for line in comments if line]
-    assert found
-    assert all(": 16#" in line and ", job " in line and ", scan " in line for line in found)
-
-
-def test_bytes_that_a_packet_carries_are_not_written_twice(tmp_path: Path) -> None:
-    _, entries = written(LONGEST, tmp_path / "a")
-    reads = [entry for entry in entries if isinstance(entry, Answered) and entry.call == "recv"]
-    inside = max((each.answer[1] for each in reads if each.owner == "C1"), key=len)  # type: ignore[index]
-    assert len(inside) >= 8
-    with open_capture(tmp_path / "a") as reader:
-        journals = [packet.data for packet in reader if packet.interface == recording.JOURNAL]
-    of_peers = sum(each.answer[1] == inside for each in reads if each.owner != "C1")  # type: ignore[index]
-    assert sum(journal.count(inside) for journal in journals) <= of_peers
-
-
 # -- the file ----------------------------------------------------------------------------------------------
-
-
-def test_a_file_that_is_there_is_refused_and_only_a_recording_is_replaced(tmp_path: Path) -> None:
-    ours, other = tmp_path / "ours.pcapng", tmp_path / "other.txt"
-    RecordingWriter(ours).close()
-    assert stat.S_IMODE(ours.stat().st_mode) == 0o600
-    with pytest.raises(UserError, match="which is there already"):
-        RecordingWriter(ours)
-    RecordingWriter(ours, overwrite=True).close()
-    other.write_text("a letter")
-    with pytest.raises(UserError, match="no recording of trcvtui"):
-        RecordingWriter(other, overwrite=True)
-    assert other.read_text() == "a letter"
 
 
 def test_a_capture_of_others_is_no_recording(tmp_path: Path) -> None:

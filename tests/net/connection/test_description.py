@@ -189,28 +189,21 @@ def flaw_of(question: Asked) -> Flaw | None:
     return found.flaw if found else None
 
 
-def test_zeros_as_partner_are_anybody_for_a_passive_end() -> None:
-    assert flaw_of(asked(RemoteAddress="0.0.0.0")) is None
+RESERVED = (20, 21, 80, 102, 135, 161, 162, 443, 34962, 34964, 49152, 65535)
+JUDGED: list[tuple[str, tuple[Value, ...], Flaw | None]] = [
+    ("RemoteAddress", ("0.0.0.0",), None),  # anybody, for a passive end
+    ("ID", (1, 4095), None),
+    ("ID", (0, 4096, 65535), Flaw.ID),
+    ("LocalPort", RESERVED, Flaw.PORT_RESERVED),
+    ("LocalPort", (1, 19, 2000, 5000, 34961, 49151), None),
+    ("ConnectionType", (19,), None),  # UDP
+]
 
 
-@pytest.mark.parametrize("identity", [1, 4095])
-def test_an_id_from_1_to_4095_is_taken(identity: int) -> None:
-    assert flaw_of(asked(ID=identity)) is None
-
-
-@pytest.mark.parametrize("identity", [0, 4096, 65535])
-def test_any_other_id_is_not(identity: int) -> None:
-    assert flaw_of(asked(ID=identity)) is Flaw.ID
-
-
-@pytest.mark.parametrize("port", [20, 21, 80, 102, 135, 161, 162, 443, 34962, 34964, 49152, 65535])
-def test_a_port_of_the_system_is_refused(port: int) -> None:
-    assert flaw_of(asked(LocalPort=port)) is Flaw.PORT_RESERVED
-
-
-@pytest.mark.parametrize("port", [1, 19, 2000, 5000, 34961, 49151])
-def test_any_other_port_is_taken(port: int) -> None:
-    assert flaw_of(asked(LocalPort=port)) is None
+def test_what_a_tcon_ip_v4_may_ask_for() -> None:
+    cases = [(field, value, flaw) for field, values, flaw in JUDGED for value in values]
+    assert [case for case in cases if flaw_of(asked(**{case[0]: case[1]})) is not case[2]] == []
+    assert flaw_of(asked(ConnectionType=19, LocalPort=0)) is Flaw.PARAMETER  # UDP needs a port of its own
 
 
 @pytest.mark.parametrize(
@@ -246,8 +239,3 @@ def test_an_s7_1200_takes_other_tsaps_than_an_s7_1500(tsap: bytes, wide: bool, n
     question = Asked(description, meaning(description), "10.0.0.1")
     assert (flaw_of(question) is None) is wide
     assert (flaw_of(replace(question, narrow_tsaps=True)) is None) is narrow
-
-
-def test_udp_needs_a_port_of_its_own_and_no_partner() -> None:
-    assert flaw_of(asked(ConnectionType=19)) is None
-    assert flaw_of(asked(ConnectionType=19, LocalPort=0)) is Flaw.PARAMETER

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from trcvtui.net.connection.resources import EPISODE_REST, LEAST_SHARE, Party, Work
 from trcvtui.net.events import What
 
@@ -113,38 +111,6 @@ def test_it_is_told_once_an_episode() -> None:
     bench.scan(EPISODE_REST)
     greedy(party)
     assert bench.said == [("C1", What.TPDUS_WAIT)] * 2
-
-
-def test_a_scan_looks_at_the_oldest_episode_only_while_it_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Told()
-    asked: list[tuple[str, What]] = []
-    for number in range(100):
-        greedy(bench.party(f"C{number}"))
-        bench.scan()
-    is_over = Work._is_over
-
-    def counted(work: Work, who: tuple[str, What]) -> bool:
-        asked.append(who)
-        return is_over(work, who)
-
-    monkeypatch.setattr(Work, "_is_over", counted)
-    bench.scan()
-    assert [owner for owner, _ in asked] == ["C0"]
-    greedy(bench.party("C0"))  # is the newest now
-    bench.scan()
-    assert [owner for owner, _ in asked] == ["C0", "C1"]
-
-
-def test_handshakes_have_a_tenth_of_the_interval_by_the_clock() -> None:
-    bench = Told()
-    party, steps = bench.party("C1"), 0
-    while bench.work.may_shake():
-        bench.step(party, 300_000)
-        steps += 1
-    assert steps == 3
-    bench.scan()
-    assert bench.work.may_shake()
-    assert bench.said == []
 
 
 def test_one_step_a_scan_is_taken_however_long_it_is_and_the_ledger_says_so() -> None:

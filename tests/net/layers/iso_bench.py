@@ -8,7 +8,7 @@ import socket
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.faults import FaultPlan, FaultyKernel
-from trcvtui.net.kernel import Handle, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, SocketOptions
 from trcvtui.net.layers.iso_on_tcp import IsoSettings, TpktReader
 from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.layers.layered_stream import DROPPED, LayerNote
@@ -71,6 +71,23 @@ class IsoBench(Bench):
     def __init__(self, net: Net) -> None:
         super().__init__(net)
         self.net = net
+        self._open: set[Handle] = set()
+
+    def socket(
+        self, reuse: bool = False, end: Endpoint | None = None, polled: bool = False, owner: str = "X"
+    ) -> Handle:
+        handle = super().socket(reuse, end, polled, owner)
+        self._open.add(handle)
+        return handle
+
+    def accept(self, listener: Handle) -> Accepted:
+        got = super().accept(listener)
+        self._open.add(got.handle)
+        return got
+
+    def close(self) -> None:
+        """Close all that is still open."""
+        self.close_all(*self._open)
 
     def iso_socket(self, settings: IsoSettings, owner: str = "C1", small: bool = False) -> Handle:
         handle = self.socket(owner=owner)
@@ -117,14 +134,14 @@ class IsoBench(Bench):
         self.until(is_there)
         return bytes(into[: found[0].size]), found[0].whole
 
-    def up(self) -> tuple[Handle, Handle, Handle]:
-        """Return caller, called and listener of a connection that stands."""
+    def up(self) -> tuple[Handle, Handle]:
+        """Return both ends of a connection that stands."""
         listener = self.iso_listener(WAITS)
         caller = self.call(self.end(listener))
         called = self.taken(listener, caller=caller)
         assert self.verdict(caller) is None
         assert self.kernel.poll_add(caller) is None
-        return caller, called, listener
+        return caller, called
 
     def close_all(self, *handles: Handle) -> None:
         for handle in handles:

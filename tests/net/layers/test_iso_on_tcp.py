@@ -71,37 +71,6 @@ def test_the_passive_end_answers_with_a_cc_only_when_somebody_takes_the_cr() -> 
     assert (passive.take_output(), passive.is_up) == (CC, True)
 
 
-@pytest.mark.parametrize("cut", range(1, len(CR)))
-def test_a_cr_that_comes_in_two_pieces_is_one(cut: int) -> None:
-    passive = CALLED.new(is_active=False)
-    fed(passive, CR[:cut])
-    assert not passive.has_asked
-    fed(passive, CR[cut:])
-    assert passive.has_asked
-
-
-@pytest.mark.parametrize("cut", range(1, len(CC)))
-def test_a_cc_that_comes_in_two_pieces_is_one(cut: int) -> None:
-    active = CALLER.new(is_active=True)
-    fed(active, CC[:cut])
-    assert not active.is_up
-    fed(active, CC[cut:])
-    assert active.is_up
-
-
-@pytest.mark.parametrize("cut", range(1, len(ABC + AB_AND_C)))
-def test_messages_are_the_same_wherever_the_stream_is_cut(cut: int) -> None:
-    _, passive = pair()
-    stream = ABC + AB_AND_C
-    fed(passive, stream[:cut])
-    fed(passive, stream[cut:])
-    assert [read(passive), read(passive), read(passive)] == [
-        LayerMessage(b"abc", 3),
-        LayerMessage(b"abc", 3),
-        None,
-    ]
-
-
 @pytest.mark.parametrize(
     ("proposed", "taken", "agreed"),
     [(10, 10, 1024), (7, 10, 128), (13, 10, 1024), (10, 7, 128), (8, 13, 256)],
@@ -161,22 +130,6 @@ def test_a_size_without_room_for_data_ends_the_connection(size: int, is_active: 
 
 
 @pytest.mark.parametrize(
-    ("request_", "why"),
-    [
-        (Connect(Code.CR, 0, 7, E001, E002, other_class=2), "class 2 in a CR"),
-        (Connect(Code.CR, 0, 7, E001, E002, 0), "the TPDU size code 00 leaves no room for data"),
-    ],
-)
-def test_a_cr_that_cannot_be_agreed_to_is_answered_with_a_dr_before_the_end(
-    request_: Connect, why: str
-) -> None:
-    passive = CALLED.new(is_active=False)
-    fed(passive, encode(request_))
-    assert TpktReader().feed(passive.take_output()) == [Disconnect(7, 0, 0x82)]
-    assert passive.ended == Ended("EPROTO", why)
-
-
-@pytest.mark.parametrize(
     "cc", [Connect(Code.CC, 1, 7, other_class=2), Connect(Code.CC, 1, 7, E001, E002, size_code=0)]
 )
 def test_a_cc_that_cannot_be_agreed_to_ends_the_connection_without_a_word(cc: Connect) -> None:
@@ -192,13 +145,6 @@ def test_a_cc_cannot_raise_what_was_proposed() -> None:
     first = TpktReader().feed(active.encode(bytes(3000)))[0]
     assert isinstance(first, Data)
     assert len(first.payload) == 125
-
-
-def test_a_dt_larger_than_agreed_ends_the_connection_as_on_a_cpu() -> None:
-    _, passive = pair()
-    fed(passive, encode(Data(bytes(1022), True)))
-    assert passive.ended == Ended("EPROTO", "a DT of 1025 bytes, 1024 are agreed")
-    assert read(passive) is None
 
 
 # -- who is asked for --------------------------------------------------------------------------------------
@@ -218,17 +164,6 @@ def test_a_cr_is_for_the_connect_with_both_tsaps(called: IsoSettings, why: str) 
     assert passive.is_for(called) == why
 
 
-@pytest.mark.parametrize(("is_known", "reason"), [(False, 3), (True, 2)])
-def test_a_refusal_is_a_dr_with_its_reason_and_the_caller_ends_refused(is_known: bool, reason: int) -> None:
-    active, passive = CALLER.new(is_active=True), CALLED.new(is_active=False)
-    fed(passive, active.take_output())
-    passive.refuse(is_known)
-    said = passive.take_output()
-    assert TpktReader().feed(said) == [Disconnect(1, 0, reason)]
-    fed(active, said)
-    assert active.ended == Ended("ECONNREFUSED", f"DR, reason {reason:02X}")
-
-
 def test_a_stream_that_ends_before_the_cc_is_a_refusal() -> None:
     active = CALLER.new(is_active=True)
     active.partner_closed()
@@ -236,25 +171,6 @@ def test_a_stream_that_ends_before_the_cc_is_a_refusal() -> None:
 
 
 # -- messages ----------------------------------------------------------------------------------------------
-
-
-def test_a_message_longer_than_the_room_loses_its_rest_and_the_next_is_clean() -> None:
-    active, passive = pair()
-    fed(passive, active.encode(b"0123456789") + active.encode(b"next"))
-    assert read(passive, room=4) == LayerMessage(b"0123", 10)
-    assert read(passive, room=4) == LayerMessage(b"next", 4)
-
-
-def test_a_message_longer_than_the_cap_keeps_the_cap_and_counts_the_rest() -> None:
-    active, passive = pair()
-    fed(passive, active.encode(bytes(20_000)))
-    assert read(passive) == LayerMessage(bytes(8192), 20_000)
-
-
-def test_an_empty_message_is_none() -> None:
-    active, passive = pair()
-    fed(passive, active.encode(b"") + active.encode(b"x"))
-    assert read(passive) == LayerMessage(b"x", 1)
 
 
 def test_who_reads_nothing_stops_the_partner() -> None:
@@ -267,39 +183,11 @@ def test_who_reads_nothing_stops_the_partner() -> None:
     assert passive.wants_more
 
 
-def test_what_waits_can_be_dropped() -> None:
-    active, passive = pair()
-    fed(passive, active.encode(b"one") + active.encode(b"three"))
-    assert passive.drop_data() == 8
-    assert (passive.has_data, passive.held) == (False, 0)
-
-
 def test_a_dr_after_messages_leaves_them_readable() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"last") + encode(Disconnect(1, 1, 0x80)))
     assert passive.ended == Ended("ECONNRESET", "DR, reason 80")
     assert read(passive) == LayerMessage(b"last", 4)
-
-
-@pytest.mark.parametrize(
-    ("sent", "detail"),
-    [
-        (CR, "a CR out of turn"),
-        (CC, "a CC out of turn"),
-        (b"\x04\0\0\x07", "TPKT version 4"),
-        (bytes.fromhex("03 00 00 09 04 70 00 05 02"), "ER, cause 02"),
-    ],
-)
-def test_what_cannot_be_right_ends_a_connection_with_its_reason(sent: bytes, detail: str) -> None:
-    _, passive = pair()
-    fed(passive, sent)
-    assert passive.ended == Ended("EPROTO", detail)
-
-
-def test_data_before_the_handshake_is_out_of_turn() -> None:
-    passive = CALLED.new(is_active=False)
-    fed(passive, ABC)
-    assert passive.ended == Ended("EPROTO", "a DT out of turn")
 
 
 # -- whatever comes ----------------------------------------------------------------------------------------

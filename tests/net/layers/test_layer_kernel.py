@@ -57,11 +57,11 @@ def test_a_connect_is_pending_until_the_partner_takes_the_call(b: IsoBench) -> N
     assert b.kernel.connect_result(caller) is WOULD_BLOCK
     b.kernel.set_options(got.handle, SocketOptions(session=WAITS))
     assert b.verdict(caller) is None
-    b.close_all(caller, got.handle, listener)
+    b.kernel.close(got.handle)
 
 
 def test_messages_arrive_whole_and_one_by_one(b: IsoBench) -> None:
-    caller, called, listener = b.up()
+    caller, called = b.up()
     for payload in (b"one", b"three", bytes(9000)):
         b.send(caller, payload)
     assert b.message(called) == (b"one", 3)
@@ -69,7 +69,6 @@ def test_messages_arrive_whole_and_one_by_one(b: IsoBench) -> None:
     assert b.message(called) == (bytes(9000), 9000)
     b.send(called, b"back")
     assert b.receive(caller, 4) == b"back"
-    b.close_all(caller, called, listener)
 
 
 def test_a_message_that_the_stack_takes_in_pieces_is_one_message(b: IsoBench) -> None:
@@ -99,30 +98,26 @@ def test_a_message_that_the_stack_takes_in_pieces_is_one_message(b: IsoBench) ->
     b.until(both)
     assert got == [(60_000, payload)]
     assert len(counts) > 1
-    b.close_all(caller, called, listener)
 
 
 def test_a_fin_comes_after_the_last_message(b: IsoBench) -> None:
-    caller, called, listener = b.up()
+    caller, called = b.up()
     b.send(caller, b"last")
     assert b.kernel.shutdown(caller) is None
     assert b.message(called) == (b"last", 4)
     assert b.loss(called).fault is None
     assert b.answer(called) == 0
-    b.close_all(caller, called, listener)
 
 
 def test_a_reset_is_told_once_the_messages_are_read(b: IsoBench) -> None:
-    caller, called, listener = b.up()
+    caller, called = b.up()
     b.kernel.abort(caller)
     assert b.loss(called) == KernelLoss(Fault("recv", "ECONNRESET"), 0)
-    b.close_all(called, listener)
 
 
 def test_what_waits_unread_is_counted_and_can_be_discarded(b: IsoBench) -> None:
-    caller, called, listener = b.up()
+    caller, called = b.up()
     b.send(caller, b"12345")
     b.until(lambda: b.kernel.unread(called) == 5)
     assert b.kernel.discard(called, 100) == 5
     assert b.kernel.unread(called) == 0
-    b.close_all(caller, called, listener)

@@ -24,7 +24,6 @@ def test_two_connects_share_a_port_and_each_gets_its_own_partner(b: IsoBench) ->
     b.send(to_first, b"for E002")
     assert b.message(took_second) == (b"for E003", 8)
     assert b.message(took_first) == (b"for E002", 8)
-    b.close_all(to_second, to_first, took_second, took_first, second, first)
 
 
 @pytest.mark.parametrize("who_leaves", ["first", "second"])
@@ -35,13 +34,12 @@ def test_a_connect_that_leaves_a_shared_port_leaves_it_to_the_other(b: IsoBench,
     gone, stays, tsap = (first, second, E003) if who_leaves == "first" else (second, first, E002)
     assert b.kernel.close(gone) is None
     caller = b.call(end, IsoSettings(E001, tsap, CAP))
-    called = b.taken(stays, IsoSettings(tsap, b"", CAP), caller)
+    b.taken(stays, IsoSettings(tsap, b"", CAP), caller)
     assert b.verdict(caller) is None
     assert b.kernel.close(stays) is None
     refused = b.socket()
     fault = b.kernel.connect(refused, end) or b.verdict(refused)
     assert fault == Fault("connect", "ECONNREFUSED")
-    b.close_all(caller, called, refused)
 
 
 def test_a_free_port_is_the_same_for_all_and_comes_back(b: IsoBench) -> None:
@@ -52,7 +50,6 @@ def test_a_free_port_is_the_same_for_all_and_comes_back(b: IsoBench) -> None:
     b.close_all(first, second)
     again = b.iso_listener(WAITS)
     assert b.end(again) == end
-    b.close_all(again)
 
 
 def test_who_is_ready_stirs_its_own_connect(b: IsoBench) -> None:
@@ -66,4 +63,3 @@ def test_who_is_ready_stirs_its_own_connect(b: IsoBench) -> None:
 
     b.until(waits_for_c2)
     assert not b.kernel.readable(first)
-    b.close_all(caller, second, first)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -139,16 +140,6 @@ def test_a_handshake_may_come_cut_at_every_byte(certificates: Certificates, asks
         assert (client.is_up, server.is_up) == (True, True), cut
 
 
-def test_a_handshake_may_come_byte_by_byte(certificates: Certificates) -> None:
-    client = certificates.settings().new(is_active=True)
-    server = certificates.settings("plc").new(is_active=False)
-    for _ in range(FLIGHTS):
-        for speaker, hearer in ((client, server), (server, client)):
-            for byte in speaker.take_output():
-                fed(hearer, bytes([byte]))
-    assert (client.is_up, server.is_up) == (True, True)
-
-
 def test_data_may_come_cut_at_every_byte(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     for cut in range(1, 64):
@@ -162,80 +153,41 @@ def test_data_may_come_cut_at_every_byte(up: tuple[LayerSession, LayerSession]) 
 # -- every way to fail ---------------------------------------------------------------------------------------
 
 
-def test_a_stranger_s_certificate_has_no_authority(certificates: Certificates) -> None:
-    ends = met(certificates.settings(), certificates.settings("strange"))
-    assert errors(ends) == [TlsError.NO_CA, TlsError.REFUSED]
-    assert not any(end.is_up for end in ends)
+NAMED = {"server_name": LOOPBACK, "checks_name": True}
+UNVERIFIED = NAMED | {"is_unverified": True}
+LINE = {"server_name": "plc.line.local.", "checks_name": True}
+ASKS = {"asks_client": True}
+MEETINGS: list[tuple[str, dict[str, Any], str, dict[str, Any], tuple[str, str]]] = [
+    ("", {}, "strange", {}, (TlsError.NO_CA, TlsError.REFUSED)),
+    ("", {"trusts": ""}, "plc", {}, (TlsError.NO_CA, TlsError.REFUSED)),
+    ("", {}, "expired", {}, (TlsError.EXPIRED, TlsError.REFUSED)),
+    ("", {}, "early", {}, (TlsError.DISCARDED, TlsError.REFUSED)),
+    ("", {}, "critical", {}, (TlsError.EXTENSION, TlsError.REFUSED)),
+    ("", NAMED, "plc", {}, ("", "")),
+    ("", LINE, "plc", {}, ("", "")),
+    ("", LINE | {"server_name": "plc.line.local"}, "plc", {}, ("", "")),
+    ("", NAMED, "elsewhere", {}, (TlsError.WRONG_NAME, TlsError.REFUSED)),
+    ("", LINE, "elsewhere", {}, (TlsError.WRONG_NAME, TlsError.REFUSED)),
+    ("", {"server_name": LOOPBACK}, "elsewhere", {}, ("", "")),
+    *(("", UNVERIFIED, name, {}, ("", "")) for name in ("strange", "expired", "elsewhere")),
+    ("", {}, "plc", ASKS, (TlsError.REFUSED, TlsError.NO_CERTIFICATE)),
+    ("strange", {}, "plc", ASKS, (TlsError.REFUSED, TlsError.NO_CA)),
+    ("", {}, "", {}, (TlsError.REFUSED, TlsError.HANDSHAKE)),
+]
 
 
-def test_with_nobody_to_trust_nobody_is_trusted(certificates: Certificates) -> None:
-    assert errors(met(certificates.settings(trusts=""), certificates.settings("plc")))[0] == TlsError.NO_CA
-
-
-@pytest.mark.parametrize(
-    ("shown", "error"),
-    [("expired", TlsError.EXPIRED), ("early", TlsError.DISCARDED), ("critical", TlsError.EXTENSION)],
-)
-def test_a_certificate_that_is_no_longer_not_yet_or_not_fully_understood(
-    certificates: Certificates, shown: str, error: TlsError
+@pytest.mark.parametrize(("shown", "asks", "server", "wants", "told"), MEETINGS)
+def test_what_each_end_says_of_the_other_s_certificate(
+    certificates: Certificates,
+    shown: str,
+    asks: dict[str, Any],
+    server: str,
+    wants: dict[str, Any],
+    told: tuple[str, str],
 ) -> None:
-    assert errors(met(certificates.settings(), certificates.settings(shown)))[0] == error
-
-
-def test_an_expired_certificate(certificates: Certificates) -> None:
-    ends = met(certificates.settings(), certificates.settings("expired"))
-    assert errors(ends) == [TlsError.EXPIRED, TlsError.REFUSED]
-
-
-@pytest.mark.parametrize("name", [LOOPBACK, "plc.line.local", "plc.line.local."])
-def test_a_certificate_that_bears_the_name(certificates: Certificates, name: str) -> None:
-    client = certificates.settings(server_name=name, checks_name=True)
-    assert errors(met(client, certificates.settings("plc"))) == ["", ""]
-
-
-@pytest.mark.parametrize("name", [LOOPBACK, "plc.line.local."])
-def test_a_certificate_for_somebody_else(certificates: Certificates, name: str) -> None:
-    client = certificates.settings(server_name=name, checks_name=True)
-    assert errors(met(client, certificates.settings("elsewhere")))[0] == TlsError.WRONG_NAME
-
-
-def test_a_name_that_is_not_checked_may_be_another(certificates: Certificates) -> None:
-    client = certificates.settings(server_name=LOOPBACK)
-    assert errors(met(client, certificates.settings("elsewhere"))) == ["", ""]
-
-
-def test_a_client_that_shows_no_certificate(certificates: Certificates) -> None:
-    client, server = met(certificates.settings(), certificates.settings("plc", asks_client=True))
-    assert errors((client, server)) == [TlsError.REFUSED, TlsError.NO_CERTIFICATE]
-    assert not server.is_up
-
-
-def test_a_client_that_shows_a_stranger_s_certificate(certificates: Certificates) -> None:
-    ends = met(certificates.settings("strange"), certificates.settings("plc", asks_client=True))
-    assert errors(ends)[1] == TlsError.NO_CA
-
-
-def test_verification_is_off_only_where_that_was_said(certificates: Certificates) -> None:
-    for shown in ("strange", "expired", "elsewhere"):
-        client = certificates.settings(server_name=LOOPBACK, checks_name=True, is_unverified=True)
-        assert errors(met(client, certificates.settings(shown))) == ["", ""]
-
-
-def test_a_server_without_a_certificate(certificates: Certificates) -> None:
-    assert errors(met(certificates.settings(), certificates.settings())) == [
-        TlsError.REFUSED,
-        TlsError.HANDSHAKE,
-    ]
-
-
-@pytest.mark.parametrize("plain", [b"hello, PLC! this is no TLS\r\n", b"GET / HTTP/1.0\r\n\r\n", bytes(64)])
-@pytest.mark.parametrize("is_active", [False, True])
-def test_a_partner_that_speaks_plain_tcp(certificates: Certificates, plain: bytes, is_active: bool) -> None:
-    session = certificates.settings("plc").new(is_active)
-    fed(session, plain)
-    assert session.ended is not None
-    assert session.ended.error == TlsError.PLAIN
-    assert (session.is_up, session.wants_more, session.has_data) == (False, False, False)
+    ends = met(certificates.settings(shown, **asks), certificates.settings(server, **wants))
+    assert errors(ends) == [*told]
+    assert ends[1].is_up is (told[1] == "")
 
 
 @pytest.mark.parametrize("first", [b"\x00", b"h", b"G", b"\x14", b"\x17", b"\x80"])
@@ -247,6 +199,7 @@ def test_the_first_byte_is_enough_to_know_plain_tcp(
     fed(session, first)
     assert session.ended is not None
     assert session.ended == (TlsError.PLAIN, f"no TLS: it begins with {first[0]:02X}, not with 16")
+    assert (session.is_up, session.wants_more, session.has_data) == (False, False, False)
 
 
 def test_only_a_server_may_begin_with_an_alert(certificates: Certificates) -> None:

@@ -16,18 +16,18 @@ TOO_SLOW = ("C1", ENDED, "a message that has not ended in 30 s")
 ENDED_BY_US = Fault("session", "EPROTO")
 
 
-def up(b: IsoBench) -> tuple[Handle, Handle, Handle]:
-    """Return a plain TCP client whose CR was taken, what it is connected to, and the listener."""
+def up(b: IsoBench) -> tuple[Handle, Handle]:
+    """Return a plain TCP client whose CR was taken, and what it is connected to."""
     listener = b.iso_listener(SMALL)
     client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 10)))
-    return client, b.taken(listener, SMALL), listener
+    return client, b.taken(listener, SMALL)
 
 
 @pytest.mark.parametrize(
     "half", [BEGUN, BEGUN[:9], b"\x03", encode(Data(b"", False))], ids=["no EOT", "cut", "a byte", "empty"]
 )
 def test_half_a_message_ends_the_connection_after_30_s(b: IsoBench, half: bytes) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     b.send(client, half)
     b.settle()
     b.net.now += 29 * SECOND
@@ -37,11 +37,10 @@ def test_half_a_message_ends_the_connection_after_30_s(b: IsoBench, half: bytes)
     assert b.loss(called).fault == ENDED_BY_US
     assert "C1" in (b.kernel.ready_handles() or {}).values()  # type: ignore[attr-defined]
     assert b.net.heard == [TOO_SLOW]
-    b.close_all(client, called, listener)
 
 
 def test_a_byte_now_and_then_is_no_way_round_the_limit(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     b.send(client, BEGUN)
     for byte in encode(Data(bytes(100), True))[:30]:
         b.settle()
@@ -49,11 +48,10 @@ def test_a_byte_now_and_then_is_no_way_round_the_limit(b: IsoBench) -> None:
         b.send(client, bytes([byte]))
     assert b.loss(called).fault == ENDED_BY_US
     assert b.net.heard == [TOO_SLOW]
-    b.close_all(client, called, listener)
 
 
 def test_each_message_has_30_s_of_its_own(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     whole = encode(Data(b"abc", True))
     b.send(client, whole[:5])
     for _ in range(5):
@@ -62,21 +60,19 @@ def test_each_message_has_30_s_of_its_own(b: IsoBench) -> None:
         b.send(client, whole[5:] + whole[:5])
         assert b.message(called) == (b"abc", 3)
     assert b.net.heard == []
-    b.close_all(client, called, listener)
 
 
 def test_a_connection_that_is_silent_between_messages_stays(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     b.send(client, encode(Data(b"abc", True)))
     assert b.message(called) == (b"abc", 3)
     b.net.now += 1000 * SECOND
     b.settle()
     assert b.kernel.loss(called) is None
-    b.close_all(client, called, listener)
 
 
 def test_a_partner_does_not_pay_for_a_block_that_takes_nothing(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     b.send(client, encode(Data(bytes(600), True)) * 2 + BEGUN)  # 1200 bytes wait, more than the cap
     b.until(lambda: b.kernel.unread(called) > 1200)
     b.net.now += 1000 * SECOND
@@ -86,11 +82,10 @@ def test_a_partner_does_not_pay_for_a_block_that_takes_nothing(b: IsoBench) -> N
     assert b.message(called) == (bytes(600), 600)
     b.send(client, encode(Data(b"!", True)))
     assert b.message(called) == (b"begun!", 6)
-    b.close_all(client, called, listener)
 
 
 def test_dts_without_an_end_hold_the_cap_and_end_the_connection_at_16_of_it(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     endless, most, sent = memoryview(encode(Data(bytes(1000), False)) * 64), 0, 0
 
     def is_over() -> bool:
@@ -103,14 +98,12 @@ def test_dts_without_an_end_hold_the_cap_and_end_the_connection_at_16_of_it(b: I
     b.until(is_over)
     assert most <= 1000 + 1007  # the cap, and a TPKT that is not complete
     assert b.net.heard == [("C1", ENDED, f"a message of more than {CAPS * 1000} bytes")]
-    b.close_all(client, called, listener)
 
 
 def test_a_message_longer_than_the_cap_that_ends_is_counted_and_the_next_is_clean(b: IsoBench) -> None:
-    client, called, listener = up(b)
+    client, called = up(b)
     b.send(client, encode(Data(bytes(1000), False)) * 3 + encode(Data(b"", True)))
     b.send(client, encode(Data(b"next", True)))
     assert b.message(called, CAP) == (bytes(1000), 3000)
     assert b.message(called, CAP) == (b"next", 4)
     assert b.kernel.recv_from(called, memoryview(bytearray(1))) is WOULD_BLOCK
-    b.close_all(client, called, listener)

@@ -16,10 +16,17 @@ from tests.net.layers.iso_bench import (
     answer_of,
     raw_client,
 )
-from trcvtui.net.kernel import Accepted
+from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.layers.iso_on_tcp import Code, Connect, Data, Disconnect, IsoSettings, encode
 from trcvtui.net.layers.layered_stream import CLIENTS_WAITING, ENDED, GAVE_WAY, IGNORED
 from trcvtui.net.results import WOULD_BLOCK, Fault
+
+
+def up(b: IsoBench, size: int = 7) -> tuple[Handle, Handle]:
+    """Return a plain TCP client whose CR was taken, and what it is connected to."""
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, size)))
+    return client, b.taken(listener)
 
 
 def test_an_unknown_tsap_is_refused_and_told(b: IsoBench) -> None:
@@ -28,7 +35,7 @@ def test_an_unknown_tsap_is_refused_and_told(b: IsoBench) -> None:
     assert b.verdict(caller) == REFUSED
     assert b.net.told == [("C1", "no CONNECT has the TSAP e0 03")]
     assert not b.kernel.readable(listener)
-    b.close_all(caller, listener)
+    assert b.net.heard == [("P1", ENDED, "DR, reason 03")]  # of our own call
 
 
 EXPEDITED = b"\x03\0\0\x0b\x06\x10\0\1\0\1\x07"  # an ED, which class 0 does not have
@@ -47,7 +54,6 @@ def test_the_refusal_on_the_wire_is_a_dr_with_its_reason_and_then_the_end(
         b.kernel.abort(got.handle)  # a second client is turned away
     assert answer_of(b, client, 11) == [Disconnect(0x4431, 0, reason)]
     assert b.answer(client) == 0
-    b.close_all(client, listener)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +71,6 @@ def test_garbage_is_dropped_and_told(b: IsoBench, data: bytes, why: str) -> None
     b.until(lambda: b.net.told)
     assert b.net.told == [("C1", why)]
     assert b.answer(client) in (0, Fault("recv", "ECONNRESET"))
-    b.close_all(client, listener)
 
 
 def test_a_client_that_leaves_before_its_cr_is_told(b: IsoBench) -> None:
@@ -74,7 +79,6 @@ def test_a_client_that_leaves_before_its_cr_is_told(b: IsoBench) -> None:
     b.kernel.close(client)
     b.until(lambda: b.net.told)
     assert b.net.told == [("C1", "closed before the handshake")]
-    b.close_all(listener)
 
 
 def test_a_client_that_speaks_too_slowly_is_dropped_after_5_s(b: IsoBench) -> None:
@@ -89,20 +93,19 @@ def test_a_client_that_speaks_too_slowly_is_dropped_after_5_s(b: IsoBench) -> No
     b.net.now += SECOND
     b.until(lambda: b.net.told)
     assert b.net.told == [("C1", "no handshake in 5 s")]
-    b.close_all(client, listener)
 
 
 def test_forty_silent_clients_do_not_delay_a_good_one(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
     end = b.end(listener)
-    clients = [raw_client(b, end) for _ in range(40)]
+    for _ in range(40):
+        raw_client(b, end)
     last = b.call(end)
-    called = b.taken(listener, caller=last)
+    b.taken(listener, caller=last)
     assert b.verdict(last) is None
     assert b.net.now == 0  # nobody had to wait for a time limit
     assert b.net.told == [("C1", GAVE_WAY)] * len(b.net.told)
     assert len(b.net.told) in (40 - CLIENTS_WAITING, 41 - CLIENTS_WAITING)
-    b.close_all(*clients, last, called, listener)
 
 
 def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: IsoBench) -> None:
@@ -111,23 +114,23 @@ def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: 
     request = encode(Connect(Code.CR, 0, 9, E001, E002, 10))
     slow = raw_client(b, end, request[:5])
     b.settle()
-    silent = [raw_client(b, end) for _ in range(2 * CLIENTS_WAITING)]
+    for _ in range(2 * CLIENTS_WAITING):
+        raw_client(b, end)
     b.settle()
     assert b.net.told
     b.send(slow, request[5:])
     b.until(lambda: b.kernel.readable(listener))
-    b.close_all(slow, *silent, listener)
 
 
 def test_silent_clients_hold_so_many_places_for_5_s(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
-    clients = [raw_client(b, b.end(listener)) for _ in range(CLIENTS_WAITING)]
+    for _ in range(CLIENTS_WAITING):
+        raw_client(b, b.end(listener))
     b.settle()
     assert b.net.told == []
     b.net.now += 5 * SECOND
     b.until(lambda: b.net.told)
     assert b.net.told == [("C1", "no handshake in 5 s")] * CLIENTS_WAITING
-    b.close_all(*clients, listener)
 
 
 def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> None:
@@ -143,18 +146,14 @@ def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> 
     b.until(lambda: b.net.told)
     assert b.net.told == [("C1", "16 clients wait there already, and nobody takes them")]
     assert answer_of(b, one_more, 11) == [Disconnect(9, 0, 2)]
-    b.close_all(*clients, one_more, listener)
 
 
 def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
-    called = b.taken(listener)
+    client, called = up(b)
     assert answer_of(b, client, 22) == [Connect(Code.CC, 1, 1, E001, E002, 7)]
     b.send(client, encode(Data(bytes(126), True)))
     assert b.loss(called).fault == Fault("session", "EPROTO")
     assert b.net.heard == [("C1", ENDED, "a DT of 129 bytes, 128 are agreed")]
-    b.close_all(client, called, listener)
 
 
 @pytest.mark.parametrize(
@@ -167,32 +166,24 @@ def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> 
 def test_a_tpkt_announced_larger_than_agreed_is_refused_when_its_header_is_there(
     b: IsoBench, begins: bytes, why: str
 ) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
-    called = b.taken(listener)
+    client, called = up(b)
     b.send(client, begins[:-1])
     b.settle()
     assert b.net.heard == []
     b.send(client, begins[-1:])
     assert b.loss(called).fault == Fault("session", "EPROTO")
     assert b.net.heard == [("C1", ENDED, why)]
-    b.close_all(client, called, listener)
 
 
 def test_a_tpdu_without_data_may_be_longer_than_a_small_agreed_size(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 4)))
-    called = b.taken(listener)
+    client, called = up(b, 4)
     long = b"\x03\0\0\x1e\x19\x10" + bytes(24)  # an ED with parameters
     b.send(client, long + encode(Data(b"abc", True)))
     assert b.message(called) == (b"abc", 3)
-    b.close_all(client, called, listener)
 
 
 def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
-    called = b.taken(listener)
+    client, called = up(b)
     for _ in range(20):
         b.send(client, EXPEDITED)
     b.send(client, encode(Data(b"abc", True)))
@@ -201,24 +192,14 @@ def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b:
     assert b.net.heard == [("C1", IGNORED, "a TPDU of code 10")] * 4 + [
         ("C1", IGNORED, "more of them are not told")
     ]
-    b.close_all(client, called, listener)
 
 
 def test_such_a_tpdu_before_the_cr_is_told_as_well(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
     request = encode(Connect(Code.CR, 0, 1, E001, E002, 7))
-    client = raw_client(b, b.end(listener), EXPEDITED, request)
-    called = b.taken(listener)
+    raw_client(b, b.end(listener), EXPEDITED, request)
+    b.taken(listener)
     assert b.net.heard == [("C1", IGNORED, "a TPDU of code 10")]
-    b.close_all(client, called, listener)
-
-
-def test_the_refusal_of_our_own_call_is_told_with_its_reason(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    caller = b.call(b.end(listener), IsoSettings(E001, E003, CAP))
-    assert b.verdict(caller) == REFUSED
-    b.close_all(caller, listener)
-    assert b.net.heard == [("P1", ENDED, "DR, reason 03")]
 
 
 @pytest.mark.parametrize(
@@ -228,17 +209,16 @@ def test_the_refusal_of_our_own_call_is_told_with_its_reason(b: IsoBench) -> Non
         (b"\x03\0\0\x07\xfe\xf0\x80", "length indicator 254 in a TPDU of 3 bytes"),
         (encode(Disconnect(1, 1, 0x80)), "DR, reason 80"),
         (encode(Connect(Code.CR, 0, 1, E001, E002, 7)), "a CR out of turn"),
+        (encode(Connect(Code.CC, 0, 1, E001, E002, 7)), "a CC out of turn"),
+        (bytes.fromhex("03 00 00 09 04 70 00 05 02"), "ER, cause 02"),
     ],
 )
 def test_garbage_after_the_handshake_ends_the_connection_and_is_told(
     b: IsoBench, bad: bytes, why: str
 ) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
-    called = b.taken(listener)
+    client, called = up(b)
     b.send(client, bad)
     assert b.loss(called).fault is not None
-    b.close_all(client, called, listener)
     assert b.net.heard == [("C1", ENDED, why)]
 
 
@@ -255,21 +235,10 @@ def test_a_cr_that_nobody_can_agree_to_gets_a_dr_and_is_told(b: IsoBench, asked:
     assert answer_of(b, client, 11) == [Disconnect(1, 0, 0x82)]
     assert b.answer(client) == 0
     assert b.net.told == [("C1", why)]
-    b.close_all(client, listener)
-
-
-def test_a_size_smaller_than_any_manual_knows_is_answered_as_it_was_proposed(b: IsoBench) -> None:
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 6)))
-    called = b.taken(listener)
-    assert answer_of(b, client, 22) == [Connect(Code.CC, 1, 1, E001, E002, 6)]
-    b.send(called, bytes(62))
-    assert answer_of(b, client, 7 + 61 + 7 + 1) == [Data(bytes(61), False), Data(b"\0", True)]
-    b.close_all(client, called, listener)
 
 
 def test_who_does_not_read_makes_the_partner_wait_and_holds_little(b: IsoBench) -> None:
-    caller, called, listener = b.up()
+    caller, called = b.up()
     message, sent = memoryview(bytes(30_000)), 0
 
     def full() -> bool:
@@ -282,4 +251,3 @@ def test_who_does_not_read_makes_the_partner_wait_and_holds_little(b: IsoBench) 
     b.settle()
     inside = b.kernel.unread(called) - b.net.faulty.unread(called)
     assert inside <= 2 * CAP + 65535 + 65536
-    b.close_all(caller, called, listener)

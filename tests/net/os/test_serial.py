@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from threading import Event
 
 import pytest
 
+from tests.waiting import until
 from trcvtui.net.os.serial import OsSerialPort, fault_of
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 pytest.importorskip("serial")
-MOST_LOOKS = 60_000  # a minute: the port is opened in a thread, which a busy machine lets wait
-
-
-def until(holds: Callable[[], object]) -> None:
-    """Look again and again: the local stack takes its time."""
-    pause = Event()
-    for _ in range(MOST_LOOKS):
-        if holds():
-            return
-        pause.wait(0.001)
-    raise AssertionError("never")
 
 
 def opened(port: OsSerialPort) -> Fault | None:

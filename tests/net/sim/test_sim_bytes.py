@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.net.net_bench import Bench
-from tests.net.sim.net_sim import MS, SimBench, SimNetwork
+from tests.net.sim.net_sim import MS, SimBench
 from trcvtui.net.kernel import Handle, SocketOptions
 from trcvtui.net.results import Fault
 from trcvtui.net.sim.kernel import SimKernel
@@ -152,9 +152,3 @@ def test_two_runs_of_one_seed_are_the_same_run(moves: list[tuple[int, bool, int]
         return answers
 
     assert run() == run()
-
-
-def test_a_breath_is_a_millisecond() -> None:
-    network = SimNetwork(SimKernel())
-    network.breathe()
-    assert network.now_ms == 1

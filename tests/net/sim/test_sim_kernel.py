@@ -124,11 +124,6 @@ def test_an_address_that_nobody_has_is_ehostunreach_after_three_seconds() -> Non
     assert b.ms_until(lambda: b.sim.connect_result(client) == verdict, 5000) == 3070
 
 
-def test_a_machine_with_loopback_alone_reaches_nobody_else() -> None:
-    b = SimBench(SimKernel(addresses=()))
-    assert b.sim.connect(b.socket(), Endpoint("10.0.0.7", 1)) == Fault("connect", "ENETUNREACH")
-
-
 def test_when_every_port_is_borrowed_bind_and_connect_say_so() -> None:
     b = SimBench()
     listener = b.listener()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from tests.bench.told import UP, Told
 from trcvtui.blocks.conditions import Condition
@@ -297,7 +298,9 @@ def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:
 def test_a_partner_that_is_no_peer_is_known_by_its_bursts() -> None:
     told = Told(*UP, "peer P1 send random 64 seed=1", "run 200")
     known = told.evidence("X")
-    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    stranger = replace(
+        known, facts=structs.replace(known.facts, sender="", messages=type(known.facts.messages)())
+    )
     checks = advice_on(stranger).checks
     assert (
         "LEN is 0 and DATA (rx) has 96 bytes, bytes came once, 64: if that is the sender's message, LEN or "
@@ -308,7 +311,9 @@ def test_a_partner_that_is_no_peer_is_known_by_its_bursts() -> None:
 def test_a_stream_without_a_pause_is_not_called_a_message() -> None:
     told = Told(*UP, "peer P1 send random 960 seed=1 repeat=40 every=T#10ms", "run 20")
     known = told.evidence("X")
-    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    stranger = replace(
+        known, facts=structs.replace(known.facts, sender="", messages=type(known.facts.messages)())
+    )
     checks = " ".join(advice_on(stranger).checks)
     assert "bytes came without a pause: a stream does not show where a message ends" in checks
     assert "if that is the sender's message" not in checks
@@ -317,7 +322,9 @@ def test_a_stream_without_a_pause_is_not_called_a_message() -> None:
 def test_of_a_burst_that_is_over_the_bytes_after_its_last_frame_are_counted() -> None:
     told = Told(*UP, "peer P1 send random 200 seed=1", "run 200")
     known = told.evidence("X")
-    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    stranger = replace(
+        known, facts=structs.replace(known.facts, sender="", messages=type(known.facts.messages)())
+    )
     assert any(
         check.endswith(
             "bytes came once, 200: if that is the sender's message, its last 8 bytes begin a next frame"

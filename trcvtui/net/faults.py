@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
+
+from msgspec import Struct, structs
 
 from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
@@ -58,8 +60,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedFault:
+class PlannedFault(Struct, frozen=True):
     """One line of the plan: from the nth such call on, `times` calls fail; None = until cleared."""
 
     call: str
@@ -131,11 +132,11 @@ class FaultPlan:
         left: list[PlannedFault] = []
         for entry in self._entries:
             if entry.call == call and entry.on in (None, owner):
-                entry = replace(entry, seen=entry.seen + 1)
+                entry = structs.replace(entry, seen=entry.seen + 1)
                 # An entry whose turn another one took fires at the next such call.
                 if fault is None and entry.seen >= entry.nth:
                     fault = Fault(call, entry.error, injected=True)
-                    entry = replace(entry, times=None if entry.times is None else entry.times - 1)
+                    entry = structs.replace(entry, times=None if entry.times is None else entry.times - 1)
             if entry.times != 0:
                 left.append(entry)
         self._entries, self.active = left, bool(left)

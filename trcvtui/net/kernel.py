@@ -9,8 +9,9 @@ The facts that every kernel must share are the contract suite tests/net/contract
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from typing import Final, NewType, Protocol
+
+from msgspec import Struct
 
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
@@ -26,8 +27,7 @@ CALLS: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class LocalAddress:
+class LocalAddress(Struct, frozen=True):
     """One address of this machine and the port (interface) it belongs to.
 
     `broadcast`: the address of all hosts on its network, "" where there is none.
@@ -40,24 +40,21 @@ class LocalAddress:
     broadcast: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(Struct, frozen=True):
     """A new connection taken from a listener's queue."""
 
     handle: Handle
     peer: Endpoint
 
 
-@dataclass(frozen=True, slots=True)
-class KernelLoss:
+class KernelLoss(Struct, frozen=True):
     """Why a connection is gone. `fault` is None for the partner's FIN."""
 
     fault: Fault | None
     unread: int
 
 
-@dataclass(frozen=True, slots=True)
-class PathInfo:
+class PathInfo(Struct, frozen=True):
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
     `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force), so that `last_ack_ms`
@@ -70,8 +67,7 @@ class PathInfo:
     probes_often: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class DirectRead:
+class DirectRead(Struct, frozen=True):
     """How to read a handle that the last poll saw, without the checks of `recv`.
 
     `read` fills a buffer and returns the count; 0, or an OSError that `failed` is given: ask `recv`.
@@ -85,8 +81,7 @@ class DirectRead:
     unasked: Callable[[int], None] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SocketOptions:
+class SocketOptions(Struct, frozen=True):
     """Options set before connect or listen, and again after accept.
 
     `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is

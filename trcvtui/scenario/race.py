@@ -20,6 +20,8 @@ from hashlib import blake2s
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from msgspec import structs
+
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
@@ -330,7 +332,7 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
         for dialect in dialects:
             project, said = in_dialect(scenario.project, dialect)
             notes += [Note(dialect.name, 0, text) for text in said]
-            project = project if base is None else replace(project, base=base)
+            project = project if base is None else structs.replace(project, base=base)
             lanes.append(_Lane(dialect.name, project, _read_steps(steps, project, notes)))
         course = _Race(scenario.project.dialect, lanes, notes)
         course.play(steps)
@@ -362,7 +364,7 @@ def _read_steps(steps: Iterable[words.Step], project: Project, notes: list[Note]
                 notes.append(Note(project.dialect.name, step.number, text))
                 continue
             if command is not None:
-                read[place] = replace(step, command=command)
+                read[place] = structs.replace(step, command=command)
                 project = after(command, project)
     return read
 

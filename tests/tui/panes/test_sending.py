@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import bench_project, connections, peers, picture, receiving

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from functools import partial
 from typing import ClassVar, Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
@@ -51,8 +53,7 @@ ENDED_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
 LOSSES_KEPT: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectionLoss:
+class ConnectionLoss(Struct, frozen=True):
     """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
 
     kind: LossKind

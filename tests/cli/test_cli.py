@@ -324,13 +324,8 @@ def test_the_help_of_udt_names_the_layouts(capsys: pytest.CaptureFixture[str]) -
 # -- exit codes and streams -------------------------------------------------------------------------------
 
 
-def test_version_is_data_and_says_when_there_are_no_fast_lanes(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv(trcvtui.LANE, raising=False)
+def test_version_is_data(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "--version") == (0, f"trcvtui {trcvtui.__version__}\n", "")
-    monkeypatch.setenv(trcvtui.LANE, "slow")
-    assert run(capsys, "--version") == (0, f"trcvtui {trcvtui.__version__}, slow lane\n", "")
 
 
 def test_ctrl_c_is_130_without_a_word(

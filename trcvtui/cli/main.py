@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from types import SimpleNamespace
 from typing import IO, TYPE_CHECKING, Final
 
-from trcvtui import __version__, lane_note
+from trcvtui import __version__
 from trcvtui.cli.arguments import SUPPRESS, ArgumentRows, PlainParser
 from trcvtui.errors import UserError, mistake
 
@@ -690,7 +690,7 @@ def _arguments(given: Sequence[str]) -> SimpleNamespace:
         prog="trcvtui",
         description=_overview(),
     )
-    full.add_argument("--version", action="version", version=f"trcvtui {__version__}{lane_note()}")
+    full.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     _fill(full, given)
     full.usage = "trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]"
     return full.parse_args(given, SimpleNamespace())

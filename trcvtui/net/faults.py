@@ -17,7 +17,6 @@ from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
     CALLS,
     Accepted,
-    DirectRead,
     Handle,
     Kernel,
     KernelLoss,
@@ -299,10 +298,6 @@ class FaultyKernel:
             if fault is not None:
                 return fault
         return self.inner.recv(handle, into)
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return how to read this stream directly, which no plan reaches."""
-        return self.inner.direct_read(handle)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return that count."""

@@ -8,7 +8,7 @@ The facts that every kernel must share are the contract suite tests/net/contract
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Final, NewType, Protocol
 
 from msgspec import Struct
@@ -65,20 +65,6 @@ class PathInfo(Struct, frozen=True):
     unsent: int
     last_ack_ms: int
     probes_often: bool = False
-
-
-class DirectRead(Struct, frozen=True):
-    """How to read a handle that the last poll saw, without the checks of `recv`.
-
-    `read` fills a buffer and returns the count; 0, or an OSError that `failed` is given: ask `recv`.
-    `read_on` goes on after a short read and returns how many bytes there are now. `unasked` hears of a `recv`
-    of so many bytes that nobody has to make, since nothing has come.
-    """
-
-    read: Callable[[bytearray | memoryview], int]
-    read_on: Callable[[memoryview, int], int]
-    failed: Callable[[OSError], None]
-    unasked: Callable[[int], None] | None = None
 
 
 class SocketOptions(Struct, frozen=True):
@@ -182,10 +168,6 @@ class Kernel(Protocol):
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
-        ...
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return how to read this stream directly; None where nothing but `recv` does."""
         ...
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:

@@ -30,7 +30,7 @@ from trcvtui.net.events import (
     ConnectionEvent,
     What,
 )
-from trcvtui.net.kernel import DRAIN_BYTES, Accepted, DirectRead, Handle, Kernel, KernelLoss
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
 from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
@@ -421,10 +421,6 @@ class Connection:
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._read_out(self.pending_loss or self._loss_of(got))
         return WOULD_BLOCK
-
-    def direct_read(self) -> DirectRead | None:
-        """Return how to read the connection that stands without a look at its loss; None: `receive` alone."""
-        return self._kernel.direct_read(self.handle) if self.is_up and self.handle is not None else None
 
     def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
         """Release the connection after the last byte; a whole frame that others have read shows first."""

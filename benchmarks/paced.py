@@ -6,11 +6,13 @@ import multiprocessing
 import os
 import time
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
+
+from msgspec.structs import replace
 
 from trcvtui.clock import now_ns
 from trcvtui.engine.controller import fresh_bench

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from tests.cli.conftest import Run
 from tests.cli.conftest import run as run
@@ -60,7 +61,7 @@ async def test_a_made_up_format_is_one_row(tmp_path: Path, monkeypatch: pytest.M
     file.write_text(TYPE)
     assert read_file(file).names() == ["Telegram"]
     assert ".made Made-up text" in help_of("show", run)
-    here = replace(load_project(CONFIGS / "udt-mismatch.toml"), base=tmp_path)
+    here = structs.replace(load_project(CONFIGS / "udt-mismatch.toml"), base=tmp_path)
     assert complete("udt open a", here) == "udt open a.made"
     assert not_on_the_page() == [".made"]
     async with lab(project(tmp_path)) as stage:

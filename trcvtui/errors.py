@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 MOST_SHOWN = 10
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(Struct, frozen=True):
     """One mistake: where it stands, what was found there, what was expected, and of which kind it is.
 
     `kind`: missing (nothing stands there), surplus (nothing should), unknown (no such name or key), taken

@@ -208,13 +208,8 @@ def test_the_help_names_what_only_an_import_can_tell(run: Run) -> None:
 # -- exit codes and streams -------------------------------------------------------------------------------
 
 
-def test_version_is_data_and_says_when_there_are_no_fast_lanes(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv(trcvtui.LANE, raising=False)
+def test_version_is_data(run: Run) -> None:
     assert run("--version") == (0, f"trcvtui {trcvtui.__version__}\n", "")
-    monkeypatch.setenv(trcvtui.LANE, "slow")
-    assert run("--version") == (0, f"trcvtui {trcvtui.__version__}, slow lane\n", "")
 
 
 def test_ctrl_c_is_130_without_a_word(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from tests.bench.bench_project import bench_project
 from trcvtui.commands.table import parse_line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.status_report import Explained, as_page, explain, with_scenarios

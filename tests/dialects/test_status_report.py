@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.baosky.status import STATUS

@@ -7,11 +7,11 @@ import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench

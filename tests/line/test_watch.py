@@ -623,7 +623,6 @@ def test_the_recording_and_a_capture_of_one_run_show_the_frames_of_the_run(
                 recorder.gap(bench)
             due += 10_000_000
             bench.step(clock.now_ns() - began)
-            bench.runtime.settle()
             jobs.extend(jobs_of(bench, bench.runtime.changed))
 
         while (port := bench.runtime.listening_port("C1")) is None:

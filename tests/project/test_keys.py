@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 from hypothesis import given
+from msgspec.structs import replace
 
 from tests.engine.test_project_save import driven, say
 from tests.properties.drawn_projects import projects
@@ -29,8 +29,7 @@ CONFIGS = sorted(file for file in (ROOT / "configs").rglob("*.toml") if file.par
 WORDS = ("short", "long")
 
 
-@dataclass(frozen=True, slots=True)
-class NotedUdpConfig(UdpConfig):
+class NotedUdpConfig(UdpConfig, frozen=True):
     """A UDP_CONFIG with a note."""
 
     note: str = ""
@@ -118,7 +117,7 @@ def test_the_page_is_what_the_rows_say() -> None:
 def test_every_row_says_what_it_is_for_and_where_its_value_goes() -> None:
     for row in (*TABLES.values(), *DESCRIBED.values(), SIM):
         assert row.help.endswith("."), row.kind
-        names = set(vars(row.makes)["__match_args__"]) if isinstance(row.makes, type) else None
+        names = set(getattr(row.makes, "__match_args__", ())) or None
         for key in row.keys:
             assert key.help, f"{row.kind}.{key.name}"
             if key.of and names is not None:

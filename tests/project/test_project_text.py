@@ -53,7 +53,7 @@ def load(text: str) -> Project:
 
 def parts(project: Project) -> dict[str, Any]:
     """Return what a project says; a variable by name, type and size."""
-    said: dict[str, Any] = {name: getattr(project, name) for name in project.__match_args__}
+    said: dict[str, Any] = {name: getattr(project, name) for name in Project.__match_args__}
     said["data"] = [(d.name, d.type_name, d.size) for d in project.data]
     return said
 

@@ -7,7 +7,6 @@ import random
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -20,7 +19,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.errors import UserError
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.sim.kernel import SimKernel
-from trcvtui.plc.fast_lane import Lane
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.recording.journal import DO, SKIP, Answered, Entry, Note, blocks, entries_of
 from trcvtui.recording.replay import Replay
@@ -252,53 +250,3 @@ def test_a_mutated_journal_that_can_be_read_is_a_difference_and_no_crash() -> No
 def test_tuples_in_tuples_end_at_a_depth() -> None:
     head = next(blocks([]))[:-4] + b"\x01\0\0\0"
     assert "deep" in wrong([head + b"\x06\x01\x00" * 5000])
-
-
-STEADY = """
-dialect = "baosky"
-[[data]]
-name = "rx"
-type = "ARRAY[0..7] OF BYTE"
-[[connect]]
-name = "C1"
-LocalAddress = "127.0.0.1"
-LocalPort = 0
-[[instance]]
-name = "A"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-[[peer]]
-name = "P1"
-active = true
-remote = "@C1"
-reconnect = "T#50ms"
-every = "T#20ms"
-says = ["hex 01 02 03 04 05 06 07 08", "hex 01 02 03", "hex 04 05 06 07 08"]
-[scenario]
-steps = "run 400"
-"""
-
-
-@pytest.mark.parametrize("kernel", ["sim", "live"])
-def test_what_a_fast_lane_reads_is_recorded_as_the_calls_it_stands_for(
-    kernel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "steady.toml"
-    path.write_text(STEADY)
-    laned: list[object] = []
-    scan = Lane.scan
-
-    def counted(*args: Any) -> object:
-        laned.append(scan(*args))
-        return laned[-1]
-
-    monkeypatch.setattr(Lane, "scan", counted)
-    seen, entries = recorded(path, kernel)
-    assert len([answer for answer in laned if answer is not None]) > 100
-    laned.clear()
-    replay = Replay(entries_of(blocks(entries), "R"), "R")
-    assert run(path, kernel, replay, VirtualPace()) == seen
-    assert laned == []

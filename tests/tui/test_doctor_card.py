@@ -6,10 +6,10 @@ import json
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from tests.tui.looking import BOTH
 from tests.tui.test_stories import Newcomer, opened

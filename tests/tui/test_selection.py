@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 from textual.events import MouseDown, MouseMove, MouseUp
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story

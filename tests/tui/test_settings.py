@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import replace
 from difflib import unified_diff
 from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
 import pytest
+from msgspec.structs import replace
 from rich.color_triplet import ColorTriplet
 from rich.style import Style
 

@@ -14,7 +14,7 @@ import pytest
 from tests.udt.capture_file import write_capture
 from tests.udt.export_types import EVERY_LAYOUT, plant, plant_bytes
 from tests.udt.udt_strategies import layout_of, types_of
-from trcvtui import LANE, clock
+from trcvtui import clock
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import UserError
 from trcvtui.net.os.kernel import OsKernel
@@ -154,7 +154,6 @@ def demo_traffic(monkeypatch: pytest.MonkeyPatch, least: int) -> list[bytes]:
         return taken
 
     monkeypatch.setattr(OsKernel, "recv", recording)
-    monkeypatch.setenv(LANE, "slow")  # a lane reads the socket itself
     bench, pace = fresh_bench(load_project(demo_path()), "live"), LivePace()
     end = clock.now_ns() + 20_000_000_000
     telegrams: list[bytes] = []

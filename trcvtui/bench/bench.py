@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar, cast
+
+from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.peers.peer import Peer, SelfActing, next_due

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot

@@ -6,8 +6,9 @@ Rule: it writes what a program can write, inputs and DATA; whatever else happens
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Final, Protocol
+
+from msgspec.structs import replace
 
 from trcvtui.bench.conditions import Watched, found, holds
 from trcvtui.commands import words

@@ -6,9 +6,11 @@ Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenari
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Final
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import SplitRow, TrialSnapshot
@@ -22,8 +24,7 @@ RUNNING, FINISHED, CANCELLED, FAILED = "running", "finished", "cancelled", "fail
 MOST_LENGTHS: Final = 6  # RCVD_LENs that are written out
 
 
-@dataclass(slots=True)
-class _Seen:
+class _Seen(Struct):
     """What one run has shown: its STATUS scan by scan, and each frame as (RCVD_LEN, DATA)."""
 
     scans: list[tuple[int, bool]] = field(default_factory=list)

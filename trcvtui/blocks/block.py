@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol
+
+from msgspec import Struct
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
@@ -17,8 +18,7 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim
 
 
-@dataclass(frozen=True, slots=True)
-class Binding:
+class Binding(Struct, frozen=True):
     """What an instance is tied to. `data` None: the pin is open; `priority` is that of its task.
 
     `address`: what stands at ADDR, which only datagrams ask for.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.connection.resources import Resources
@@ -129,8 +130,7 @@ class SendEnded(NamedTuple):
 JobNote = JobStarted | JobMode | JobEnded | SendStarted | SendEnded | SerialNote
 
 
-@dataclass(slots=True)
-class Environment:
+class Environment(Struct):
     """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan.
 
     `write` puts a note into the ledger.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 
 class Ending(StrEnum):
@@ -17,8 +18,7 @@ class Ending(StrEnum):
     ZERO = "byte 00 in a text"
 
 
-@dataclass(frozen=True, slots=True)
-class Framing:
+class Framing(Struct, frozen=True):
     """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap, 0: any.
 
     `text`: frames are STRINGs. A byte 00 ends them, and a size that is reached is never a good end.

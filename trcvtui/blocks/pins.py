@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 PinValue = int  # of a BOOL pin False or True
 
@@ -16,8 +17,7 @@ class Direction(StrEnum):
     OUT = "out"
 
 
-@dataclass(frozen=True, slots=True)
-class Pin:
+class Pin(Struct, frozen=True):
     """One pin. `edge` pins act on their rising edge; `label`: how the manual draws it, if otherwise.
 
     `shows`: what an output shows, by its name in the outcome of a call.
@@ -36,8 +36,7 @@ class Pin:
         return self.iec_type == "BOOL"
 
 
-@dataclass(frozen=True, slots=True)
-class Inputs:
+class Inputs(Struct, frozen=True):
     """Pins by their manual's names in lower case; `len` in bytes, 0 = size of DATA."""
 
     en_r: bool = False

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Pin
@@ -29,8 +31,7 @@ PLAIN_SET_UP: Final[SetUpConditions] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class StatusSequence:
+class StatusSequence(Struct, frozen=True):
     """What shows when. A tuple of conditions shows one a scan.
 
     `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
@@ -100,8 +101,7 @@ class NotConnected(Enum):
     NEVER = "never"
 
 
-@dataclass(frozen=True, slots=True)
-class AreaRules:
+class AreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
     `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
@@ -122,8 +122,7 @@ class AreaRules:
     datagram_needs_len: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
+class Rules(Struct, frozen=True):
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]

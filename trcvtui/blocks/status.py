@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
@@ -23,8 +24,7 @@ class Reach(StrEnum):
     NEVER = "not on this bench"
 
 
-@dataclass(frozen=True, slots=True)
-class StatusRow:
+class StatusRow(Struct, frozen=True):
     """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
 
     `unreached`: why nothing on this bench shows it (Reach.NEVER); such a row may have no condition.

@@ -6,9 +6,10 @@ A new block is one row here and the class that the row names; a dialect that off
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Direction, Pin
@@ -16,8 +17,7 @@ from trcvtui.blocks.pins import Direction, Pin
 MARKS: Final = ("prefix", "suffix")
 
 
-@dataclass(frozen=True, slots=True)
-class BlockRow:
+class BlockRow(Struct, frozen=True):
     """One block. Its classes are named `module:Class` and imported when an instance is made.
 
     `shared`, `single`: on a CONNECT, as the manual of one job course has it, or as single instructions.

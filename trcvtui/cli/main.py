@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from trcvtui import __version__, lane_note
+from trcvtui import __version__
 from trcvtui.cli import bench, fleet, line, look_up
 from trcvtui.cli.options import GOOD, WRONG_INPUT, Args, CommandParser, add_commands, add_theme
 from trcvtui.cli.screen import open_screen
@@ -76,7 +76,7 @@ def parser_of(given: Sequence[str]) -> CommandParser:
     """Return the parser of a line, which has the command that the line begins with, or all."""
     parser = CommandParser(prog="trcvtui", usage="trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]")
     parser.description = _overview()
-    parser.add_argument("--version", action="version", version=f"trcvtui {__version__}{lane_note()}")
+    parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     parser.given = given
     parser.set_defaults(command=_demo)
     add_theme(parser, None)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.blocks.table import MARKS, block_row
 from trcvtui.commands.patterns import parse_pattern
@@ -47,8 +48,7 @@ VALUE_FORM: Final = "a value, or hex and bytes"
 _TARGET: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(Struct, frozen=True):
     """A part of a variable: `size` bytes from `offset` on; `path` has no leading dot, "" is the whole."""
 
     decl: DataDecl

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.errors import mistake
 
@@ -21,8 +22,7 @@ NOTATION: Final = "0001 7002+ 7006* 7006{3} 80A1! 80C3!+ ..."
 _ATOM: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1,7}\})?")
 
 
-@dataclass(frozen=True, slots=True)
-class Atom:
+class Atom(Struct, frozen=True):
     """One word of a pattern: a scan (None: any) that comes `least` times, and more often when `more`."""
 
     scan: Scan | None
@@ -45,8 +45,7 @@ class Atom:
 ANY: Final = Atom(None, 0, True)
 
 
-@dataclass(frozen=True, slots=True)
-class TracePattern:
+class TracePattern(Struct, frozen=True):
     """A parsed pattern."""
 
     atoms: tuple[Atom, ...]

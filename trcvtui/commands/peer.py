@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
+
+from msgspec import Struct
 
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.conditions import parse_instance, parse_peer
@@ -470,8 +471,7 @@ MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {
 # -- what the peers of a project file do by themselves -------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Routine:
+class Routine(Struct, frozen=True):
     """The messages of one peer, read; times in ns (0: never)."""
 
     says: tuple[PeerSend, ...]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Final, Literal, NamedTuple
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import block_row, known_blocks

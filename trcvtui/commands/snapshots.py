@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 TAP, ARMED_TAP = "tap", "armed tap"  # the `kernel` of a tap's screen; armed: its keys act without a question
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 
 
-@dataclass(frozen=True, slots=True)
-class ReplySnapshot:
+class ReplySnapshot(Struct, frozen=True):
     """A reply rule as `replies` of a project has it; `missed` are hits of a flood that were not answered."""
 
     rule: str
@@ -18,8 +18,7 @@ class ReplySnapshot:
     missed: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DirectionSnapshot:
+class DirectionSnapshot(Struct, frozen=True):
     """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
 
     `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these; `held_ns`: for
@@ -40,8 +39,7 @@ class DirectionSnapshot:
     held_ns: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ConversationSnapshot:
+class ConversationSnapshot(Struct, frozen=True):
     """A conversation of others. `tap` is the tap that it goes through, "" for one that is only watched.
 
     `seconds`: bytes of both directions in each of the newest seconds.
@@ -64,8 +62,7 @@ class ConversationSnapshot:
         return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)
 
 
-@dataclass(frozen=True, slots=True)
-class CheckTally:
+class CheckTally(Struct, frozen=True):
     """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
 
     frames: int
@@ -79,8 +76,7 @@ class CheckTally:
         return not (self.lost or self.doubled or self.shifts)
 
 
-@dataclass(frozen=True, slots=True)
-class CheckSnapshot:
+class CheckSnapshot(Struct, frozen=True):
     """Self-checking traffic: frames sent, what DATA has shown of them, and what has come back."""
 
     sent: int
@@ -88,8 +84,7 @@ class CheckSnapshot:
     echo: CheckTally
 
 
-@dataclass(frozen=True, slots=True)
-class PeerSnapshot:
+class PeerSnapshot(Struct, frozen=True):
     """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
 
     name: str
@@ -111,8 +106,7 @@ class PeerSnapshot:
     check: CheckSnapshot | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done".
 
     `edit`: the line, with what it was given, where it has changed the program and not inputs alone.
@@ -125,8 +119,7 @@ class Answer:
     edit: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class EngineTiming:
+class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
 
     `late_by_picture`: so many scans were late because of a picture.
@@ -141,8 +134,7 @@ class EngineTiming:
     late_by_picture: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class StepSnapshot:
+class StepSnapshot(Struct, frozen=True):
     """One step of a scenario: its number (0: a command of `start`), its line, its state, what was found."""
 
     number: int
@@ -151,8 +143,7 @@ class StepSnapshot:
     found: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class PlayerSnapshot:
+class PlayerSnapshot(Struct, frozen=True):
     """How far a scenario has been played.
 
     `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` count in that one.
@@ -174,8 +165,7 @@ class PlayerSnapshot:
         return tuple(step for step in self.steps if step.state == FAILED)
 
 
-@dataclass(frozen=True, slots=True)
-class SplitRow:
+class SplitRow(Struct, frozen=True):
     """What cuts `first` to `last` (0: the whole message) have come to; `same`: as the whole message.
 
     `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
@@ -195,8 +185,7 @@ class SplitRow:
         return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
 
 
-@dataclass(frozen=True, slots=True)
-class TrialSnapshot:
+class TrialSnapshot(Struct, frozen=True):
     """How far `try-splits` has come; `state` is running, finished, cancelled or failed."""
 
     peer: str
@@ -219,8 +208,7 @@ class TrialSnapshot:
         return verdict if self.state == "finished" else f"{self.state}, {verdict} so far"
 
 
-@dataclass(frozen=True, slots=True)
-class Fired:
+class Fired(Struct, frozen=True):
     """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
 
     number: int
@@ -230,8 +218,7 @@ class Fired:
     holds: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class FindingSnapshot:
+class FindingSnapshot(Struct, frozen=True):
     """One cause that the doctor has found: how sure, of which CONNECT and instance ("": of no one alone).
 
     `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
@@ -257,8 +244,7 @@ class FindingSnapshot:
     filter: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class DoctorSnapshot:
+class DoctorSnapshot(Struct, frozen=True):
     """What the doctor has found, the surest first; it looked so often, last at the run up to `scan`."""
 
     looks: int = 0
@@ -275,8 +261,7 @@ CANNOT: Final = "a recording cannot be changed: W tries another value"
 BESIDE: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
 
 
-@dataclass(frozen=True, slots=True)
-class Position:
+class Position(Struct, frozen=True):
     """Where a replay stands in its recording. `last_scan` is known for sure once the recording `is_read`.
 
     `wanted` is the scan that it goes to, times are ns of the run; `marks` has 1 for each piece of the run in

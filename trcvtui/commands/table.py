@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
+
+from msgspec import Struct
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
@@ -232,8 +233,7 @@ class ActsOnBench(Protocol):
         """Forget all faults."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordRow:
+class RecordRow(Struct, frozen=True):
     """One frozen command: the line of it, and what it does; `act` None: scans pass, and a runner takes it."""
 
     record: type
@@ -241,8 +241,7 @@ class RecordRow:
     act: Callable[[ActsOnBench, Any], str] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class CommandRow:
+class CommandRow(Struct, frozen=True):
     """What begins with one verb. `next_words` are those that may stand after the words of a line."""
 
     verb: str

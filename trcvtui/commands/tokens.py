@@ -9,9 +9,11 @@ import random
 import re
 from collections.abc import Callable, Collection, Iterable
 from copy import copy
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import UserError, mistake
@@ -222,8 +224,7 @@ ESCAPE: Final = {'"': "\\", "'": "$"}
 MOST_NESTED: Final = 32
 
 
-@dataclass(frozen=True, slots=True)
-class Token:
+class Token(Struct, frozen=True):
     """One word and where it stands in the line."""
 
     text: str
@@ -371,8 +372,7 @@ SEED: Final = whole(0, (1 << 63) - 1)
 COUNT: Final = whole(1, MOST_BYTES)
 
 
-@dataclass(frozen=True, slots=True)
-class Payload:
+class Payload(Struct, frozen=True):
     """Bytes, and how the command wrote them."""
 
     content: bytes

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from msgspec import Struct
+
 from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.counters_and_checksums import Fill
 from trcvtui.commands.patterns import TracePattern
@@ -158,16 +160,14 @@ FOREVER: Final = 0  # FaultOn.times
 PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
 
 
-@dataclass(frozen=True, slots=True)
-class Set:
+class Set(Struct, frozen=True):
     """`set TRCV_C_1 CONT=1 EN_R=1 REQ=blink`: write inputs."""
 
     instance: str
     pins: tuple[tuple[str, PinValue | Literal["blink"]], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Pulse:
+class Pulse(Struct, frozen=True):
     """`pulse TSEND_C_1 REQ`: TRUE for one call, then FALSE."""
 
     instance: str
@@ -184,22 +184,19 @@ class Write:
     text: str = field(default="", compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Create:
+class Create(Struct, frozen=True):
     """`create TRCV_C TRCV_C_2 connect=C1 data=rx EN_R=1`: a new instance."""
 
     decl: InstanceDecl
 
 
-@dataclass(frozen=True, slots=True)
-class Delete:
+class Delete(Struct, frozen=True):
     """`delete TRCV_C_1`: the instance is gone; its connection and the lock of a running job stay."""
 
     instance: str
 
 
-@dataclass(frozen=True, slots=True)
-class Download:
+class Download(Struct, frozen=True):
     """`download TRCV_C_1`: incremental download of a changed initial value, which makes the instance anew."""
 
     instance: str
@@ -214,46 +211,39 @@ class Resize:
     decl: DataDecl = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class PlcStop:
+class PlcStop(Struct, frozen=True):
     """`plc stop`: CPU STOP."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlcRun:
+class PlcRun(Struct, frozen=True):
     """`plc run`: CPU RUN."""
 
 
-@dataclass(frozen=True, slots=True)
-class PeerConnect:
+class PeerConnect(Struct, frozen=True):
     """`peer P1 connect`: one attempt of an active peer."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerListen:
+class PeerListen(Struct, frozen=True):
     """`peer P1 listen`: a passive peer opens its listener, where it has none."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerClose:
+class PeerClose(Struct, frozen=True):
     """`peer P1 close`: FIN."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerRst:
+class PeerRst(Struct, frozen=True):
     """`peer P1 rst`: RST."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerShutdown:
+class PeerShutdown(Struct, frozen=True):
     """`peer P1 shutdown`: FIN, but keep reading (half-close)."""
 
     peer: str
@@ -288,8 +278,7 @@ class PeerPlay:
     steps: tuple[tuple[int, PeerSend], ...] = field(default=(), compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class CheckOn:
+class CheckOn(Struct, frozen=True):
     """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, judged where they arrive."""
 
     peer: str
@@ -298,15 +287,13 @@ class CheckOn:
     instance: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class CheckOff:
+class CheckOff(Struct, frozen=True):
     """`peer P1 check off`: no more frames."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class ReplyOn:
+class ReplyOn(Struct, frozen=True):
     """`peer P1 reply on contains hex 05 send hex 06`: one more rule of what a peer answers."""
 
     peer: str
@@ -314,8 +301,7 @@ class ReplyOn:
     send: PeerSend
 
 
-@dataclass(frozen=True, slots=True)
-class ReplyOff:
+class ReplyOff(Struct, frozen=True):
     """`peer P1 reply off`: no more replies; `reply off 2`: without rule 2 (`number` 0: all of them)."""
 
     peer: str
@@ -338,22 +324,19 @@ class TrySplits:
     text: str = field(default="", compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class TryStop:
+class TryStop(Struct, frozen=True):
     """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerStall:
+class PeerStall(Struct, frozen=True):
     """`peer P1 stall`: stop reading, so that the window closes."""
 
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
-class PeerResume:
+class PeerResume(Struct, frozen=True):
     """`peer P1 resume`: read again."""
 
     peer: str
@@ -368,16 +351,14 @@ class FeedLine:
     text: str = field(default="", compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(Struct, frozen=True):
     """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
 
     connect: str
     up: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Intervene:
+class Intervene(Struct, frozen=True):
     """`tap T to-plc edit 3 hex 0A conversation 2`: what the tap does with bytes in one direction.
 
     `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
@@ -392,8 +373,7 @@ class Intervene:
     conversation: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Doctor:
+class Doctor(Struct, frozen=True):
     """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with anyone).
 
     `cause`: what has to be found first, or `healthy`; "": whatever it is.
@@ -403,8 +383,7 @@ class Doctor:
     cause: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class FaultOn:
+class FaultOn(Struct, frozen=True):
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
     `error` None: the usual error of that call. `on` None: any CONNECT. `times` FOREVER (0): until cleared.
@@ -417,35 +396,30 @@ class FaultOn:
     times: int = 1
 
 
-@dataclass(frozen=True, slots=True)
-class FaultClear:
+class FaultClear(Struct, frozen=True):
     """`fault clear`: forget all faults."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunScans:
+class RunScans(Struct, frozen=True):
     """`run 5`: let scans of the fastest task pass."""
 
     scans: int
 
 
-@dataclass(frozen=True, slots=True)
-class RunFor:
+class RunFor(Struct, frozen=True):
     """`run T#200ms`: let the scans pass that fit; time in ns."""
 
     ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class PinsAre:
+class PinsAre(Struct, frozen=True):
     """`TRCV_C_1 STATUS=7008 DONE=1`: pins, inputs too, have these values."""
 
     instance: str
     pins: tuple[tuple[str, PinValue], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class PeerIs:
+class PeerIs(Struct, frozen=True):
     """`peer P1 connected`: see `Peer.is_in`."""
 
     peer: str
@@ -471,8 +445,7 @@ class DataIs:
     text: str = field(default="", compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class MemberIs:
+class MemberIs(Struct, frozen=True):
     """`rx.speed 12.5`: the member at `path` (empty: the variable itself) decodes to `value`."""
 
     data: str
@@ -483,24 +456,21 @@ class MemberIs:
 Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
+class Wait(Struct, frozen=True):
     """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until it holds; time in ns."""
 
     condition: Condition
     within_ns: int = DEFAULT_LIMIT_NS
 
 
-@dataclass(frozen=True, slots=True)
-class Expect:
+class Expect(Struct, frozen=True):
     """`expect ...`: holds now, or within a time in ns."""
 
     condition: Condition
     within_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectTrace:
+class ExpectTrace(Struct, frozen=True):
     """`expect TRCV_C_1 trace 0001 7001 7002+`: the STATUS per scan since the previous trace."""
 
     instance: str
@@ -552,8 +522,7 @@ BenchCommand = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Struct, frozen=True):
     """One command of a script: its 1-based number, its line, its value."""
 
     number: int

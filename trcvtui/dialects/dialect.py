@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Final
+
+from msgspec import Struct, field
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
@@ -15,8 +16,7 @@ from trcvtui.udt.literals import format_time, parse_time
 SwitchValue = str | int | bool
 
 
-@dataclass(frozen=True, slots=True)
-class Switch:
+class Switch(Struct, frozen=True):
     """One point that the manual leaves open. `kind` is choice, bool, duration (ns) or count.
 
     `values` are the words of a choice; `least` and `most` bound a count. `text` says what it decides.
@@ -60,8 +60,7 @@ def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
     return codes
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
+class Dialect(Struct, frozen=True):
     """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.blocks.table import block_row
@@ -31,8 +33,7 @@ ScenariosByCode = Mapping[
 NO_SCENARIOS: Final[ScenariosByCode] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class Explained:
+class Explained(Struct, frozen=True):
     """One row, the dialect that it belongs to, and the scenario files that show it."""
 
     dialect: str

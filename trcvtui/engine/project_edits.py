@@ -13,9 +13,10 @@ import codecs
 import os
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, TextIO
+
+from msgspec.structs import replace
 
 from trcvtui.commands.reader import after
 from trcvtui.commands.table import parse_line, to_line

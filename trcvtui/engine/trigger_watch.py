@@ -10,9 +10,10 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
+
+from msgspec import Struct
 
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
@@ -42,8 +43,7 @@ _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True)
-class PinIs:
+class PinIs(Struct, frozen=True):
     """A pin of an instance compares so with a value."""
 
     instance: str
@@ -64,8 +64,7 @@ class PinIs:
         return COMPARE[self.operator](event.value, self.value)
 
 
-@dataclass(frozen=True, slots=True)
-class MemberCompares:
+class MemberCompares(Struct, frozen=True):
     """A value in DATA compares so with a given one; numbers by size, texts for being equal alone."""
 
     data: str
@@ -96,8 +95,7 @@ class MemberCompares:
 Condition = PinIs | MemberCompares
 
 
-@dataclass(frozen=True, slots=True)
-class Trigger:
+class Trigger(Struct, frozen=True):
     """What was asked for, as it was written; with `holds` no further scan passes once it has fired."""
 
     text: str
@@ -224,8 +222,7 @@ MOST_INSTANCES: Final = 64
 Named = tuple[tuple[str, bytes], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class KeptScan:
+class KeptScan(Struct, frozen=True):
     """The bench in the scan of a trigger; `lines` are the bare ones of the ledger up to `last_seq`."""
 
     fired: Fired

@@ -13,11 +13,12 @@ import pickle
 import struct
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from itertools import chain, compress, count, islice, starmap
 from multiprocessing.connection import Connection as Channel
 from operator import is_not
 from typing import Any, Final, TypeVar
+
+from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.history.bench_update import BareUpdate, BenchUpdate

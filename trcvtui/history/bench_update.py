@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import starmap
 from typing import TYPE_CHECKING, Final, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.serial.com_buffer import LineRecording
@@ -33,8 +35,7 @@ if TYPE_CHECKING:  # the screen's process starts the engine before it knows what
 NOBODY_LOOKED = DoctorSnapshot()
 
 
-@dataclass(frozen=True, slots=True)
-class UpdateRequest:
+class UpdateRequest(Struct, frozen=True):
     """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
 
     `waves` are the instances whose pins are drawn over time, with the number of the last change it knows.
@@ -53,8 +54,7 @@ class UpdateRequest:
     doctor: bool = False  # whether he shall look
 
 
-@dataclass(frozen=True, slots=True)
-class BenchUpdate:
+class BenchUpdate(Struct, frozen=True):
     """The bench after its last scan. `holding` is True while no scans pass.
 
     `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where

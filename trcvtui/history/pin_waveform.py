@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import block_row, shown_by
 from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
@@ -164,8 +166,7 @@ PinValues = tuple[tuple[str, int | None], ...]
 NO_PINS: Final[PinValues] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class KnownPins:
+class KnownPins(Struct, frozen=True):
     """What these pins are from now on, without an edge of their own; None: nobody can say."""
 
     values: PinValues
@@ -180,8 +181,7 @@ class PinChange(NamedTuple):
     event: StatusEdge | InputEdge | KnownPins
 
 
-@dataclass(frozen=True, slots=True)
-class WaveformDelta:
+class WaveformDelta(Struct, frozen=True):
     """The changes of one instance from its change number `first` on (1: its very first), in order.
 
     `before` is what every pin was up to then, since `before_scan`; nothing else changed up to `until_scan`.

@@ -6,8 +6,9 @@ guess it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.blocks.outcome import Cause
 
@@ -89,8 +90,7 @@ class MessageSpan(NamedTuple):
         return self.first + self.size >= self.whole
 
 
-@dataclass(frozen=True, slots=True)
-class Seek:
+class Seek(Struct, frozen=True):
     """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes."""
 
     number: int
@@ -100,8 +100,7 @@ class Seek:
     dropped: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Sought:
+class Sought(Struct, frozen=True):
     """What became of a Seek: where it was found; None: nowhere, or not yet with `share` of the work done."""
 
     number: int
@@ -109,8 +108,7 @@ class Sought:
     share: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class HistoryRequest:
+class HistoryRequest(Struct, frozen=True):
     """What the screen wants of a CONNECT's stream. `before`: the bytes of the job before each one, too.
 
     `job_at` asks for all bytes of the job at a position; `data` for those of the job before the present DATA
@@ -126,8 +124,7 @@ class HistoryRequest:
     data: tuple[str, int, int] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PreviousJobBytes:
+class PreviousJobBytes(Struct, frozen=True):
     """Bytes of the job before, as they stood `position` bytes into the stream or into DATA."""
 
     position: int
@@ -135,8 +132,7 @@ class PreviousJobBytes:
     job: int
 
 
-@dataclass(frozen=True, slots=True)
-class HistoryWindow:
+class HistoryWindow(Struct, frozen=True):
     """Bytes `start` .. of a stream that is kept from `begin` up to `end`; what is not kept is 0 in `content`.
 
     Spans that reach over an edge of the window are whole.
@@ -167,16 +163,14 @@ NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end 
 PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(Struct, frozen=True):
     """A scan and its time in ns of the run."""
 
     scan: int = 0
     t_ns: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class SentMessage:
+class SentMessage(Struct, frozen=True):
     """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
 
     number: int
@@ -184,8 +178,7 @@ class SentMessage:
     size: int
 
 
-@dataclass(frozen=True, slots=True)
-class Sizes:
+class Sizes(Struct, frozen=True):
     """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
 
     count: int = 0
@@ -197,8 +190,7 @@ class Sizes:
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 
 
-@dataclass(frozen=True, slots=True)
-class Drop:
+class Drop(Struct, frozen=True):
     """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
 
     at: Moment
@@ -209,8 +201,7 @@ class Drop:
     end: int
 
 
-@dataclass(frozen=True, slots=True)
-class Failures:
+class Failures(Struct, frozen=True):
     """Attempts that failed in one way since the connection was last up: a call and its errno."""
 
     call: str
@@ -221,8 +212,7 @@ class Failures:
     peer: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class FailedAttempt:
+class FailedAttempt(Struct, frozen=True):
     """The last attempt that failed since the connection was last up, or since it began to listen.
 
     `status` and `condition`: what the instance showed of it, 0 and "" where it showed none of its own.
@@ -236,8 +226,7 @@ class FailedAttempt:
     said: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Dropped:
+class Dropped(Struct, frozen=True):
     """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
 
     at: Moment
@@ -245,8 +234,7 @@ class Dropped:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class RejectedClients:
+class RejectedClients(Struct, frozen=True):
     """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
 
     count: int
@@ -254,8 +242,7 @@ class RejectedClients:
     last: Moment
 
 
-@dataclass(frozen=True, slots=True)
-class LastLoss:
+class LastLoss(Struct, frozen=True):
     """The last time that a connection ended: in which word of the ledger, with which partner and error."""
 
     at: Moment
@@ -266,8 +253,7 @@ class LastLoss:
     up_ns: int | None = None  # how long it had stood
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
+class Facts(Struct, frozen=True):
     """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
 
     `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of

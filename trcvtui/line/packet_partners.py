@@ -142,9 +142,6 @@ class ShadowBench:
         changed = runtime.changed
         is_quiet = not changed and ledger.last_seq == seq
         self._quiet = self._quiet + 1 if is_quiet else 0
-        if self.holes or self._quiet == QUIET:
-            runtime.settle()
-            self._quiet = self._quiet if ledger.last_seq == seq else 0
         if self.holes:
             self._see_holes(seq)
         if not is_quiet:

@@ -7,10 +7,11 @@ Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Final, NamedTuple, TypeVar, cast
+
+from msgspec.structs import replace
 
 from trcvtui.bench.program import read_program
 from trcvtui.blocks.pins import Direction, PinValue

@@ -11,10 +11,11 @@ import os
 import struct
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.capture.plc_end import PlcGuess, parse_plc
 from trcvtui.capture.reassembly import (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.net.results import Fault
 
@@ -36,8 +37,7 @@ class What(StrEnum):
     LONG_HANDSHAKE = "a handshake is long"
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectionChanged:
+class ConnectionChanged(Struct, frozen=True):
     """Something happened on the CONNECT `connection`; `incarnation` counts its TCP connections from 1."""
 
     connection: str
@@ -74,8 +74,7 @@ class BytesSent(NamedTuple):
     instance: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class BytesDropped:
+class BytesDropped(Struct, frozen=True):
     """Bytes of the stream that will never reach DATA, and why. offset -1: they were still in the stack."""
 
     connection: str

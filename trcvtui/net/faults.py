@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
+
+from msgspec import Struct, structs
 
 from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
     CALLS,
     Accepted,
-    DirectRead,
     Handle,
     Kernel,
     KernelLoss,
@@ -58,8 +59,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedFault:
+class PlannedFault(Struct, frozen=True):
     """One line of the plan: from the nth such call on, `times` calls fail; None = until cleared."""
 
     call: str
@@ -131,11 +131,11 @@ class FaultPlan:
         left: list[PlannedFault] = []
         for entry in self._entries:
             if entry.call == call and entry.on in (None, owner):
-                entry = replace(entry, seen=entry.seen + 1)
+                entry = structs.replace(entry, seen=entry.seen + 1)
                 # An entry whose turn another one took fires at the next such call.
                 if fault is None and entry.seen >= entry.nth:
                     fault = Fault(call, entry.error, injected=True)
-                    entry = replace(entry, times=None if entry.times is None else entry.times - 1)
+                    entry = structs.replace(entry, times=None if entry.times is None else entry.times - 1)
             if entry.times != 0:
                 left.append(entry)
         self._entries, self.active = left, bool(left)
@@ -298,10 +298,6 @@ class FaultyKernel:
             if fault is not None:
                 return fault
         return self.inner.recv(handle, into)
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return how to read this stream directly, which no plan reaches."""
-        return self.inner.direct_read(handle)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return that count."""

@@ -8,9 +8,10 @@ The facts that every kernel must share are the contract suite tests/net/contract
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Collection
 from typing import Final, NewType, Protocol
+
+from msgspec import Struct
 
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
@@ -26,8 +27,7 @@ CALLS: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class LocalAddress:
+class LocalAddress(Struct, frozen=True):
     """One address of this machine and the port (interface) it belongs to.
 
     `broadcast`: the address of all hosts on its network, "" where there is none.
@@ -40,24 +40,21 @@ class LocalAddress:
     broadcast: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(Struct, frozen=True):
     """A new connection taken from a listener's queue."""
 
     handle: Handle
     peer: Endpoint
 
 
-@dataclass(frozen=True, slots=True)
-class KernelLoss:
+class KernelLoss(Struct, frozen=True):
     """Why a connection is gone. `fault` is None for the partner's FIN."""
 
     fault: Fault | None
     unread: int
 
 
-@dataclass(frozen=True, slots=True)
-class PathInfo:
+class PathInfo(Struct, frozen=True):
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
     `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force), so that `last_ack_ms`
@@ -70,23 +67,7 @@ class PathInfo:
     probes_often: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class DirectRead:
-    """How to read a handle that the last poll saw, without the checks of `recv`.
-
-    `read` fills a buffer and returns the count; 0, or an OSError that `failed` is given: ask `recv`.
-    `read_on` goes on after a short read and returns how many bytes there are now. `unasked` hears of a `recv`
-    of so many bytes that nobody has to make, since nothing has come.
-    """
-
-    read: Callable[[bytearray | memoryview], int]
-    read_on: Callable[[memoryview, int], int]
-    failed: Callable[[OSError], None]
-    unasked: Callable[[int], None] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class SocketOptions:
+class SocketOptions(Struct, frozen=True):
     """Options set before connect or listen, and again after accept.
 
     `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is
@@ -187,10 +168,6 @@ class Kernel(Protocol):
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
-        ...
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return how to read this stream directly; None where nothing but `recv` does."""
         ...
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:

@@ -7,9 +7,10 @@ Rule: a session never touches a socket and never raises, whatever comes; it hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol
+
+from msgspec import Struct
 
 from trcvtui.net.results import Endpoint, Unread
 
@@ -33,8 +34,7 @@ class TlsError(StrEnum):
     TRUNCATED = "TLS_TRUNCATED"  # the stream ended without the partner's close_notify
 
 
-@dataclass(frozen=True, slots=True)
-class Credentials:
+class Credentials(Struct, frozen=True):
     """What one end shows and what it asks of the other. Files are PEM, by absolute path; "" is none.
 
     `authorities`: who may have signed the partner's certificate. `asks_client`: the passive end wants one.

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
 
+from msgspec import Struct
+
 
 class WouldBlock(Enum):
     """The answer "not now": nothing to read, no room to write, no verdict yet.
@@ -44,8 +46,7 @@ class Fault:
         return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Endpoint:
+class Endpoint(Struct, frozen=True, order=True):
     """One end of a connection or of a datagram's way: a dotted IPv4 address and a port (0..65535)."""
 
     address: str
@@ -55,8 +56,7 @@ class Endpoint:
         return f"{self.address}:{self.port}"
 
 
-@dataclass(frozen=True, slots=True)
-class Datagram:
+class Datagram(Struct, frozen=True):
     """One datagram that was taken: `size` bytes of it are in the view, `whole` is how many it had."""
 
     size: int

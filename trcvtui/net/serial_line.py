@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, Protocol
+
+from msgspec import Struct
 
 from trcvtui.net.results import Fault
 
@@ -20,8 +21,7 @@ class Opening:
 OPENING: Final = Opening()
 
 
-@dataclass(frozen=True, slots=True)
-class SerialSettings:
+class SerialSettings(Struct, frozen=True):
     """A port by its name or URL, such as `/dev/ttyUSB0`, `COM3`, `socket://10.0.0.7:4001`."""
 
     port: str

@@ -11,20 +11,18 @@ the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence, Set
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 
 from trcvtui.plc.containment import RunPart
-from trcvtui.plc.fast_lane import COLLECTS, Lane, lane_of
 from trcvtui.plc.instance import Instance
-from trcvtui.plc.ledger import Ledger, StatusEdge
+from trcvtui.plc.ledger import StatusEdge
 
 
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
     A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
-    `ledger`: where fast lanes write; None: there are none. `failed` puts an instance out of service that has
+    `failed` puts an instance out of service that has
     raised, and answers whether its outputs differ; `check` raises where a replay has it so.
     """
 
@@ -33,7 +31,6 @@ class CallOrder:
         entries: Sequence[tuple[Instance, int]],
         scan_interval: int,
         connects: Iterable[str],
-        ledger: Ledger | None,
         failed: Callable[[Instance, Exception], bool],
         check: Callable[[RunPart], None] | None,
     ) -> None:
@@ -50,16 +47,10 @@ class CallOrder:
         self._awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
-        self._ledger = ledger
-        self._lanes: list[Lane | None] = [None] * len(self._entries)  # by place
-        self._laned: set[int] = set()
-        self._is_settled = True
-        self.lane_handles: set[int] = set()  # of connections that lanes read
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
-        """Call every instance when it is due next, each the usual way."""
-        self.end_lanes()
+        """Call every instance when it is due next."""
         self._awake.update(self._places)
         self._awake_since.update(self._places)
 
@@ -67,82 +58,30 @@ class CallOrder:
         """Call the instances on these CONNECTs when they are due next."""
         self._awake.update(connects)
 
-    def settle(self) -> None:
-        """Let lanes write what they know, before anybody looks at an instance or its connection."""
-        if self._is_settled:
-            return
-        self._is_settled = True
-        for place in self._laned:
-            lane = self._lanes[place]
-            if lane is not None:
-                lane.settle()
-
-    def end_lanes(self, connect: str | None = None) -> None:
-        """Call the instances on a CONNECT the usual way; None: all instances."""
-        for place in tuple(self._laned) if connect is None else self._places.get(connect, ()):
-            lane = self._lanes[place]
-            if lane is not None:
-                lane.settle()
-                self._lanes[place] = None
-                self._laned.discard(place)
-                self.lane_handles.discard(lane.handle)
-
-    def call(self, turn: int, ready: Container[int], scan: int, now: int) -> list[StatusEdge]:
+    def call(self, turn: int) -> list[StatusEdge]:
         """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
         if not self._awake:
             return changed
-        self._is_settled = False
         due = None if self.is_one_task else self._due_intervals(turn)
-        entries, lanes = self._entries, self._lanes
         asleep: set[str] = set()
         awake: set[str] = set()  # beside an instance that sleeps, another one on the same CONNECT
         for place in self._in_order():
-            instance, interval, connect = entries[place]
+            instance, interval, connect = self._entries[place]
             if due is not None and interval not in due:
                 awake.add(connect)
                 continue
-            lane = lanes[place]
             try:
-                if lane is not None:
-                    edge = lane.scan(ready, scan, now)
-                    if edge is not None:
-                        if edge:
-                            changed.append(edge)  # type: ignore[arg-type]
-                        if lane.step == COLLECTS:
-                            asleep.add(connect)
-                        continue
-                    self.end_lanes(connect)
                 has_changed = instance.scan()
                 if self._check is not None:
                     self._check(("instance", instance.name))
             except Exception as error:
-                has_changed = self._fail(place, error)
+                has_changed = self._failed(instance, error)
             if has_changed:
                 changed.append(instance.edge)
-                if instance.edge.outputs.done:
-                    self._begin_lane(place, instance, connect)
             (asleep if instance.asleep else awake).add(connect)
         self._awake = self._awake - (asleep - awake) - self._without
         return changed
-
-    def _fail(self, place: int, error: Exception) -> bool:
-        instance = self._entries[place][0]
-        lane, self._lanes[place] = self._lanes[place], None
-        if lane is not None:
-            self._laned.discard(place)
-            self.lane_handles.discard(lane.handle)
-            with suppress(Exception):  # the one that was raised first is reported
-                lane.settle()
-        return self._failed(instance, error)
-
-    def _begin_lane(self, place: int, instance: Instance, connect: str) -> None:
-        if self._ledger is None or len(self._places[connect]) > 1:
-            return
-        self._lanes[place] = lane = lane_of(instance, self._ledger)
-        if lane is not None:
-            self._laned.add(place)
-            self.lane_handles.add(lane.handle)
 
     @property
     def awake(self) -> Set[str]:

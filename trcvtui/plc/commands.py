@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 from trcvtui.blocks.pins import PinValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 
 
-@dataclass(frozen=True, slots=True)
-class SetInput:
+class SetInput(Struct, frozen=True):
     """Write one input pin; it holds until changed. Ends a blink of that pin."""
 
     instance: str
@@ -18,24 +17,21 @@ class SetInput:
     value: PinValue
 
 
-@dataclass(frozen=True, slots=True)
-class PulseInput:
+class PulseInput(Struct, frozen=True):
     """TRUE in exactly the next scan in which the instance is called, FALSE from the one after."""
 
     instance: str
     pin: str
 
 
-@dataclass(frozen=True, slots=True)
-class BlinkInput:
+class BlinkInput(Struct, frozen=True):
     """Toggle the pin in every scan, as the manual's ST example does with REQ."""
 
     instance: str
     pin: str
 
 
-@dataclass(frozen=True, slots=True)
-class WriteData:
+class WriteData(Struct, frozen=True):
     """Overwrite `payload` bytes of the global variable `data` from byte `offset`."""
 
     data: str
@@ -43,18 +39,15 @@ class WriteData:
     payload: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class StopPlc:
+class StopPlc(Struct, frozen=True):
     """CPU STOP: blocks are not called, connections close, STATUS 0000, outputs FALSE."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunPlc:
+class RunPlc(Struct, frozen=True):
     """CPU RUN: fresh instances; inputs and DATA keep their values."""
 
 
-@dataclass(frozen=True, slots=True)
-class CreateInstance:
+class CreateInstance(Struct, frozen=True):
     """A new instance: it is called from this scan on, after those of its task that are there already."""
 
     decl: InstanceDecl
@@ -64,37 +57,32 @@ class CreateInstance:
 Part = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
-@dataclass(frozen=True, slots=True)
-class AddDeclaration:
+class AddDeclaration(Struct, frozen=True):
     """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
 
     decl: Part
 
 
-@dataclass(frozen=True, slots=True)
-class ReplaceDeclaration:
+class ReplaceDeclaration(Struct, frozen=True):
     """Another declaration of the same name: what has it, or is called on it, begins anew; inputs stay."""
 
     before: Part | InstanceDecl
     decl: Part | InstanceDecl
 
 
-@dataclass(frozen=True, slots=True)
-class RemoveDeclaration:
+class RemoveDeclaration(Struct, frozen=True):
     """A declaration is gone that no instance has."""
 
     decl: Part
 
 
-@dataclass(frozen=True, slots=True)
-class DeleteInstance:
+class DeleteInstance(Struct, frozen=True):
     """The instance is gone; its connection stays, and so does the lock of a job that runs."""
 
     instance: str
 
 
-@dataclass(frozen=True, slots=True)
-class DownloadInstance:
+class DownloadInstance(Struct, frozen=True):
     """Incremental download of a changed initial value: a new instance of the same name (7.15.1, notes).
 
     Its inputs keep what the program writes to them, so CONT=1 counts as rising.
@@ -103,15 +91,13 @@ class DownloadInstance:
     instance: str
 
 
-@dataclass(frozen=True, slots=True)
-class ResizeData:
+class ResizeData(Struct, frozen=True):
     """Another type for a global variable; bytes that both sizes have stay, new ones are 0."""
 
     decl: DataDecl
 
 
-@dataclass(frozen=True, slots=True)
-class FeedBuffer:
+class FeedBuffer(Struct, frozen=True):
     """Bytes arrive on the simulated line of a ComBuffer; None: its cable is pulled."""
 
     buffer: str

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
@@ -46,8 +47,7 @@ class Outputs(NamedTuple):
         return "error" if self.error else "done" if self.done else "busy" if self.busy else ""
 
 
-@dataclass(frozen=True, slots=True)
-class StatusEdge:
+class StatusEdge(Struct, frozen=True):
     """The outputs of an instance, in the ledger where they differ from the scan before; `cause` says why."""
 
     instance: str
@@ -57,8 +57,7 @@ class StatusEdge:
     cause: Cause
 
 
-@dataclass(frozen=True, slots=True)
-class InputEdge:
+class InputEdge(Struct, frozen=True):
     """An input pin of an instance changed."""
 
     instance: str
@@ -81,8 +80,7 @@ class PeerSent(NamedTuple):
     size: int
 
 
-@dataclass(frozen=True, slots=True)
-class BenchNote:
+class BenchNote(Struct, frozen=True):
     """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written.
 
     `end` is the address of the partner that it is about; `for_all`: about all CONNECTs that listen there.

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from trcvtui import lane_note
+from msgspec.structs import replace
+
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
@@ -112,10 +112,8 @@ class Runtime:
         resolve_peer: Callable[[str], int | None],
         ports: SerialPorts | None,
         containment: Containment,
-        has_lanes: bool | None = None,
     ) -> None:
         self.ledger, self._containment = Ledger(), containment
-        self.has_lanes = not lane_note() if has_lanes is None else has_lanes
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
         self.changed: tuple[StatusEdge, ...] = ()
@@ -177,9 +175,8 @@ class Runtime:
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
         links = (*self._connections, *self._ports, *self._lines.names)
-        ledger = self.ledger if self.has_lanes else None
         check = self._containment.check if self._containment.is_due is not None else None
-        return CallOrder(entries, self.interval_ns, links, ledger, self._fail, check)
+        return CallOrder(entries, self.interval_ns, links, self._fail, check)
 
     def _resolve(self, reference: str) -> int | None:
         name = reference.removeprefix("@")
@@ -224,17 +221,12 @@ class Runtime:
         """Return what the instances show that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
-        self._call_order.settle()
         return tuple(instance.edge for instance in self._call_order.due(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
-        known = self._settled(instance)
+        known = self._instances.get(instance)
         return known.outputs if known else Outputs(0, False, False, False, 0)
-
-    def _settled(self, instance: str) -> Instance | None:
-        self._call_order.settle()
-        return self._instances.get(instance)
 
     def inputs(self, instance: str) -> Mapping[str, PinValue]:
         known = self._instances.get(instance)
@@ -250,7 +242,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def partial(self, instance: str) -> bytes:
-        known = self._settled(instance)
+        known = self._instances.get(instance)
         return known.partial() if known else b""
 
     def framer(self, instance: str) -> FramerSnapshot | None:
@@ -267,10 +259,6 @@ class Runtime:
             return None
         ends = str(connection.local or ""), str(connection.peer or "")
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
-
-    def settle(self) -> None:
-        """Let the ledger have all that the last scan has done."""
-        self._call_order.settle()
 
     def quiet_until(self) -> int | None:
         """Return when time alone changes something, once scans change nothing; None: never.
@@ -321,7 +309,6 @@ class Runtime:
 
     def _read_inputs(self) -> None:
         if self._commands:
-            self._call_order.end_lanes()
             while self._commands:
                 self._containment.attempt(COMMAND, partial(self._apply, self._commands.popleft()))
             self._call_order.wake_all()
@@ -338,8 +325,7 @@ class Runtime:
         self._program_ran = self.running
         env, self.changed = self._env, ()
         if self.running:
-            ready = self._ready_handles or ()
-            self.changed = tuple(self._call_order.call(env.scan - 1, ready, env.scan, env.now))
+            self.changed = tuple(self._call_order.call(env.scan - 1))
 
     def _write_outputs(self) -> None:
         if self.changed:
@@ -355,21 +341,16 @@ class Runtime:
         self._lines.move(self._env.now)
         if ready is None or ready:
             for name in self._connections if ready is None else self._ready_listeners(ready):
-                self._call_order.end_lanes(name)
                 self._serve(name, self._connections[name].service)
         for name in tuple(resources.unsettled) if resources.unsettled else ():
             self._serve(name, self._connections[name].watch)
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
-        connections, lanes = self._connections, self._call_order.lane_handles
-        if ready_handles.keys() <= lanes:
-            return []
+        connections = self._connections
         return [
             name
             for handle, name in ready_handles.items()
-            if handle not in lanes
-            and name in connections
-            and (connections[name].handle != handle or connections[name].pending_loss)
+            if name in connections and (connections[name].handle != handle or connections[name].pending_loss)
         ]
 
     # -- what an internal error has stopped ----------------------------------------------------------------
@@ -586,7 +567,6 @@ class Runtime:
 
     def close(self) -> None:
         """Free every socket; the run is over."""
-        self._call_order.end_lanes()
         for name, link in (*self._connections.items(), *self._ports.items()):
             self._containment.attempt(("CONNECT", name), link.stop)
         self._lines.close()
@@ -631,7 +611,6 @@ class Runtime:
         return BareSnapshot(head, *(tuple(kind.values()) for kind in kinds))
 
     def _renew(self) -> None:
-        self._call_order.settle()
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
         for instance in self._call_order.on(awake):
             self._instance_snapshots[instance.name] = instance.bare()

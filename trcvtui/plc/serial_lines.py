@@ -7,9 +7,10 @@ Source of a ComBuffer: `sim` (bench commands), `serial` (port_feed.py; simulated
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, SerialNote

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from operator import attrgetter
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
+
+from msgspec import Struct, field
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameMarks, Tally
@@ -23,8 +23,7 @@ from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Outputs
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectionSnapshot:
+class ConnectionSnapshot(Struct, frozen=True):
     """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run.
 
     With `udp` it is a UDP_CONFIG, and created is its ready state.
@@ -48,13 +47,8 @@ class ConnectionSnapshot:
     udp: bool = False
     keep_alive_s: int = 0  # the interval in force; 0: none (UDP)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Travel as a tuple: packed in a quarter of the time."""
-        return type(self), _fields_of_connection(self)
 
-
-@dataclass(frozen=True, slots=True)
-class SentBytes:
+class SentBytes(Struct, frozen=True):
     """What a CONNECT's present connection has sent; `unacknowledged` None: this system does not say."""
 
     local: str
@@ -63,8 +57,7 @@ class SentBytes:
     unacknowledged: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class FramerSnapshot:
+class FramerSnapshot(Struct, frozen=True):
     """Prefix and suffix as a receiving block would use them now; None: the pointer is 0.
 
     `noise` are the last of the `discarded` bytes before a prefix, `dropped` the end of the part of a frame
@@ -83,8 +76,7 @@ class FramerSnapshot:
     last: FrameMarks | None
 
 
-@dataclass(frozen=True, slots=True)
-class InstanceSnapshot:
+class InstanceSnapshot(Struct, frozen=True):
     """One instance. `have` of `need` bytes are in the running job (need 0: no job). Sizes in bytes."""
 
     name: str
@@ -112,10 +104,6 @@ class InstanceSnapshot:
     on_config: bool = False  # `connect` names a UDP_CONFIG
     last_is_expected: bool = False  # of the last error, see Cause
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Travel as a tuple: packed in a quarter of the time."""
-        return type(self), _fields_of_instance(self)
-
     @property
     def sends(self) -> bool:
         """Return whether this block sends DATA."""
@@ -140,8 +128,7 @@ class InstanceSnapshot:
         return self.outputs.pin(name) if is_output else None
 
 
-@dataclass(frozen=True, slots=True)
-class DataSnapshot:
+class DataSnapshot(Struct, frozen=True):
     """One global variable: its IEC type as text, its size in bytes, and how often it changed."""
 
     name: str
@@ -149,13 +136,8 @@ class DataSnapshot:
     size: int
     generation: int
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Travel as a tuple: packed in a quarter of the time."""
-        return type(self), _fields_of_data(self)
 
-
-@dataclass(frozen=True, slots=True)
-class AddrSnapshot:
+class AddrSnapshot(Struct, frozen=True):
     """One ADDR_PARAM: `end` is `127.0.0.1:2000`, with `@P1` for the port as long as that stands there."""
 
     name: str
@@ -163,8 +145,7 @@ class AddrSnapshot:
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class ComBufferSnapshot:
+class ComBufferSnapshot(Struct, frozen=True):
     """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
 
     `is_up` unless its port is away; `port` is that port by name, `fault` why it is not there. A ComBuffer
@@ -183,8 +164,7 @@ class ComBufferSnapshot:
     fault: Fault | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(Struct, frozen=True):
     """The PLC after scan `scan` (0 = none yet) at `t_ns` from the start of the run."""
 
     scan: int
@@ -214,11 +194,6 @@ class Snapshot:
 
     def connection(self, name: str) -> ConnectionSnapshot | None:
         return next((c for c in self.connections if c.name == name), None)
-
-
-_fields_of_connection: Final = attrgetter(*ConnectionSnapshot.__slots__)
-_fields_of_instance: Final = attrgetter(*InstanceSnapshot.__slots__)
-_fields_of_data: Final = attrgetter(*DataSnapshot.__slots__)
 
 
 # -- how they are taken -----------------------------------------------------------------------------------

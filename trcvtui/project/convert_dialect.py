@@ -6,8 +6,9 @@ that it cannot describe at all is refused.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects import DIALECTS

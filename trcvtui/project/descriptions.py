@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
@@ -358,8 +360,7 @@ def _kind(field: DescriptionField) -> Kind[Any]:
 # -- one table ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
+class Written(Struct, frozen=True):
     """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
 
     description: Description
@@ -368,8 +369,7 @@ class Written:
     is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 takes a free port, as in any dialect
 
 
-@dataclass(frozen=True, slots=True)
-class BenchKeys:
+class BenchKeys(Struct, frozen=True):
     """The bench's own keys."""
 
     address: str | None

@@ -6,8 +6,10 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
@@ -47,8 +49,7 @@ from trcvtui.project.project import (
 from trcvtui.project.tables import Given, Table
 
 
-@dataclass(frozen=True, slots=True)
-class AddField:
+class AddField(Struct, frozen=True):
     """One field: its key, what may stand there, what stands there first."""
 
     key: str

@@ -9,9 +9,10 @@ instance or DATA.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+
+from msgspec import Struct, field
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import known_blocks
@@ -22,8 +23,7 @@ Keys = list[tuple[str, KeyValue]]
 Refusal = tuple[str, str]  # what was found, what was expected
 
 
-@dataclass(frozen=True, slots=True)
-class Around:
+class Around(Struct, frozen=True):
     """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
 
     dialect: Dialect
@@ -68,8 +68,7 @@ def fixed(*texts: str) -> Offer:
     return lambda project, block: texts
 
 
-@dataclass(frozen=True, slots=True)
-class Ask:
+class Ask(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that stands there first.
 
     `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
@@ -102,8 +101,7 @@ def _always(table: Table, around: Around) -> bool:
     return True
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
+class Key(Struct, frozen=True):
     """One key. Without a `kind` it is read together with another one.
 
     `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
@@ -172,8 +170,7 @@ def finish_table(values: Values) -> None:
     values.table.finish()
 
 
-@dataclass(frozen=True, slots=True)
-class TableRow:
+class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
     `field`: where the entries stand in a Project. `what`: what a sentence calls one; `title`: what a form

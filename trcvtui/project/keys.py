@@ -8,8 +8,9 @@ Rule 2: a key that would only say its default is left out, except where a reader
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins

@@ -6,9 +6,11 @@ Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the bl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.blocks.rules import Rules
@@ -30,8 +32,7 @@ SERIAL: Final = "serial"  # a real port
 DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(Struct, frozen=True):
     """One task: its instances are called every `interval_ns`; the smallest `priority` goes first."""
 
     name: str = "MAIN"
@@ -39,8 +40,7 @@ class Task:
     priority: int = 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DataDecl:
+class DataDecl(Struct, frozen=True, eq=False):
     """One global variable: its type as written and as laid out; size in bytes.
 
     `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
@@ -56,8 +56,7 @@ class DataDecl:
     choice: LayoutChoice = NO_CHOICE
 
 
-@dataclass(frozen=True, slots=True)
-class InstanceDecl:
+class InstanceDecl(Struct, frozen=True):
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
     `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. A block on a
@@ -76,8 +75,7 @@ class InstanceDecl:
     pointers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ComBufferDecl:
+class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
     `serial`: the port of that source; simulated, the line of such a ComBuffer is fed as that of `sim`.
@@ -97,8 +95,7 @@ class ComBufferDecl:
     line: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class PeerDecl:
+class PeerDecl(Struct, frozen=True):
     """One partner. `end` is what an active peer connects to (`@C1`: where C1 listens), else where it listens.
 
     `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
@@ -124,8 +121,7 @@ class PeerDecl:
     tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
 
 
-@dataclass(frozen=True, slots=True)
-class MessageDecl:
+class MessageDecl(Struct, frozen=True):
     """A named message, written as after `peer P1 send`; with `peer` it is that one's alone."""
 
     name: str
@@ -133,16 +129,14 @@ class MessageDecl:
     peer: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SequenceDecl:
+class SequenceDecl(Struct, frozen=True):
     """Messages over one connection: names, and pauses such as T#100ms between them."""
 
     name: str
     steps: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class WatchDecl:
+class WatchDecl(Struct, frozen=True):
     """One line that is watched: the instances on `connect` look on at what comes to the PLC end `plc`.
 
     Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT of what comes from `plc`, "": none.
@@ -155,8 +149,7 @@ class WatchDecl:
     back: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class TapDecl:
+class TapDecl(Struct, frozen=True):
     """One tap: places as `trcvtui tap` takes them; the CONNECTs whose instances look on each direction.
 
     `connect`: of what goes to the PLC end; `back`: of what comes from it, "": nobody looks on.
@@ -169,8 +162,7 @@ class TapDecl:
     back: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SimDecl:
+class SimDecl(Struct, frozen=True):
     """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
 
     `names` and their addresses are what its DNS server knows; None: there is no such server.
@@ -184,8 +176,7 @@ class SimDecl:
     names: tuple[tuple[str, str], ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class CertificateDecl:
+class CertificateDecl(Struct, frozen=True):
     """One certificate of the CPU's certificate manager: PEM files; without a key it is one to trust."""
 
     number: int
@@ -217,8 +208,7 @@ Declaration = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Edit:
+class Edit(Struct, frozen=True, eq=False):
     """One entry before and after; None: it was not there, it is there no more. `place` among its kind."""
 
     kind: str
@@ -240,8 +230,7 @@ class Edit:
 Edits = tuple[Edit, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Project:
+class Project(Struct, frozen=True, eq=False):
     """Everything that a project file says. Instances stand in call order."""
 
     path: Path

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 from unicodedata import category
+
+from msgspec import Struct
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_folder, read_bytes, reason_of
@@ -130,16 +131,14 @@ LEAST_INTERVAL_NS: Final = 100_000  # a scan itself takes tens of microseconds
 TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """A value that came as text, by `--set path=text`; it stands in the document in place of a TOML value."""
 
     path: str
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Kind(Generic[T]):
+class Kind(Struct, Generic[T], frozen=True):
     """What a key may hold. Both readers answer None for what is not of this kind.
 
     `instead`: what to write in place of a text that is refused, "" where `expected` says it.

@@ -13,7 +13,7 @@ from typing import Any, Final, Protocol, TypeVar, cast
 
 from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
-from trcvtui.net.kernel import Accepted, DirectRead, Handle, Kernel, LocalAddress, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
 from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import LineErrors, Opening, SerialPort
@@ -249,34 +249,6 @@ class _SeamKernel:
     def note_arrivals(self) -> None:
         """Do nothing: a replay has them in its journal, of a peer they are not noted."""
 
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return one that tells what it reads; None in a replay, which reads by `recv`."""
-        direct = None if self._seam.answers else self._inner.direct_read(handle)
-        if direct is None:
-            return None
-        seam, owner = self._seam, self._owner(handle)
-
-        def told(into: bytearray | memoryview, size: int) -> tuple[int, bytes]:
-            seam.wire(owner, "recv", handle, (len(into),), size, b"")
-            return size, bytes(into[:size])
-
-        def read(into: bytearray | memoryview) -> int:
-            size = direct.read(into)
-            if size == len(into) and not seam.is_off:
-                seam.ask(owner, "recv", (handle, size), lambda: told(into, size))
-            return size
-
-        def read_on(into: memoryview, size: int) -> int:
-            whole = direct.read_on(into, size)
-            if not seam.is_off:
-                seam.ask(owner, "recv", (handle, len(into)), lambda: told(into, whole))
-            return whole
-
-        def unasked(size: int) -> None:
-            seam.ask(owner, "recv", (handle, size), lambda: (WOULD_BLOCK, b""))
-
-        return DirectRead(read, read_on, direct.failed, unasked)
-
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         self._buffer = data
         return self._send(handle, len(data), zlib.crc32(data))
@@ -370,29 +342,6 @@ class _NotedKernel(_SeamKernel):
         if isinstance(got, int) or got is WOULD_BLOCK:
             self._arrivals.read(handle, got if isinstance(got, int) else 0, size)
         return got, data
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        direct, arrivals = super().direct_read(handle), self._arrivals
-        if direct is None:
-            return None
-
-        def read(into: bytearray | memoryview) -> int:
-            size = direct.read(into)
-            if size == len(into):
-                arrivals.read(handle, size, size)
-            return size
-
-        def read_on(into: memoryview, size: int) -> int:
-            whole = direct.read_on(into, size)
-            arrivals.read(handle, whole, len(into))
-            return whole
-
-        def unasked(size: int) -> None:
-            arrivals.empty(handle)
-            if direct.unasked is not None:
-                direct.unasked(size)
-
-        return DirectRead(read, read_on, direct.failed, unasked)
 
     def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         got = self._inner.recv_from(handle, _landing)
@@ -532,9 +481,6 @@ class _WireKernel:
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         return self._mine(owner, self._inner.datagram_socket(owner))
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        return self._inner.direct_read(handle) if self._is_next else None
 
     def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
         if not isinstance(made, Fault):

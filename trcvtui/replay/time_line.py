@@ -8,8 +8,9 @@ Rule 3: nothing here changes a bench: who asks for that is told so.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final, NamedTuple
+
+from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.bench.doctor_requests import BenchDoctor, Judge

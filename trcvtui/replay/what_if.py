@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from operator import sub
 from typing import Final, NamedTuple, cast
+
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words

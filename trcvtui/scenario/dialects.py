@@ -8,10 +8,11 @@ Rule 3: a step lets a partner send the bytes that it sends in the scenario's own
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words

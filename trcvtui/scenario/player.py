@@ -6,8 +6,9 @@ Rule: it judges by the same StepRunner as the runner; scans pass outside, one wh
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands import words

@@ -14,10 +14,12 @@ import json
 import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct, structs
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
@@ -138,8 +140,7 @@ def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[i
             is_open = True
 
 
-@dataclass(frozen=True, slots=True)
-class Outsiders:
+class Outsiders(Struct, frozen=True):
     """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
 
     partners: tuple[str, ...] = ()
@@ -160,8 +161,7 @@ class Outsiders:
         return f"; {found} is no peer of this bench and will not be replayed" if found else ""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
 
     `is_frame`: it expects what a frame has brought in this very scan.
@@ -404,7 +404,7 @@ def _let_pass(scans: int) -> Iterator[str]:
 
 
 def _without_judgement(entry: Entry) -> Entry:
-    return replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+    return structs.replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
 
 
 def _goes_on(command: words.BenchCommand) -> bool:

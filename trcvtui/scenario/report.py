@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+from msgspec import Struct
 
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
@@ -33,8 +34,7 @@ NOT_REACHED: Final = "not reached: a wait before it failed"
 OUTCOMES: Final = ("failure", "error", "skipped")
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(Struct, frozen=True):
     """One test case. `outcome` is "" or one of OUTCOMES; `kind`, `message` and `text` tell it."""
 
     name: str
@@ -45,8 +45,7 @@ class Case:
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Suite:
+class Suite(Struct, frozen=True):
     """One file: its path as it was given, the scenario's name, its cases, its traces."""
 
     path: str

@@ -6,8 +6,10 @@ Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first;
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.outcome import Cause
@@ -23,8 +25,7 @@ MOST_KEPT: Final = 100
 NEWEST: Final = 5
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorTold:
+class ErrorTold(Struct, frozen=True):
     """One cause of ERROR at one instance: its STATUS, the first and last scan, how many such edges."""
 
     instance: str
@@ -116,8 +117,7 @@ def _delivery(bench: Bench, instance: str) -> Delivery | None:
     return Delivery(sent.accepted, sent.unacknowledged, read[0] if read else None)
 
 
-@dataclass(frozen=True, slots=True)
-class StepTaken:
+class StepTaken(Struct, frozen=True):
     """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
 
     step: words.Step
@@ -127,8 +127,7 @@ class StepTaken:
     told: str = ""  # by the doctor
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Struct, frozen=True):
     """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
 
     `taken` are the steps in order; a failed `wait` is the last one. `errors`: oldest first.

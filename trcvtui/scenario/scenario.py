@@ -6,10 +6,12 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.bench.program import read_program
 from trcvtui.commands.peer import check_library, read_replies, read_routines
@@ -37,8 +39,7 @@ T = TypeVar("T")
 START_STEP: Final = 0  # the steps of a scenario count from 1
 
 
-@dataclass(frozen=True, slots=True)
-class Scenario:
+class Scenario(Struct, frozen=True):
     """One scenario: its project, the `start` steps that come before scan 1, and its own steps."""
 
     name: str
@@ -131,8 +132,7 @@ _TABLE: Final = re.compile(rb"^[ \t]*\[[ \t]*scenario[ \t]*\]", re.MULTILINE)
 _STEPS: Final = re.compile(r"\s*steps\s*=\s*(?:\"\"\"|''')\s*")
 
 
-@dataclass(frozen=True, slots=True)
-class ScriptLine:
+class ScriptLine(Struct, frozen=True):
     """One line of the steps as it stands in the file; `step` is 0 where it is blank or a comment."""
 
     place: int
@@ -140,8 +140,7 @@ class ScriptLine:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ScenarioFile:
+class ScenarioFile(Struct, frozen=True):
     """What a scenario file says of itself; `problem` is the first mistake in it, in one line.
 
     `blocks`, each once, and `dialect` are those of its project, where there is no mistake.
@@ -159,8 +158,7 @@ class ScenarioFile:
 # -- where they lie ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(Struct, frozen=True):
     """TOML files in reading order, each once; `is_cut` where there were more than are looked at."""
 
     paths: tuple[Path, ...]

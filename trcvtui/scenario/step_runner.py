@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice, repeat
 from typing import TYPE_CHECKING, Final
+
+from msgspec import Struct
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
@@ -30,8 +31,7 @@ MOST_RUNS_SINCE: Final = 100_000
 MOST_RUNS_TOLD: Final = 5000
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
+class Section(Struct, frozen=True):
     """The scans between two `trace`; `lost` of them, the oldest, are no longer kept."""
 
     runs: tuple[Run, ...]
@@ -95,8 +95,7 @@ def _went_on(runs: deque[Run] | list[Run], scan: Scan) -> bool:
     return True
 
 
-@dataclass(frozen=True, slots=True)
-class Failure:
+class Failure(Struct, frozen=True):
     """An expectation that did not hold: the number of its command, its line, what was found."""
 
     step: int

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.udt.cli_input import given_bytes, given_messages, given_values

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS

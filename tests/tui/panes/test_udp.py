@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving

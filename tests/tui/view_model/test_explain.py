@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from tests.local_driver import LocalDriver
 from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing

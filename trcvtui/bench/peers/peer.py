@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.bench.peers.queues import Inbox, PeerQueues, Replies
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Final, Protocol
+
+from msgspec import Struct
 
 from trcvtui.commands.counters_and_checksums import Checker, filled
 from trcvtui.commands.peer import MOST_RULES
@@ -276,8 +277,7 @@ def _looking(match: Match) -> Looking:
             return _Frames(match)
 
 
-@dataclass(slots=True)
-class _Rule:
+class _Rule(Struct):
     command: ReplyOn
     looking: Looking
     text: str

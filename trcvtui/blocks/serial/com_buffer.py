@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
 
+from msgspec import Struct
+
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, LineHeld, SerialNote
 from trcvtui.blocks.table import BlockRow
@@ -195,8 +197,7 @@ class ComBuffer:
         self._write(BytesLost(self.name, self.tail, size, reason))
 
 
-@dataclass(frozen=True, slots=True)
-class SerialBinding:
+class SerialBinding(Struct, frozen=True):
     """`data`, `prefix` and `suffix` None: the pointer is 0. `priority` is that of its task."""
 
     env: Environment

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.block import NoJob
 from trcvtui.blocks.conditions import Condition

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.block import Binding, Job, NoJob, ScriptBlock
 from trcvtui.blocks.conditions import Condition

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.block import Binding, JobBlock
 from trcvtui.blocks.conditions import Condition

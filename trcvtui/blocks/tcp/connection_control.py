@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
@@ -24,8 +26,7 @@ from trcvtui.net.results import Fault
 # was begun.
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectionReasons:
+class ConnectionReasons(Struct, frozen=True):
     """Why a connection is begun, why it ends, and that there is none."""
 
     asked: Cause

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.block import Binding, JobBlock, ScriptBlock
 from trcvtui.blocks.conditions import Condition

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
+
+from msgspec import Struct
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
@@ -17,8 +18,7 @@ from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
 
 
-@dataclass(frozen=True, slots=True)
-class UdpBinding:
+class UdpBinding(Struct, frozen=True):
     """CONFIG, ADDR and DATA of one instance. `data` None: the pin is open; `priority` is that of its task."""
 
     env: Environment

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
+from msgspec import structs
+
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.diagnosis.readings.marks import (
@@ -208,7 +210,7 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
         kind = CutKind.PREFIX_SUFFIX if guess.kind is CutKind.SUFFIX else CutKind.PREFIX
         for prefix in dict.fromkeys((_known(start), start)):
             if prefix:
-                yield replace(guess, kind=kind, framing=replace(guess.framing, prefix=prefix))
+                yield replace(guess, kind=kind, framing=structs.replace(guess.framing, prefix=prefix))
 
 
 def _after_noise(
@@ -355,7 +357,7 @@ def _proposal(
     longest = max(len(frame.content) for frame in good)
     framing = guess.framing
     if guess.kind is not CutKind.SIZE and framing.size == LONGEST_FRAME:
-        framing = replace(framing, size=longest)
+        framing = structs.replace(framing, size=longest)
     return Proposal(
         rank=rank,
         kind=guess.kind,

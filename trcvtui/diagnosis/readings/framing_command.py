@@ -6,9 +6,10 @@ Rule: what `apply` does are lines of other commands, carried out one by one: the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import count as counted
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording

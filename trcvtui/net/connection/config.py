@@ -6,8 +6,9 @@ Nothing here needs a kernel, so that a dialect's table of answers needs none.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
 from trcvtui.net.connection.description_check import Finding
@@ -15,8 +16,7 @@ from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
 
 
-@dataclass(frozen=True, slots=True)
-class Policy:
+class Policy(Struct, frozen=True):
     """What a dialect decides about connections; times in ns."""
 
     retry_ns: int = 1_000_000_000
@@ -39,8 +39,7 @@ SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system se
 LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPIDLE); a UINT can ask for more
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectConfig:
+class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
 
     `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
@@ -96,16 +95,14 @@ def parse_address(text: str) -> str | None:
 TADDR_PARAM: Final = ADDRESSES["TADDR_Param"]
 
 
-@dataclass(frozen=True, slots=True)
-class UdpConfig:
+class UdpConfig(Struct, frozen=True):
     """One UDP_CONFIG. LocalPort 0 takes a free port and keeps it until STOP."""
 
     name: str
     local: Endpoint = ANY_END
 
 
-@dataclass(frozen=True, slots=True)
-class AddrParam:
+class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send.
 
     `description`: the bytes of a TADDR_Param, or of what stands there instead; None: only an end is given.

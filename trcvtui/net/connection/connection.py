@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from functools import partial
 from typing import ClassVar, Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
@@ -28,7 +30,7 @@ from trcvtui.net.events import (
     ConnectionEvent,
     What,
 )
-from trcvtui.net.kernel import DRAIN_BYTES, Accepted, DirectRead, Handle, Kernel, KernelLoss
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
 from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
@@ -51,8 +53,7 @@ ENDED_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
 LOSSES_KEPT: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class ConnectionLoss:
+class ConnectionLoss(Struct, frozen=True):
     """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
 
     kind: LossKind
@@ -420,10 +421,6 @@ class Connection:
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._read_out(self.pending_loss or self._loss_of(got))
         return WOULD_BLOCK
-
-    def direct_read(self) -> DirectRead | None:
-        """Return how to read the connection that stands without a look at its loss; None: `receive` alone."""
-        return self._kernel.direct_read(self.handle) if self.is_up and self.handle is not None else None
 
     def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
         """Release the connection after the last byte; a whole frame that others have read shows first."""

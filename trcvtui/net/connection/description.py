@@ -7,9 +7,10 @@ All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC str
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 CONFIGURED: Final = 254  # ConnectionType
 LONGEST_SELECTOR: Final = 32
@@ -157,8 +158,7 @@ ADDRESSES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Description:
+class Description(Struct, frozen=True):
     """A structure and the bytes that stand for it, which may be more or fewer than it has."""
 
     structure: Structure

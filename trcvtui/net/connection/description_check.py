@@ -6,9 +6,10 @@ Rule: each question is a row of a table, asked in this order; the first that fin
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.net.connection.description import (
     CONFIGURED,
@@ -75,8 +76,7 @@ class Finding(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(Struct, frozen=True):
     """What a description says, whatever its structure."""
 
     protocol: Protocol
@@ -162,8 +162,7 @@ def _meaning_of_param(description: Description) -> Meaning:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Struct, frozen=True):
     """A description and what the bench has written beside it.
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened

@@ -6,9 +6,10 @@ Every failure names its Stage, because each vendor has a code for each; nothing 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
+
+from msgspec import Struct
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import ACCEPT, TURN_AWAY, ConnectionIds, IdHolder, Party, Work
@@ -56,8 +57,7 @@ class SetUpStage(Enum):
     CONNECT = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class StepFault:
+class StepFault(Struct, frozen=True):
     """A set-up step that failed; `detail` is what a person should read."""
 
     stage: SetUpStage

@@ -11,10 +11,11 @@ Rule 3: whatever cannot be right ends the connection with its reason; nothing ra
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from itertools import islice
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
 from trcvtui.net.results import Endpoint, Unread, WaitingMessage
@@ -311,8 +312,7 @@ class IsoPhase(Enum):
     ENDED = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class IsoSettings:
+class IsoSettings(Struct, frozen=True):
     """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone.
 
     `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken. `not_told`: bytes of a DT to a partner

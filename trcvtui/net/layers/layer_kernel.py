@@ -17,7 +17,6 @@ from trcvtui.net.events import What
 from trcvtui.net.kernel import (
     DRAIN_BYTES,
     Accepted,
-    DirectRead,
     Handle,
     Kernel,
     KernelLoss,
@@ -315,10 +314,6 @@ class LayerKernel:
         if stream.end is not None:
             return stream.end
         return 0 if stream.is_over else WOULD_BLOCK
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return how to read a plain stream directly; a session unpacks its bytes first."""
-        return None if handle in self._streams else self.inner.direct_read(handle)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         """Take one message; its end is told by `loss`."""

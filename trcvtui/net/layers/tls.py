@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ssl
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -76,8 +75,7 @@ def _in_words(reason: str) -> str:
     return reason.lower().replace("_", " ")
 
 
-@dataclass(frozen=True, slots=True)
-class TlsSettings(Credentials):
+class TlsSettings(Credentials, frozen=True):
     """Credentials that make sessions. Bytes flow as on plain TCP: no messages."""
 
     is_message_oriented: bool = False

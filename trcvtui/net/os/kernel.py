@@ -10,12 +10,10 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable, Collection
-from functools import partial
 from typing import Final
 
 from trcvtui.net.kernel import (
     Accepted,
-    DirectRead,
     Handle,
     KernelLoss,
     LocalAddress,
@@ -265,17 +263,6 @@ class OsKernel:
         except (OSError, ValueError, KeyError) as problem:
             return self._failed("recv", handle, problem) or 0
         return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return the socket's own recv_into; an error that it meets is held for `recv`."""
-        sock = self._sockets.get(handle)
-        if sock is None or handle not in self._polled or handle in self._held:
-            return None
-        return DirectRead(sock.recv_into, partial(self._drain, handle), partial(self._hold, handle))
-
-    def _hold(self, handle: int, problem: OSError) -> None:
-        if not isinstance(problem, BlockingIOError):
-            self._held[handle] = error_name(problem)
 
     def _drain(self, handle: int, into: memoryview, taken: int) -> int:
         """Read on after a first short read: the sender may have refilled the window meanwhile.

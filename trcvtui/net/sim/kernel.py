@@ -13,7 +13,7 @@ from functools import partial
 from itertools import islice
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, DirectRead, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
 from trcvtui.net.results import (
     ANY_ADDRESS,
     WOULD_BLOCK,
@@ -197,10 +197,6 @@ class SimDatagrams(SimSocket):
 
 def _cost(data: bytes) -> int:
     return COST + COST_OF_A_BYTE * len(data)
-
-
-def _nothing_fails(problem: OSError) -> None:
-    """Do nothing: no call of this network raises."""
 
 
 WASTE_BYTES: Final = 65536
@@ -451,19 +447,6 @@ class SimKernel:
             most = self._random.randint(1, socket.stream.unread)
         got = socket.stream.read(into, most)
         return Fault("recv", got) if isinstance(got, str) else got
-
-    def direct_read(self, handle: Handle) -> DirectRead | None:
-        """Return a read of a stream that the last poll saw."""
-        socket = self._sockets.get(handle)
-        stream = socket.stream if socket is not None and socket.polled else None
-        if stream is None:
-            return None
-
-        def read(into: bytearray | memoryview) -> int:
-            got = self.recv(handle, memoryview(into)) if stream.unread else 0
-            return got if isinstance(got, int) else 0
-
-        return DirectRead(read, lambda _, taken: taken, _nothing_fails)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return that count."""

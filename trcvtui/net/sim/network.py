@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
+
+from msgspec.structs import replace
 
 from trcvtui.net.kernel import SocketOptions
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_group, is_loopback, octets

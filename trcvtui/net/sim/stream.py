@@ -7,9 +7,10 @@ Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple, Protocol
+
+from msgspec import Struct
 
 from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
@@ -195,8 +196,7 @@ ORPHAN_LIFE: Final = 120 * SECOND
 RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
 
 
-@dataclass(slots=True, eq=False)
-class PortClaim:
+class PortClaim(Struct, eq=False):
     """One socket's hold on a local end; port 0 = none yet.
 
     `fixed` says that the program asked for this very port: it is then kept until the handle is freed.
@@ -226,8 +226,7 @@ class StreamPhase(Enum):
     OVER = "over"
 
 
-@dataclass(slots=True)
-class Tuning:
+class Tuning(Struct):
     """The socket options that change what happens; a stream shares its socket's. Times in ns."""
 
     keep_alive: int = 0

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Final, NamedTuple
+
+from msgspec.structs import replace
 
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.edit import AddField, entry, fields_of, keys_of_line, keys_to_change

@@ -9,7 +9,6 @@ from textual import events
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui import lane_note
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.tui.formatting import SECOND, clip, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
@@ -325,7 +324,7 @@ class HeaderLine(WordLine):
         """Return file, dialect, model; scans and how punctual they are."""
         project, picture = self._view_model.project, self._view_model.picture
         name = project.path.name
-        pieces = [HeaderWord(f"trcvtui{lane_note()}", "dim", 60), HeaderWord(name, "strong", 10)]
+        pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
             pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))

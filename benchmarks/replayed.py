@@ -24,7 +24,7 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS
 from trcvtui.replay.follower import Followed
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.scenario.command import run_files
 
@@ -75,7 +75,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
         path = recorded(Path(folder))
 
         def again() -> None:
-            assert check(RunAgain(Recording(path).entries(), str(path))) == ""
+            assert check(ReplayRun(Recording(path).entries(), str(path))) == ""
 
         pairs = alternate(
             lambda: _cost(lambda: _run(Path(folder), None)), lambda: _cost(again), min(effort.pairs, 5)

@@ -17,7 +17,7 @@ from benchmarks.report import UNSAID, line, markdown
 from benchmarks.scans import Scan, Scans, overruns
 from benchmarks.targets import TARGETS, Aim, Target, aim_of
 from trcvtui import clock
-from trcvtui.engine.timing import Punctuality
+from trcvtui.engine.timing import ScanTiming
 
 
 def test_a_ratio_is_taken_pair_by_pair_and_not_of_the_sums() -> None:
@@ -171,7 +171,7 @@ def test_a_scan_is_late_after_work_when_the_engine_has_not_slept_before_it() -> 
 
 
 def test_the_engine_writes_what_each_scan_cost_and_waiting_costs_nothing(tmp_path: Path) -> None:
-    timing = Punctuality("slice")
+    timing = ScanTiming("slice")
     timing.keep_every()
     timing.scanned(due=0, began=5, ended=20 * MS, interval=10 * MS)
     used = clock.used_ns()

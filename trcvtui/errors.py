@@ -50,7 +50,6 @@ class UserError(Exception):
 
 
 def mistake(where: str, found: object, expected: str, kind: str = "value") -> UserError:
-    """Return a UserError of one problem."""
     return UserError(Problem(where, str(found), expected, kind))
 
 

@@ -97,7 +97,6 @@ def is_disk_left_alone() -> bool:
 
 
 def is_folder(path: FileName) -> bool:
-    """Return whether there is such a folder."""
     return not _instead and os.path.isdir(path)
 
 

@@ -35,7 +35,7 @@ from trcvtui.capture.command import conversations_of
 from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import parse_plc
-from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 
@@ -52,7 +52,7 @@ def listen(
     return events
 
 
-def kinds(events: list[ConversationEvent]) -> list[EventKind]:
+def kinds(events: list[ConversationEvent]) -> list[SegmentKind]:
     return [event.kind for event in events]
 
 
@@ -60,9 +60,12 @@ def to_plc(events: list[ConversationEvent]) -> bytes:
     """Return what the PLC was told; a missing byte is `?`."""
     text = b""
     for event in events:
-        if event.direction.address[1] == PARTNER[1] and event.kind in (EventKind.BYTES, EventKind.MISSING):
+        if event.direction.address[1] == PARTNER[1] and event.kind in (
+            SegmentKind.BYTES,
+            SegmentKind.MISSING,
+        ):
             assert event.at == len(text)
-            text += event.data if event.kind is EventKind.BYTES else b"?" * event.size
+            text += event.data if event.kind is SegmentKind.BYTES else b"?" * event.size
     return text
 
 
@@ -84,10 +87,10 @@ def test_a_conversation_from_syn_to_fin() -> None:
     assert conversation.listener is conversation.back
 
 
-COPY, OTHER = EventKind.RETRANSMISSION, EventKind.DIFFERENT_COPY
+COPY, OTHER = SegmentKind.RETRANSMISSION, SegmentKind.DIFFERENT_COPY
 WRAP = 2**32 - 4
 # What the PLC was told, after these packets; how often these kinds of events come.
-STREAMS: dict[str, tuple[list[bytes], bytes, dict[EventKind, int]]] = {
+STREAMS: dict[str, tuple[list[bytes], bytes, dict[SegmentKind, int]]] = {
     "out of order": ([tcp(b"ghi", 107), tcp(b"def", 104), tcp(b"abc", 101)], b"abcdefghi", {COPY: 0}),
     "a different copy": ([tcp(b"abcdef", 101), tcp(b"aXcdefg", 101)], b"abcdefg", {OTHER: 1}),
     "one among those that wait": (
@@ -99,11 +102,11 @@ STREAMS: dict[str, tuple[list[bytes], bytes, dict[EventKind, int]]] = {
     "a SYN sent again": ([tcp(seq=100, flags=SYN), tcp(b"abc", 101)], b"abc", {COPY: 1}),
     "a hole": (
         [tcp(b"abc", 101), tcp(b"ghi", 107), *[answer(seq=501, ack=110)] * 30, tcp(b"jk", 110)],
-        b"abc???ghijk", {EventKind.MISSING: 1},
+        b"abc???ghijk", {SegmentKind.MISSING: 1},
     ),
     "a hole at the end": ([tcp(b"abc", 101), answer(seq=501, ack=110)], b"abc??????", {}),
     "an ACK before its packet": (
-        [answer(seq=501, ack=104), tcp(b"abc", 101), tcp(b"def", 104)], b"abcdef", {EventKind.MISSING: 0},
+        [answer(seq=501, ack=104), tcp(b"abc", 101), tcp(b"def", 104)], b"abcdef", {SegmentKind.MISSING: 0},
     ),
     **{
         f"a keep-alive of {len(garbage)} bytes": (
@@ -111,7 +114,8 @@ STREAMS: dict[str, tuple[list[bytes], bytes, dict[EventKind, int]]] = {
                 tcp(b"abc", 101), answer(seq=501, ack=104), tcp(garbage, 103, 501),
                 answer(seq=501, ack=104), tcp(b"d", 104),
             ],
-            b"abcd", {EventKind.KEEP_ALIVE: 1, EventKind.KEEP_ALIVE_ACK: 1, EventKind.BYTES: 2, COPY: 0},
+            b"abcd",
+            {SegmentKind.KEEP_ALIVE: 1, SegmentKind.KEEP_ALIVE_ACK: 1, SegmentKind.BYTES: 2, COPY: 0},
         )
         for garbage in (b"", b"\0")
     },
@@ -123,7 +127,7 @@ STREAMS: dict[str, tuple[list[bytes], bytes, dict[EventKind, int]]] = {
                 tcp(b"def"[gets_in:], 104 + gets_in, 501),
             ],
             b"abcdef",
-            {EventKind.ZERO_WINDOW: 1, EventKind.WINDOW_PROBE: 1, EventKind.WINDOW_OPENS: 1, COPY: 0},
+            {SegmentKind.ZERO_WINDOW: 1, SegmentKind.WINDOW_PROBE: 1, SegmentKind.WINDOW_OPENS: 1, COPY: 0},
         )
         for gets_in in (False, True)
     },
@@ -149,14 +153,14 @@ def test_numbers_wrap_and_a_new_syn_between_the_same_ends_is_a_new_conversation(
 
 def test_rst_and_silence_are_events() -> None:
     events = listen([*handshake(), answer(seq=501, flags=RST)], step_ns=11_000_000_000)
-    assert kinds(events).count(EventKind.SILENCE) == 3
-    assert events[-1].kind is EventKind.RST and events[-1].conversation.end == ("rst", events[-1].direction)
+    assert kinds(events).count(SegmentKind.SILENCE) == 3
+    assert events[-1].kind is SegmentKind.RST and events[-1].conversation.end == ("rst", events[-1].direction)
 
 
 def test_a_conversation_that_begins_in_the_middle_is_said_to() -> None:
     events = listen([answer(seq=7, ack=1000), tcp(b"\0", 999, 7), tcp(b"abc", 1000, 7), tcp(b"d", 1003, 7)])
     assert not events[0].conversation.begins_with_syn and to_plc(events) == b"abcd"
-    assert events[0].kind is EventKind.KEEP_ALIVE
+    assert events[0].kind is SegmentKind.KEEP_ALIVE
 
 
 def test_a_packet_cut_by_snaplen_leaves_a_hole() -> None:

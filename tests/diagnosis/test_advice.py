@@ -27,9 +27,9 @@ from trcvtui.diagnosis.evidence import NOTHING_KNOWN, Evidence, evidence_then
 from trcvtui.diagnosis.job import DO
 from trcvtui.dialects import DIALECTS
 from trcvtui.history.link_statistics import LinkStatistics
-from trcvtui.history.records import Moment
+from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import StreamIndex
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.file import read_project
@@ -129,7 +129,7 @@ def advice_of_scenario(name: str, condition: Condition) -> Advice:
         for line in lines
         if isinstance(line.event, StatusEdge) and line.event.condition == str(condition)
     )
-    until = Moment(line.scan, line.t_ns)
+    until = ScanStamp(line.scan, line.t_ns)
     return advice_on(evidence_then(line, edge, NOTHING_KNOWN, until, bench.project, 10_000_000))
 
 
@@ -297,11 +297,11 @@ def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built()
     index = StreamIndex()
     statistics = LinkStatistics(index)
     fault = Fault("description", "wrong TSAP")
-    index.take([(2, 20, ConnectionChanged("C1", 0, What.ATTEMPT_FAILED, fault=fault, detail="x"))])
+    index.take([(2, 20, ConnectionChanged("C1", 0, EventKind.ATTEMPT_FAILED, fault=fault, detail="x"))])
     attempt = statistics.facts("X", "C1").attempt
     assert attempt is not None
     assert (attempt.at.scan, attempt.cause.call, attempt.cause.detail) == (2, "description", "x")
-    index.take([(102, 1020, ConnectionChanged("C1", 0, What.CONNECTING))])
+    index.take([(102, 1020, ConnectionChanged("C1", 0, EventKind.CONNECTING))])
     facts = statistics.facts("X", "C1")
     assert (facts.attempt, facts.failures) == (None, ())
 

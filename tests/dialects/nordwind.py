@@ -10,7 +10,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
 from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import Policy
 
@@ -41,7 +41,16 @@ def _row(code: int, title: str, conditions: tuple[Is, ...]) -> StatusRow:
     first, *also = conditions
     error = code >= 0xE000
     return StatusRow(
-        code, first, BLOCKS, error, title, ("see the manual",), ("the cable",), Reach.REAL, "3", tuple(also)
+        code,
+        first,
+        BLOCKS,
+        error,
+        title,
+        ("see the manual",),
+        ("the cable",),
+        Reproducibility.REAL,
+        "3",
+        tuple(also),
     )
 
 

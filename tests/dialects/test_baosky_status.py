@@ -8,7 +8,7 @@ import pytest
 
 from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import ERROR, Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.status import STATUS
 
@@ -113,7 +113,7 @@ def is_sound(row: StatusRow, manual: str) -> bool:
     return (
         row.error == (row.code > 0x8000)  # 8000: a reset in progress
         and {condition in ERROR for condition in row.conditions} <= {row.error}
-        and (row.reach is Reach.NEVER) == bool(row.unreached) == (row.condition is None)
+        and (row.reach is Reproducibility.NEVER) == bool(row.unreached) == (row.condition is None)
         and 3 < len(row.title) <= 46
         and all(2 <= len(said) <= 4 and len(set(said)) == len(said) for said in (row.causes, row.checks))
         and all(12 < len(line) <= 130 and line.isprintable() and line == line.strip() for line in texts)
@@ -124,12 +124,12 @@ def is_sound(row: StatusRow, manual: str) -> bool:
 @pytest.mark.parametrize(
     ("reach", "codes"),
     [
-        (Reach.LOGIC, [0x0000, 0x0001, 0x7000, 0x80A1, 0x80A4, 0x80A5, 0x80A7, 0x80AC, 0x80C3]),
-        (Reach.NAMESPACE, [0x80AB]),
-        (Reach.INJECTED, [0x8082, 0x8084, 0x8087]),
+        (Reproducibility.LOGIC, [0x0000, 0x0001, 0x7000, 0x80A1, 0x80A4, 0x80A5, 0x80A7, 0x80AC, 0x80C3]),
+        (Reproducibility.NAMESPACE, [0x80AB]),
+        (Reproducibility.INJECTED, [0x8082, 0x8084, 0x8087]),
     ],
 )
-def test_what_plain_traffic_cannot_bring_about_is_marked(reach: Reach, codes: list[int]) -> None:
+def test_what_plain_traffic_cannot_bring_about_is_marked(reach: Reproducibility, codes: list[int]) -> None:
     assert [row.code for row in STATUS if row.reach is reach] == codes
 
 

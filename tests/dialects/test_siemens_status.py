@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach
+from trcvtui.blocks.status import Reproducibility
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens.states import ALL
 from trcvtui.dialects.siemens.status import STATUS
@@ -255,7 +255,7 @@ def test_instructions_before_3_send_nobody_to_a_block_or_a_pin_that_they_do_not_
 def test_instructions_before_3_cannot_reach_names_and_certificates_and_say_why() -> None:
     rows = [row for row in DIALECTS["s7-1200-legacy"].status if 0x80D0 <= row.code < 0x80F0]
     assert len(rows) > 15
-    assert {row.reach for row in rows} == {Reach.NEVER}
+    assert {row.reach for row in rows} == {Reproducibility.NEVER}
     assert all(row.unreached for row in rows)
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.bench.bench_project import TELEGRAM, bench_project
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.snapshots import Fired
+from trcvtui.commands.snapshots import TriggerEvent
 from trcvtui.engine.trigger_watch import read_trigger
 from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
@@ -55,7 +55,7 @@ class Desk:
         (folder / "telegram.st").write_text(TELEGRAM)
         self.driver = LocalDriver(Bench(read_project(tomllib.loads(BENCH), "b.toml", folder), "sim"))
         self.seq = 0
-        self.fired: Fired | None = None
+        self.fired: TriggerEvent | None = None
         self.told = ""
         self.do("set X CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4", *lines)
 

@@ -13,7 +13,7 @@ from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, Seek
 from trcvtui.history.stream_index import StreamIndex
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.plc.ledger import PeerSent
 
 
@@ -116,10 +116,10 @@ def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
     plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"
     for incarnation in (1, 2):
         if incarnation == 1:
-            index.take([(1, 0, ConnectionChanged("C1", incarnation, What.CONNECTED, plc, peer))])
+            index.take([(1, 0, ConnectionChanged("C1", incarnation, EventKind.CONNECTED, plc, peer))])
         index.take([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
         index.take([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
-    index.take([(3, 0, ConnectionChanged("C1", 2, What.CONNECTED, plc, peer))])
+    index.take([(3, 0, ConnectionChanged("C1", 2, EventKind.CONNECTED, plc, peer))])
     for incarnation, numbers in ((1, [2, 3]), (2, [4, 5])):
         found = index.messages_within(("C1", incarnation), 5, 10, 100)
         assert [span.number for span in found] == numbers

@@ -8,7 +8,7 @@ from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.diagnosis.card import notes_of
 from trcvtui.history.stream_index import KEPT_STREAMS, StreamIndex
-from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import Event, PeerSent
 
 KEPT = 2000
@@ -25,7 +25,7 @@ def told(*events: Event, scan: int = 40) -> StreamIndex:
 
 def connected(incarnation: int = 1) -> ConnectionChanged:
     """Return the note of an accepted partner."""
-    return ConnectionChanged("C1", incarnation, What.CONNECTED, PLC, PEER)
+    return ConnectionChanged("C1", incarnation, EventKind.CONNECTED, PLC, PEER)
 
 
 def sent(message: int, offset: int, size: int) -> PeerSent:

@@ -9,7 +9,7 @@ import pytest
 
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import IpPayload, carried_by
-from trcvtui.capture.reassembly import ConversationEvent, Conversations, EventKind
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
 from trcvtui.line.tapped import TapPacket, TapPackets
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import checksum
@@ -77,8 +77,8 @@ def test_a_conversation_is_read_back_as_it_was() -> None:
         )
     )
     kinds = [each.kind for each in told]
-    assert kinds[-4:] == [EventKind.BYTES, EventKind.BYTES, EventKind.FIN, EventKind.RST]
-    assert [each.data for each in told if each.kind is EventKind.BYTES] == [b"question", b"answer"]
+    assert kinds[-4:] == [SegmentKind.BYTES, SegmentKind.BYTES, SegmentKind.FIN, SegmentKind.RST]
+    assert [each.data for each in told if each.kind is SegmentKind.BYTES] == [b"question", b"answer"]
     assert told[0].conversation.begins_with_syn
 
 
@@ -99,7 +99,7 @@ def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
         ("trcvtui: 100 bytes before this are not in the recording (2 events)",)
     ]
     told = told_of(packets)
-    sizes = [each.size for each in told if each.kind is EventKind.MISSING]
+    sizes = [each.size for each in told if each.kind is SegmentKind.MISSING]
     assert sizes == [100]
 
 

@@ -12,8 +12,8 @@ import trcvtui.net.layers.iso_on_tcp as cotp
 from tests.certificates import NEEDS_OPENSSL
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
-from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, Work
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, ScanBudget
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES, Code, Connect, Data, encode
 from trcvtui.net.layers.tls import Tls
 from trcvtui.plc.ledger import BenchNote
@@ -21,11 +21,11 @@ from trcvtui.project.file import read_project
 
 GOOD = 8
 SCANS = 120
-UNITS = Work(interval_ns=USUAL_INTERVAL).units
+UNITS = ScanBudget(interval_ns=USUAL_INTERVAL).units
 REQUEST = encode(Connect(Code.CR, 0, 1, b"\xe0\x01", b"\xe0\xff", 10))
 EMPTY, ONE_BYTE = encode(Data(b"", False)), encode(Data(b"x", False))
 EMPTY_MESSAGE, EXPEDITED = encode(Data(b"", True)), b"\x03\0\0\x0b\x06\x10\0\1\0\1\7"
-WAITS = (What.TPDUS_WAIT, What.RECORDS_WAIT, What.CLIENTS_WAIT, What.HANDSHAKES_WAIT)
+WAITS = (EventKind.TPDUS_WAIT, EventKind.RECORDS_WAIT, EventKind.CLIENTS_WAIT, EventKind.HANDSHAKES_WAIT)
 
 
 def document(attackers: int, secure: bool = False, plain: bool = False) -> dict[str, object]:
@@ -85,7 +85,7 @@ class Works:
             self.bench.step()
             self.dones += sum(out.outputs.done and out.instance != "TX" for out in self.bench.runtime.called)
 
-    def told(self, *what: What) -> list[ConnectionChanged]:
+    def told(self, *what: EventKind) -> list[ConnectionChanged]:
         events = [line.event for line in self.bench.runtime.ledger]
         return [one for one in events if isinstance(one, ConnectionChanged) and one.what in (what or WAITS)]
 
@@ -151,7 +151,7 @@ def test_a_flood_of_the_smallest_tpdus_costs_a_scan_its_share_and_no_more(
     assert 0 < tpdus.most <= UNITS  # both ends are counted
     assert works.dones - before >= 0.95 * undisturbed
     assert works.nothing_is_wrong()
-    assert [(one.connection, one.what) for one in works.told()] == [("X", What.TPDUS_WAIT)]
+    assert [(one.connection, one.what) for one in works.told()] == [("X", EventKind.TPDUS_WAIT)]
     works.bench.close()
 
 
@@ -218,7 +218,7 @@ def test_a_flood_of_clients_at_a_plain_connect_is_turned_away_a_few_a_scan(
     def attack() -> None:
         nonlocal seen, most
         again()
-        now = len(works.told(What.SECOND_CLIENT))
+        now = len(works.told(EventKind.SECOND_CLIENT))
         most, seen = max(most, now - seen), now
 
     works.run(SCANS, attack)
@@ -278,6 +278,6 @@ def test_handshakes_get_a_tenth_of_the_interval_by_the_clock_and_one_step_at_lea
     again()
     works.run(20, steps.look)
     assert steps.most == steps_a_scan
-    assert [one.connection for one in works.told(What.LONG_HANDSHAKE)] == ["X"] * is_told
-    assert [one.connection for one in works.told(What.HANDSHAKES_WAIT)] == ["X"]
+    assert [one.connection for one in works.told(EventKind.LONG_HANDSHAKE)] == ["X"] * is_told
+    assert [one.connection for one in works.told(EventKind.HANDSHAKES_WAIT)] == ["X"]
     works.bench.close()

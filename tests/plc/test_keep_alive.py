@@ -10,7 +10,7 @@ import pytest
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.project.file import load_project
 
 
@@ -30,8 +30,8 @@ def connected(kernel: str, seconds: int) -> Bench:
 
 def told(bench: Bench) -> list[str]:
     events = [line.event for line in bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
-    assert What.OPTION_REFUSED not in [event.what for event in events]
-    return [event.detail for event in events if event.what is What.OPTION_LIMITED]
+    assert EventKind.OPTION_REFUSED not in [event.what for event in events]
+    return [event.detail for event in events if event.what is EventKind.OPTION_LIMITED]
 
 
 @pytest.mark.parametrize("kernel", ["sim", "live"])

@@ -9,7 +9,7 @@ import pytest
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
-from trcvtui.net.events import BytesDropped, ConnectionChanged, What
+from trcvtui.net.events import BytesDropped, ConnectionChanged, EventKind
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.project.file import read_project
 
@@ -87,7 +87,7 @@ class Line:
     def turned_away(self) -> int:
         events = [line.event for line in self.bench.runtime.ledger]
         return sum(
-            isinstance(event, ConnectionChanged) and event.what is What.SECOND_CLIENT for event in events
+            isinstance(event, ConnectionChanged) and event.what is EventKind.SECOND_CLIENT for event in events
         )
 
     def close(self) -> None:

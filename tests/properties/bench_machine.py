@@ -12,7 +12,7 @@ from tests.properties.promises import FramesKept
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.commands.table import parse_line
-from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import BenchNote, Line, PeerSent, StatusEdge
 from trcvtui.project.file import read_project
 
@@ -239,7 +239,7 @@ class BenchMachine(RuleBasedStateMachine):
         delivered = set()
         for line in news:
             match line.event:
-                case ConnectionChanged(name, incarnation, What.CONNECTED, local, peer):
+                case ConnectionChanged(name, incarnation, EventKind.CONNECTED, local, peer):
                     self.streams[name, incarnation] = Stream((peer, local))
                 case BytesReceived(name, incarnation, _, offset, size):
                     stream = self.streams[name, incarnation]

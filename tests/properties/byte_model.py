@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged, What
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import BenchNote, Line
 from trcvtui.project.project import InstanceDecl
 
 Ends = tuple[str, str]  # who says it, to whom
-THE_END = {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET}
+THE_END = {EventKind.PARTNER_CLOSED, EventKind.LOST, EventKind.DISCONNECTED, EventKind.RESET}
 
 
 @dataclass
@@ -101,7 +101,7 @@ class ByteModel:
 
     def _connection(self, note: ConnectionChanged) -> None:
         key = note.connection, note.incarnation
-        if note.what is What.CONNECTED:
+        if note.what is EventKind.CONNECTED:
             assert key not in self.links
             self.links[key] = Link(note.local, note.peer)
             for ends in ((note.local, note.peer), (note.peer, note.local)):
@@ -111,7 +111,7 @@ class ByteModel:
             assert not link.is_over
             link.is_over = True
             said = self.finished.get((link.peer, link.local))
-            if note.what is What.PARTNER_CLOSED and said is not None:
+            if note.what is EventKind.PARTNER_CLOSED and said is not None:
                 assert link.received + link.dropped_unread == said, "FIN overtakes no byte"
 
     def _link(self, connection: str, incarnation: int) -> Link:

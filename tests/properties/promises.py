@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.baosky.status import STATUS
-from trcvtui.net.events import BytesDropped, ConnectionChanged, What
+from trcvtui.net.events import BytesDropped, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 
@@ -115,12 +115,12 @@ class FramesKept:
         now = {c.name: {} if is_disturbed else _readers(picture, c.name, levels) for c in picture.connections}
         for line in news:
             match line.event:
-                case ConnectionChanged(name, _, What.CONNECTED, local, peer):
+                case ConnectionChanged(name, _, EventKind.CONNECTED, local, peer):
                     self._partners[name] = peer, local
                     self._asked[name] = now[name]
-                case ConnectionChanged(name, _, What.REPLACED):
+                case ConnectionChanged(name, _, EventKind.REPLACED):
                     self._asked[name] = {}
-                case ConnectionChanged(name, _, What.SECOND_CLIENT, _, peer):
+                case ConnectionChanged(name, _, EventKind.SECOND_CLIENT, _, peer):
                     assert (self._partners[name], peer) not in self._successors, "he comes after the end"
                 case BytesDropped(name, _, -1, size, "connection lost"):
                     for reader, least in self._asked.get(name, {}).items():

@@ -9,7 +9,7 @@ import pytest
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import ERROR, Condition
-from trcvtui.blocks.status import Reach
+from trcvtui.blocks.status import Reproducibility
 from trcvtui.commands.table import parse_line
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.file import load_project
@@ -62,7 +62,9 @@ def test_what_shows_is_always_in_the_table_and_one_thing_at_a_time(
         draw = random.Random(f"{project} {options} {seed}")
         bench = Bench(load_project(CONFIGS / project, options), "sim")
         rows = bench.project.dialect.status
-        reachable = {(b, row.code) for row in rows if row.reach is not Reach.NEVER for b in row.blocks}
+        reachable = {
+            (b, row.code) for row in rows if row.reach is not Reproducibility.NEVER for b in row.blocks
+        }
         before: dict[str, Outputs] = {}
         for _ in range(SCANS):
             for _ in range(draw.choice((0, 0, 1, 1, 2))):

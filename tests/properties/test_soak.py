@@ -16,7 +16,7 @@ from tests.properties.drawn_projects import DATA
 from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.bench.bench import Bench
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.engine.timing import Punctuality
+from trcvtui.engine.timing import ScanTiming
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.net.kernel import CALLS
 from trcvtui.project.file import read_project
@@ -189,7 +189,7 @@ def pairs() -> dict[str, object]:
 def test_self_checking_traffic_keeps_the_memory_flat() -> None:
     """The console of the engine scans, keeps its histories, and draws a picture now and then."""
     console = Controller(fresh_bench(read_project(pairs(), "traffic", Path()), "sim"))
-    peers, timing, seq = list(console.bench.peers), Punctuality("soak"), 0
+    peers, timing, seq = list(console.bench.peers), ScanTiming("soak"), 0
     sizes: dict[int, int] = {}
     frames = 0
     say = iter(range(1, 1 << 60))

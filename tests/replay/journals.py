@@ -17,7 +17,7 @@ from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.replay.command import print_jsonl
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
 from trcvtui.scenario.scenario import load_bench
 
@@ -48,8 +48,8 @@ def recorded(path: Path, *overrides: str) -> tuple[str, list[Entry]]:
     return run.text, [*run.entries]
 
 
-def again(entries: Iterable[Entry]) -> RunAgain:
-    return RunAgain(entries_of(blocks(entries), "R"), "R")
+def again(entries: Iterable[Entry]) -> ReplayRun:
+    return ReplayRun(entries_of(blocks(entries), "R"), "R")
 
 
 def jsonl(entries: Iterable[Entry]) -> str:

@@ -24,7 +24,7 @@ from trcvtui.replay import follower
 from trcvtui.replay.command import check
 from trcvtui.replay.follower import Followed
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
 from trcvtui.report.run_notes import RunNotes
 
@@ -58,7 +58,7 @@ def whole() -> list[Line]:
     return lines(run)
 
 
-def begun(path: Path) -> tuple[RunAgain, int]:
+def begun(path: Path) -> tuple[ReplayRun, int]:
     keyframes = Keyframes(Recording(path), str(path))
     return keyframes.begin(), keyframes.first
 
@@ -244,7 +244,7 @@ def test_what_is_no_state_of_this_run_is_one_user_error(seed: int) -> None:
         changed[at] = chance.choice((0, 1, 255, chance.randrange(256)))
     try:
         run = from_state(bytes(changed), shared, "R")
-        if not isinstance(run, RunAgain):
+        if not isinstance(run, ReplayRun):
             return
         run.replay.entries = iter(journal()[-300:])
         run.is_restored = True

@@ -17,7 +17,7 @@ from trcvtui.recording.recording import INDEX, Recording, RecordingWriter
 from trcvtui.replay import keyframes as module
 from trcvtui.replay.command import check
 from trcvtui.replay.keyframes import EntriesFrom, Journal, Keyframes
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 
 SEVERAL = (  # streams, ISO-on-TCP, UDP, a serial line, a program
     "scenarios/baosky/7006-7008-static", "scenarios/siemens/iso-passive",
@@ -26,11 +26,11 @@ SEVERAL = (  # streams, ISO-on-TCP, UDP, a serial line, a program
 )  # fmt: skip
 
 
-def lines(run: RunAgain) -> list[Line]:
+def lines(run: ReplayRun) -> list[Line]:
     return [*run.bench.runtime.ledger]
 
 
-def seen(journal: Journal, spacing: int, monkeypatch: pytest.MonkeyPatch) -> tuple[RunAgain, Keyframes]:
+def seen(journal: Journal, spacing: int, monkeypatch: pytest.MonkeyPatch) -> tuple[ReplayRun, Keyframes]:
     monkeypatch.setattr(module, "SPACING", spacing)
     keyframes = Keyframes(journal, "R")
     run = keyframes.begin()
@@ -111,14 +111,14 @@ def test_a_screen_goes_back_from_a_keyframe_and_shows_the_scan(monkeypatch: pyte
     monkeypatch.setattr("trcvtui.replay.time_line.LEAST_SEEN", 20)
     stood = Stood("end")
     passed: list[int] = []
-    once = RunAgain.scan
+    once = ReplayRun.scan
 
-    def counted(run: RunAgain) -> bool:
+    def counted(run: ReplayRun) -> bool:
         went = once(run)
         passed.append(run.bench.runtime.scans)
         return went
 
-    monkeypatch.setattr(RunAgain, "scan", counted)
+    monkeypatch.setattr(ReplayRun, "scan", counted)
     update = stood.go("at 310")
     assert passed == [*range(251, 311)]
     passed.clear()

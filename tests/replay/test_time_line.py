@@ -19,7 +19,7 @@ from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS, ReplayDriver, opened
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import FIRST, PIECES, read_at
 from trcvtui.replay.time_line import TimeLine
 
@@ -153,14 +153,14 @@ def test_it_plays_by_the_clock_and_stops_at_the_end(monkeypatch: pytest.MonkeyPa
 def test_a_line_given_on_the_way_wins(monkeypatch: pytest.MonkeyPatch) -> None:
     stood = Stood("300")
     scans = 0
-    once = RunAgain.scan
+    once = ReplayRun.scan
 
-    def counted(run: RunAgain) -> bool:
+    def counted(run: ReplayRun) -> bool:
         nonlocal scans
         scans += 1
         return once(run)
 
-    monkeypatch.setattr(RunAgain, "scan", counted)
+    monkeypatch.setattr(ReplayRun, "scan", counted)
     stood.line.take(1, "at 290")
     stood.line._look()
     stood.line._move(clock.now_ns())  # it has begun anew, and stands still at 300
@@ -291,4 +291,4 @@ def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     )
     position = Stood("end", entries).update().position
     assert position is not None and (position.scan, position.note) == (200, told)
-    assert check(RunAgain(iter(entries), "a recording")) == told
+    assert check(ReplayRun(iter(entries), "a recording")) == told

@@ -22,7 +22,7 @@ from tests.scenario.scenarios import (
     failures,
     play,
 )
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.commands import words
 from trcvtui.commands.snapshots import FAILED
 from trcvtui.dialects import DIALECTS
@@ -182,7 +182,7 @@ def unseen(rows: Iterable[StatusRow], seen: set[tuple[str, int]]) -> list[str]:
     return [
         f"{row.word} {'/'.join(row.blocks)}"
         for row in rows
-        if row.reach is not Reach.NEVER and not seen & {(block, row.code) for block in row.blocks}
+        if row.reach is not Reproducibility.NEVER and not seen & {(block, row.code) for block in row.blocks}
     ]
 
 
@@ -201,13 +201,13 @@ def test_each_block_of_baosky_shows_all_its_table_lists_and_nothing_else() -> No
 @pytest.mark.slow
 def test_blocks_of_siemens_show_what_a_condition_can_reach_and_nothing_else(secure_bench: Path) -> None:
     shown = shown_in([*SIEMENS, *secure_bench.glob("tls-*.toml")])
-    rows = [row for row in DIALECTS["s7-1500"].status if row.reach is not Reach.NEVER]
+    rows = [row for row in DIALECTS["s7-1500"].status if row.reach is not Reproducibility.NEVER]
     seen = {(block, code) for block, code, _ in shown}
     assert unseen(rows, seen) == []
     assert seen - {(block, row.code) for row in rows for block in row.blocks} == set()
     real = {(block, code) for block, code, injected in shown if not injected}
     only_injected = [row.word for row in rows if not real & {(block, row.code) for block in row.blocks}]
-    assert only_injected == [row.word for row in rows if row.reach is Reach.INJECTED]
+    assert only_injected == [row.word for row in rows if row.reach is Reproducibility.INJECTED]
 
 
 @pytest.mark.slow

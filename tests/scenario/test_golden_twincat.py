@@ -7,7 +7,7 @@ import pytest
 from tests.scenario.scenarios import TWINCAT, failures
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartialFrameDropped
-from trcvtui.blocks.status import Reach
+from trcvtui.blocks.status import Reproducibility
 from trcvtui.dialects.twincat.rules import COM_ERRORS
 from trcvtui.scenario.runner import Runner, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
@@ -30,7 +30,7 @@ def played(stem: str) -> Bench:
 @pytest.mark.slow
 def test_every_error_that_is_not_of_the_hardware_is_shown_by_a_scenario_that_names_it() -> None:
     for row in COM_ERRORS:
-        if row.reach is Reach.NEVER or not row.error:
+        if row.reach is Reproducibility.NEVER or not row.error:
             continue
         for block in row.blocks:
             if (block, row.code) in ALIKE:

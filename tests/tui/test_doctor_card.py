@@ -73,7 +73,7 @@ class Told:
         pass
 
 
-class Looking(Told):
+class PatternSearch(Told):
     """A judge that looks until it is let go."""
 
     progress = "runs it again, scan 3000 of 12000: 25%"
@@ -113,7 +113,7 @@ async def test_the_first_line_tells_how_far_it_is_at_every_look(
 ) -> None:
     monkeypatch.setattr("trcvtui.bench.doctor_requests.AGAIN_NS", 0)
     monkeypatch.setattr("trcvtui.bench.doctor_requests.SHARE", 0)
-    judge = Looking(FOUND[2])
+    judge = PatternSearch(FOUND[2])
     async with card(judge, size) as (newcomer, _screen):
         await newcomer.look(1)
         told = read(newcomer)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TypeVar, cast
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.bench.peers.peer import Peer, SelfActing, next_due
+from trcvtui.bench.peers.peer import AutomaticPeer, Peer, next_due
 from trcvtui.bench.program import Program, read_program
 from trcvtui.commands import words
 from trcvtui.commands.counters_and_checksums import Checker, frame
@@ -22,8 +22,8 @@ from trcvtui.commands.table import record_row
 from trcvtui.commands.words import CheckOn, PeerSend, Remedy
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, ScanBudget
+from trcvtui.net.events import EventKind
 from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.layers.layer_kernel import LayerKernel, ReadyKernel
@@ -161,7 +161,7 @@ class Bench:
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
-        self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
+        self._work, self._peers_work = self._new_work(now_ns), ScanBudget(now_ns)
         self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
         is_due = getattr(seam, "has_failed", None)  # of a replay
         self.containment = Containment(self._record_exception, self._report, self._tell, is_due, self._aside)
@@ -183,7 +183,7 @@ class Bench:
         self._down: set[str] = set()
         self._checks: dict[str, Checking] = {}
         self._self_acting = {
-            name: SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
+            name: AutomaticPeer(self.peers[name], routine) for name, routine in read_routines(project).items()
         }
         self._program = Program(read_program(project), self)
         for rule in read_replies(project):
@@ -198,9 +198,9 @@ class Bench:
         small = self.project.rules.policy.small_buffers
         return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
-    def _new_work(self, now_ns: Callable[[], int]) -> Work:
+    def _new_work(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:
-            return Work(now_ns)
+            return ScanBudget(now_ns)
         from trcvtui.recording.seam import SeamWork
 
         return SeamWork(self._seam, now_ns)
@@ -271,7 +271,7 @@ class Bench:
     def _of_a_session(self, note: LayerNote) -> None:
         self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
 
-    def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
+    def _work_waits(self, connect: str, what: EventKind, partner: str, why: str) -> None:
         from trcvtui.recording.journal import WorkWaits
 
         self._tell(WorkWaits(connect, what, partner, why))
@@ -287,7 +287,7 @@ class Bench:
                 self.containment.told(f"{note.subject}: {note.detail}")
             self.runtime.ledger.write(note)
         else:
-            self._said(note.connect, What(note.what), note.partner, note.why)
+            self._said(note.connect, EventKind(note.what), note.partner, note.why)
 
     def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
         return self._ask(part[1], EXCEPTION, part[:1], report)
@@ -586,7 +586,7 @@ class Bench:
         routines = read_routines(self.project)
         for decl in self.project.peers:
             if any(text.startswith("message ") for text in decl.says):
-                self._self_acting[decl.name] = SelfActing(self.peers[decl.name], routines[decl.name])
+                self._self_acting[decl.name] = AutomaticPeer(self.peers[decl.name], routines[decl.name])
 
     def _let_sessions_in(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
@@ -603,7 +603,7 @@ class Bench:
         for rule in read_replies(alone):
             peer.replies.add(rule)
         self._self_acting.pop(decl.name, None)
-        self._self_acting |= {n: SelfActing(peer, routine) for n, routine in read_routines(alone).items()}
+        self._self_acting |= {n: AutomaticPeer(peer, routine) for n, routine in read_routines(alone).items()}
         self.peers[decl.name] = peer
         return ""
 

@@ -21,19 +21,13 @@ class Watched(Protocol):
     """What a condition looks at of a bench."""
 
     @property
-    def project(self) -> Project:
-        """Return what stands on it."""
-        ...
+    def project(self) -> Project: ...
 
     @property
-    def runtime(self) -> Runtime:
-        """Return its PLC."""
-        ...
+    def runtime(self) -> Runtime: ...
 
     @property
-    def peers(self) -> Mapping[str, Peer]:
-        """Return its peers by name."""
-        ...
+    def peers(self) -> Mapping[str, Peer]: ...
 
 
 def holds(bench: Watched, condition: words.Condition) -> bool:
@@ -52,7 +46,6 @@ def holds(bench: Watched, condition: words.Condition) -> bool:
 
 
 def found(bench: Watched, condition: words.Condition) -> str:
-    """Return what stands there instead, in the words of the condition."""
     match condition:
         case words.PinsAre(instance, pins):
             shown = " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)

@@ -35,9 +35,7 @@ class Judge(Protocol):
     looks_again: bool  # at a run that goes on
 
     @property
-    def is_judging(self) -> bool:
-        """Return whether it looks."""
-        ...
+    def is_judging(self) -> bool: ...
 
     def judge(self) -> None:
         """Let it look; raise UserError where there is nothing to look at."""
@@ -184,7 +182,6 @@ def findings_of(
 
 
 def finding_lines(one: FindingSnapshot) -> list[str]:
-    """Return a finding as text."""
     whose = one.instance or one.connect
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]

@@ -80,7 +80,6 @@ class SplitTest:
 
     @property
     def is_running(self) -> bool:
-        """Return whether splits are still to come."""
         return self._state == RUNNING
 
     def verdict(self) -> str:
@@ -191,7 +190,6 @@ class SplitTest:
 
 
 def row_text(row: SplitRow) -> str:
-    """Return what one split has come to, in words."""
     data = "DATA equal" if row.data_equal else "DATA differs"
     return f"{row.walk}, DONE {row.done}, RCVD_LEN {row.lengths or 0}, {data}"
 

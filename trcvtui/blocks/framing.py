@@ -9,8 +9,6 @@ from msgspec import Struct
 
 
 class Ending(StrEnum):
-    """What ended a frame."""
-
     SUFFIX = "suffix"
     SIZE = "size reached"
     OVERRUN = "size reached without the suffix"
@@ -185,7 +183,6 @@ class Tally(NamedTuple):
     reason: str = ""
 
     def ended(self, ending: Ending) -> Tally:
-        """Return the tally with a frame more."""
         if ending is Ending.GAP:
             return self._replace(gaps=self.gaps + 1)
         if ending is Ending.OVERRUN:

@@ -14,7 +14,7 @@ from trcvtui.blocks.table import BLOCKS
 _NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
 
-class Reach(StrEnum):
+class Reproducibility(StrEnum):
     """How a code can be brought about on this bench."""
 
     REAL = "real"
@@ -38,7 +38,7 @@ class StatusRow(Struct, frozen=True):
     title: str
     causes: tuple[str, ...]
     checks: tuple[str, ...]
-    reach: Reach
+    reach: Reproducibility
     manual: str
     also: tuple[Condition, ...] = ()  # further conditions that show this code
     unreached: str = ""
@@ -58,7 +58,6 @@ class StatusRow(Struct, frozen=True):
         return tuple(line for line in self.checks if _is_of(line, block))
 
     def causes_of(self, block: str) -> tuple[str, ...]:
-        """Return the causes that this block can have."""
         return tuple(line for line in self.causes if _is_of(line, block))
 
 

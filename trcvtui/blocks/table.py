@@ -70,12 +70,10 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def sends_stream(self) -> bool:
-        """Return whether it sends on a CONNECT."""
         return self.sends and not self.speaks_udp
 
     @property
     def receives_stream(self) -> bool:
-        """Return whether it receives from a CONNECT."""
         return self.receives and not self.speaks_udp
 
     @property
@@ -341,7 +339,6 @@ _NOTHING: Final = BlockRow("")
 
 
 def block_row(name: str | None) -> BlockRow:
-    """Return the row of a block; of a name that is no block one that has nothing."""
     return BLOCKS.get(name or "", _NOTHING)
 
 

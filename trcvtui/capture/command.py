@@ -98,7 +98,6 @@ def conversations_of(
 
 
 def capture_notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
-    """Yield what is to be said of what was read, and of what was not."""
     if not found.all:
         yield f"no conversation in {found.packets} packets"
     for why, count in found.not_read.items():
@@ -115,7 +114,6 @@ def conversation_row(
     given: PlcEnd | None,
     known: KnownEnds = NOTHING_KNOWN,
 ) -> dict[str, Any]:
-    """Return what is told of a conversation, as JSON has it."""
     guess = guess_plc(conversation, given, known)
     partner = guess.says.other
     end = "open"

@@ -134,7 +134,6 @@ class CaptureReader:
         return self.interfaces[interface].name or str(interface)
 
     def __iter__(self) -> Iterator[Packet]:
-        """Return the packets that are left."""
         return self._packets
 
     def _more(self, at: int, wanted: int) -> bytes:

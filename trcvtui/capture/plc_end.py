@@ -74,7 +74,6 @@ class KnownEnds(NamedTuple):
         return next((self.connects[pair] for pair in pairs if pair in self.connects), "")
 
     def guess(self, conversation: Conversation) -> PlcGuess | None:
-        """Return the PLC end where exactly one end is known."""
         ends, listener = (conversation.there, conversation.back), conversation.listener
         for some, confidence, why in (
             ([end for end in ends if self.connect_of(end)], 0.95, "the run had it"),

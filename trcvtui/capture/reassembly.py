@@ -61,7 +61,7 @@ _SERIAL_ENDS: Final = {1: SENT_END, 2: RECEIVED_END, 3: SENT_END, 4: RECEIVED_EN
 _SERIAL_ERRORS: Final = {7: b"framing", 8: b"parity", 9: b"break", 10: b"overrun"}  # of what was received
 
 
-class EventKind(Enum):
+class SegmentKind(Enum):
     """What happens in a conversation."""
 
     SYN = "SYN"
@@ -97,7 +97,7 @@ class ConversationEvent(NamedTuple):
     ns: int
     conversation: Conversation
     direction: WireDirection
-    kind: EventKind
+    kind: SegmentKind
     at: int
     size: int
     data: bytes
@@ -224,7 +224,6 @@ class Conversations:
         self._count = 0  # conversations, with those that are forgotten
 
     def take(self, packet: Packet, link_type: int) -> None:
-        """Take the next packet."""
         self.take_all((packet,), {packet.interface: link_type})
 
     def take_all(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
@@ -289,7 +288,7 @@ class Conversations:
                 direction.position = at + size
                 direction.next = (seq + size) & _MASK
             elif is_detailed:
-                self._tell(ns, direction, EventKind.ACK, size=window)
+                self._tell(ns, direction, SegmentKind.ACK, size=window)
 
     def close(self) -> None:
         """Say what is missing to the end: the capture has no more packets."""
@@ -375,7 +374,7 @@ class Conversations:
             for each in (direction, direction.other):
                 self._flows[b"S%d" % each.address[1] + name] = each
         if error and self._is_detailed:
-            self._tell(packet.ns, direction, EventKind.LINE_ERROR, direction.position, 1, error)
+            self._tell(packet.ns, direction, SegmentKind.LINE_ERROR, direction.position, 1, error)
         if has_data:
             self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
 
@@ -406,7 +405,7 @@ class Conversations:
         if not flags & (_RST | _SYN):
             self._see_window(ns, direction, window)
             if self._is_detailed and not size and not flags & _FIN:
-                self._tell(ns, direction, EventKind.ACK, size=window)
+                self._tell(ns, direction, SegmentKind.ACK, size=window)
             if self._is_detailed and size:
                 self._see_number(ns, direction, seq, number)
         if not flags & _RST:
@@ -419,7 +418,7 @@ class Conversations:
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
             direction.conversation.is_ours = any(each.startswith(OURS) for each in packet.comments)
             self._see_unread(direction)
-            self._tell(ns, direction, EventKind.RST)
+            self._tell(ns, direction, SegmentKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
         if flags & (_ACK | _SYN):
             direction.told_ack = ack
@@ -496,13 +495,13 @@ class Conversations:
         listener = direction.conversation.listener
         if listener is not None and listener is not direction and listener.has_base:
             direction.conversation.is_established = True
-            self._tell(ns, direction, EventKind.ESTABLISHED)
+            self._tell(ns, direction, SegmentKind.ESTABLISHED)
 
     def _pass_time(self, ns: int, direction: WireDirection) -> None:
         conversation = direction.conversation
         silence = ns - conversation.last_ns
         if silence > SILENCE_NS:
-            self._tell(ns, direction, EventKind.SILENCE, size=silence)
+            self._tell(ns, direction, SegmentKind.SILENCE, size=silence)
         conversation.goes_back |= silence < -BACK_NS
         conversation.last_ns = max(ns, conversation.last_ns)
 
@@ -511,7 +510,7 @@ class Conversations:
         direction.segments += 1
         at = direction.position
         direction.position += len(data)
-        self._tell(ns, direction, EventKind.BYTES, at, size, data)
+        self._tell(ns, direction, SegmentKind.BYTES, at, size, data)
         if size > len(data):
             direction.conversation.is_cut = True
             direction.cut += size - len(data)
@@ -520,7 +519,7 @@ class Conversations:
     def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            self._tell(ns, direction, EventKind.RETRANSMISSION)
+            self._tell(ns, direction, SegmentKind.RETRANSMISSION)
             return
         direction.syn = seq
         direction.next = (seq + 1) & _MASK
@@ -528,12 +527,12 @@ class Conversations:
         direction.has_base = direction.is_firm = True
         conversation.begins_with_syn = True
         conversation.listener = direction if flags & _ACK else conversation.listener or direction.other
-        self._tell(ns, direction, EventKind.ANSWER if flags & _ACK else EventKind.SYN)
+        self._tell(ns, direction, SegmentKind.ANSWER if flags & _ACK else SegmentKind.SYN)
 
     def _see_window(self, ns: int, direction: WireDirection, window: int) -> None:
         if direction.is_closed_window != (not window):
             direction.is_closed_window = not window
-            self._tell(ns, direction, EventKind.WINDOW_OPENS if window else EventKind.ZERO_WINDOW)
+            self._tell(ns, direction, SegmentKind.WINDOW_OPENS if window else SegmentKind.ZERO_WINDOW)
 
     def _see_number(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
         if distance(seq, direction.next) > 0:
@@ -541,7 +540,7 @@ class Conversations:
             return
         fills = seq == direction.next and direction.waiting and number and direction.early_number
         if fills and 0 < (number - direction.early_number) & 0xFFFF < 1 << 15:
-            self._tell(ns, direction, EventKind.LATE, direction.position)
+            self._tell(ns, direction, SegmentKind.LATE, direction.position)
 
     def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
         """Take what the other end tells to have of what `said` holds."""
@@ -551,7 +550,7 @@ class Conversations:
             return
         if said.was_probed and not size and ack == said.next:
             said.was_probed = False
-            self._tell(ns, said.other, EventKind.KEEP_ALIVE_ACK)
+            self._tell(ns, said.other, SegmentKind.KEEP_ALIVE_ACK)
         if distance(ack, said.acked) > 0:
             said.acked = ack
             if said.segments:
@@ -586,11 +585,11 @@ class Conversations:
             and distance(direction.acked, direction.next) >= 0
         ):
             direction.was_probed = True
-            self._tell(ns, direction, EventKind.KEEP_ALIVE)
+            self._tell(ns, direction, SegmentKind.KEEP_ALIVE)
             return
         if size == 1 and not ahead and direction.other.is_closed_window and payload:
             direction.probe = payload
-            self._tell(ns, direction, EventKind.WINDOW_PROBE, direction.position, 1)
+            self._tell(ns, direction, SegmentKind.WINDOW_PROBE, direction.position, 1)
             return
         at = direction.position + ahead + direction.has_fin  # a FIN has a number, and is no byte
         if flags & _FIN and direction.fin is None:
@@ -621,7 +620,7 @@ class Conversations:
         direction.has_fin = True
         direction.next = (direction.next + 1) & _MASK
         self._see_unread(direction)
-        self._tell(ns, direction, EventKind.FIN, direction.position)
+        self._tell(ns, direction, SegmentKind.FIN, direction.position)
         conversation = direction.conversation
         conversation.end = conversation.end or ("fin", direction)
 
@@ -659,7 +658,7 @@ class Conversations:
         if data:
             self._wait(direction, at, data)
             if self._is_detailed:
-                self._tell(ns, direction, EventKind.EARLY, at, len(data))
+                self._tell(ns, direction, SegmentKind.EARLY, at, len(data))
         self._drain(ns, direction)
         while direction.waiting and (
             direction.waiting_cost > MOST_WAITING
@@ -701,7 +700,7 @@ class Conversations:
     def _leave_out(self, ns: int, direction: WireDirection, to: int) -> None:
         count = to - direction.position
         if count > 0:
-            self._tell(ns, direction, EventKind.MISSING, direction.position, count)
+            self._tell(ns, direction, SegmentKind.MISSING, direction.position, count)
             direction.missing += count
             direction.position = to
             direction.next = (direction.next + count) & _MASK
@@ -722,7 +721,7 @@ class Conversations:
         while self._kept_cost > most:
             self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
         if self._told is not None:
-            self._tell(ns, direction, EventKind.BYTES, at, size, data)
+            self._tell(ns, direction, SegmentKind.BYTES, at, size, data)
 
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Compare a second copy with what was delivered, as far as that is kept."""
@@ -737,15 +736,15 @@ class Conversations:
 
     def _retransmitted(self, ns: int, direction: WireDirection, at: int, data: bytes, first: bytes) -> None:
         direction.retransmitted += len(data)
-        self._tell(ns, direction, EventKind.RETRANSMISSION, at, len(data))
+        self._tell(ns, direction, SegmentKind.RETRANSMISSION, at, len(data))
         if data != first:
-            self._tell(ns, direction, EventKind.DIFFERENT_COPY, at, len(data), data)
+            self._tell(ns, direction, SegmentKind.DIFFERENT_COPY, at, len(data), data)
 
     def _tell(
         self,
         ns: int,
         direction: WireDirection,
-        kind: EventKind,
+        kind: SegmentKind,
         at: int = 0,
         size: int = 0,
         data: bytes = b"",

@@ -73,7 +73,6 @@ def _run_command(given: Sequence[str]) -> int:
 
 
 def parser_of(given: Sequence[str]) -> CommandParser:
-    """Return the parser of a line, which has the command that the line begins with, or all."""
     parser = CommandParser(prog="trcvtui", usage="trcvtui [-h] [--version] [--theme NAME] [COMMAND ...]")
     parser.description = _overview()
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")

@@ -29,7 +29,6 @@ FAULT_OPTIONS: Final = ("on", "times=", "nth=")
 
 
 def nothing(words: list[str], project: Project) -> Iterable[str]:
-    """Offer nothing."""
     return ()
 
 

@@ -44,7 +44,6 @@ class Checker:
         self._is_shifted = False
 
     def take(self, arrived: bytes) -> None:
-        """Judge what has arrived."""
         self._kept += arrived
         at = 0
         while at + self._size <= len(self._kept):
@@ -75,7 +74,6 @@ class Checker:
         self._next = number + 1
 
     def tally(self) -> CheckTally:
-        """Return the counters."""
         return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
 
 
@@ -154,7 +152,6 @@ def filled(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
 
 
 def in_order(fills: Sequence[Fill]) -> list[Fill]:
-    """Return fills in the order in which they are put in."""
     return sorted(fills, key=lambda fill: (fill.kind not in NUMBERS, fill.offset))
 
 

@@ -349,7 +349,6 @@ def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
 
 
 def edits_of(command: Remedy, project: Project) -> Edits:
-    """Return what a line does to a project."""
     match command:
         case Add() | AddData():
             with_it = command.with_it if isinstance(command, Add) else ()

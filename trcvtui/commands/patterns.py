@@ -51,7 +51,6 @@ class TracePattern(Struct, frozen=True):
     atoms: tuple[Atom, ...]
 
     def __str__(self) -> str:
-        """Return the pattern in its own notation."""
         return " ".join(map(str, self.atoms))
 
 

@@ -190,7 +190,6 @@ def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl
 
 
 def after(command: BenchCommand, project: Project) -> Project:
-    """Return the project as a command leaves it."""
     match command:
         case Create(decl):
             return project.with_instance(decl)

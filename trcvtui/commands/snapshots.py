@@ -208,7 +208,7 @@ class TrialSnapshot(Struct, frozen=True):
         return verdict if self.state == "finished" else f"{self.state}, {verdict} so far"
 
 
-class Fired(Struct, frozen=True):
+class TriggerEvent(Struct, frozen=True):
     """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
 
     number: int

@@ -278,7 +278,6 @@ class Words:
         self._at = 0
 
     def __bool__(self) -> bool:
-        """Return whether words are left."""
         return self._at < len(self._tokens)
 
     def next(self, expected: str) -> str:
@@ -303,7 +302,6 @@ class Words:
         return self._tokens[0].text if self._tokens else ""
 
     def rest(self) -> list[str]:
-        """Take all words that are left."""
         left = [token.text for token in self._tokens[self._at :]]
         self._at = len(self._tokens)
         return left
@@ -380,7 +378,6 @@ class Payload(Struct, frozen=True):
 
 
 def is_payload(word: str) -> bool:
-    """Return whether a word begins a form of payload."""
     return word in FORMS
 
 

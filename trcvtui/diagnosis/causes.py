@@ -766,7 +766,6 @@ def weighed(
 
 
 def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:
-    """Yield the cases of one capture."""
     between: dict[_Ends, list[LineFacts]] = {}
     calls: dict[tuple[str, bytes, bytes], list[LineFacts]] = {}
     for line in lines:

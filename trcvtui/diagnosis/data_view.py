@@ -72,7 +72,6 @@ class Suspicion:
     suspects: tuple[Suspect, ...]
 
     def __str__(self) -> str:
-        """Return the sentence."""
         named = self.suspects[:NAMED]
         swapped = " and ".join(f"{s.path} = {_short(s.swapped)}" for s in named)
         as_read = " and ".join(_short(s.as_read) for s in named)
@@ -167,7 +166,6 @@ def _choice(name: str, order: str) -> LayoutChoice:
 
 
 def view_line(decl: DataDecl, choice: LayoutChoice) -> str:
-    """Return the line that gives DATA this layout, and takes back what it had of its own."""
     words = []
     for name, now, wanted in zip(choice._fields, decl.choice, choice, strict=True):
         if wanted != now:

@@ -208,7 +208,6 @@ def _verdict(
 
 
 def verdict_on_project(project: Project) -> Verdict:
-    """Return the verdict on a project that has not run."""
     from trcvtui.diagnosis.lint import lint
 
     return _verdict(str(project.path), None, lint(project), None)

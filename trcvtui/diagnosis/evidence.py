@@ -9,7 +9,7 @@ from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.history.bench_update import BenchUpdate
-from trcvtui.history.records import Facts, Moment
+from trcvtui.history.records import Facts, ScanStamp
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
@@ -29,7 +29,7 @@ class Evidence:
     block: str
     condition: str
     cause: Cause
-    at: Moment
+    at: ScanStamp
     since_scan: int
     interval_ns: int
     is_past: bool = False
@@ -57,7 +57,7 @@ class Evidence:
         """Return the value of a pin, None where it is not known."""
         return next((value for pin, value in self.pins if pin == name), None)
 
-    def age_of(self, moment: Moment) -> int:
+    def age_of(self, moment: ScanStamp) -> int:
         """Return how long ago that was, in ns."""
         return max(0, self.at.t_ns - moment.t_ns)
 
@@ -91,7 +91,7 @@ def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence 
         block=instance.block,
         condition=instance.condition,
         cause=instance.cause,
-        at=Moment(snapshot.scan, snapshot.t_ns),
+        at=ScanStamp(snapshot.scan, snapshot.t_ns),
         since_scan=instance.since_scan,
         interval_ns=snapshot.interval_ns,
         pins=instance.inputs,
@@ -127,7 +127,7 @@ def _callers(project: Project, connect: str) -> tuple[str, ...]:
 
 
 def evidence_then(
-    line: Line, edge: StatusEdge, facts: Facts, until: Moment, project: Project, interval_ns: int
+    line: Line, edge: StatusEdge, facts: Facts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
     """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""
     need = edge.cause.need or 0

@@ -22,7 +22,7 @@ from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
     Conversations,
-    EventKind,
+    SegmentKind,
     WireDirection,
     distance,
 )
@@ -302,7 +302,6 @@ class LineFacts:
 
     @cached_property
     def answers(self) -> tuple[LineMessage, ...]:
-        """Return the messages from the PLC."""
         return _messages(self.from_plc.writes, self.to_plc.writes, self.protocol == "udp")
 
 
@@ -336,19 +335,19 @@ class _Collector:
         self.found = Conversations(self._told, is_detailed=True)
         self._writes = self._content = 0
         self._on = {
-            EventKind.SYN: self._syn,
-            EventKind.ANSWER: self._answer,
-            EventKind.ESTABLISHED: self._established,
-            EventKind.FIN: self._fin,
-            EventKind.RST: self._rst,
-            EventKind.KEEP_ALIVE: self._keep_alive,
-            EventKind.KEEP_ALIVE_ACK: self._keep_alive_ack,
-            EventKind.ZERO_WINDOW: self._zero,
-            EventKind.WINDOW_OPENS: self._opens,
-            EventKind.RETRANSMISSION: self._syn,
-            EventKind.EARLY: self._early,
-            EventKind.LATE: self._late,
-            EventKind.SILENCE: self._silence,
+            SegmentKind.SYN: self._syn,
+            SegmentKind.ANSWER: self._answer,
+            SegmentKind.ESTABLISHED: self._established,
+            SegmentKind.FIN: self._fin,
+            SegmentKind.RST: self._rst,
+            SegmentKind.KEEP_ALIVE: self._keep_alive,
+            SegmentKind.KEEP_ALIVE_ACK: self._keep_alive_ack,
+            SegmentKind.ZERO_WINDOW: self._zero,
+            SegmentKind.WINDOW_OPENS: self._opens,
+            SegmentKind.RETRANSMISSION: self._syn,
+            SegmentKind.EARLY: self._early,
+            SegmentKind.LATE: self._late,
+            SegmentKind.SILENCE: self._silence,
         }
 
     def _told(self, event: ConversationEvent) -> None:
@@ -359,23 +358,23 @@ class _Collector:
         talk = self.talks[number]
         there = direction is conversation.there
         own, other = (talk.there, talk.back) if there else (talk.back, talk.there)
-        if kind is EventKind.BYTES:
+        if kind is SegmentKind.BYTES:
             self._bytes(own, other, ns, at, size, data)
-        elif kind is EventKind.ACK:
+        elif kind is SegmentKind.ACK:
             self._ack(own, other, ns, size)
-        elif kind is EventKind.MISSING:
+        elif kind is SegmentKind.MISSING:
             self._missing(own, SegmentFacts(ns, at, size, self.found.packets), direction)
-        elif kind is EventKind.RETRANSMISSION and size:
+        elif kind is SegmentKind.RETRANSMISSION and size:
             self._resent(own, SegmentFacts(ns, at, size, self.found.packets), direction)
-        elif kind is EventKind.LINE_ERROR:
+        elif kind is SegmentKind.LINE_ERROR:
             own.line_errors[data.decode()] += 1
             own.mark(SegmentFacts(ns, at, size, self.found.packets), "line error")
         else:
             take = self._on.get(kind)
             if take is not None:
                 take(talk, own, other, SegmentFacts(ns, at, size, self.found.packets))
-        is_said = kind is not EventKind.MISSING or conversation.is_cut
-        if is_said and kind is not EventKind.SILENCE:
+        is_said = kind is not SegmentKind.MISSING or conversation.is_cut
+        if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
             if other.resent_since_heard:
                 _heard(other, ns)

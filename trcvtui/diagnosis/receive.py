@@ -483,7 +483,6 @@ def socket_is_closed(e: Evidence) -> str:
 
 
 def result_says(e: Evidence) -> str:
-    """Return where the answer stands."""
     return (
         f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
         "4 established), byte 8 on the bytes sent, byte 12 on those received"

@@ -84,13 +84,11 @@ class Framed:
 
     @property
     def is_tcp(self) -> bool:
-        """Return whether what comes has come over TCP."""
         port = self.buffer.serial.port if self.buffer.serial is not None else ""
         return self.feeder is not None or port.startswith(OVER_TCP)
 
     @property
     def size_pin(self) -> str:
-        """Return what the size of a frame is called."""
         return "the string" if self.framer.is_text else "SizeReceiveData"
 
 
@@ -227,7 +225,6 @@ def port_is_away(f: Framed) -> str:
 
 
 def lost_bytes(f: Framed) -> str:
-    """A frame with a hole."""
     if f.now is None or not f.now.lost:
         return ""
     return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"

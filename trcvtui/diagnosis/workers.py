@@ -27,7 +27,6 @@ MOST_TASKS: Final = 256  # that a cluster has at once
 def answers_of_processes(
     paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], jobs: int
 ) -> Answered[Answer]:
-    """Yield the answers of processes of this machine as they come."""
     left = paths
     while left:
         lost = yield from _of_pool(left, asked, judge, jobs)

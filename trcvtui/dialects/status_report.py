@@ -10,7 +10,7 @@ from typing import Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import INTERNAL_FAULT, Dialect
 from trcvtui.errors import mistake
@@ -18,11 +18,11 @@ from trcvtui.wording import in_columns
 
 CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
 REACH_TEXT: Final = {
-    Reach.REAL: "by real traffic, also on this machine alone",
-    Reach.LOGIC: "by the pins alone: no network has a part in it",
-    Reach.NAMESPACE: "by a dead link: `link C1 down`, simulated or live on Linux",
-    Reach.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
-    Reach.NEVER: "by nothing on this bench",
+    Reproducibility.REAL: "by real traffic, also on this machine alone",
+    Reproducibility.LOGIC: "by the pins alone: no network has a part in it",
+    Reproducibility.NAMESPACE: "by a dead link: `link C1 down`, simulated or live on Linux",
+    Reproducibility.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
+    Reproducibility.NEVER: "by nothing on this bench",
 }
 MOST_TELLING: Final = 3
 NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
-from trcvtui.engine.timing import Punctuality, be_punctual, quiet_collector
+from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError
 from trcvtui.files import close_files, noting_reads
@@ -133,7 +133,7 @@ class Engine:
         quiet_collector()
         self._bench = bench
         self._interval = bench.runtime.interval_ns
-        self._timing = Punctuality(self._mode)
+        self._timing = ScanTiming(self._mode)
         if self._timing_file:
             self._timing.keep_every()
         self._start = self._due = self._read_at = clock.now_ns()

@@ -84,7 +84,6 @@ def _chosen(word: str, names: list[str]) -> str:
 
 
 def offer_in_the_terminal(path: Path) -> bool:
-    """Ask on the terminal."""
     return offer(path, sys.stdin, sys.stderr)
 
 
@@ -218,7 +217,6 @@ class ProjectEdits:
         return mine
 
     def note(self, command: Remedy) -> None:
-        """Take what was edited on the bench."""
         self.project = after(command, self.project)
         self._edits = difference(self._in_file, self.project)
         self.done += 1

@@ -76,7 +76,7 @@ def _ask_session() -> bool:
 KEPT: Final = 1000
 
 
-class Punctuality:
+class ScanTiming:
     """The last thousand scans' lateness and length, in ns, and the overruns since the start."""
 
     def __init__(self, mode: str) -> None:

@@ -19,7 +19,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.conditions import pin_now
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.commands.conditions import base_name, parse_instance, parse_target
-from trcvtui.commands.snapshots import Fired, PeerSnapshot
+from trcvtui.commands.snapshots import PeerSnapshot, TriggerEvent
 from trcvtui.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.link_statistics import LinkStatistics
@@ -108,7 +108,7 @@ class OneTrigger:
 
     def __init__(self, bench: Bench) -> None:
         self.armed: Trigger | None = None
-        self.fired: Fired | None = None
+        self.fired: TriggerEvent | None = None
         self._bench = bench
         self._project = bench.project
         self._was = False
@@ -122,10 +122,9 @@ class OneTrigger:
 
     @property
     def is_so_already(self) -> bool:
-        """Return whether what is waited for is so already."""
         return self._was
 
-    def scanned(self, events: Iterable[Event]) -> Fired | None:
+    def scanned(self, events: Iterable[Event]) -> TriggerEvent | None:
         """Look after a scan in which these events were written; return what fired in it."""
         trigger = self._still_armed()
         if trigger is None:
@@ -138,7 +137,9 @@ class OneTrigger:
         runtime = self._bench.runtime
         self._count += 1
         self.armed = None
-        self.fired = Fired(self._count, trigger.text, runtime.scans, runtime.ledger.t_ns, trigger.holds)
+        self.fired = TriggerEvent(
+            self._count, trigger.text, runtime.scans, runtime.ledger.t_ns, trigger.holds
+        )
         return self.fired
 
     def _still_armed(self) -> Trigger | None:
@@ -225,7 +226,7 @@ Named = tuple[tuple[str, bytes], ...]
 class KeptScan(Struct, frozen=True):
     """The bench in the scan of a trigger; `lines` are the bare ones of the ledger up to `last_seq`."""
 
-    fired: Fired
+    fired: TriggerEvent
     snapshot: BareSnapshot
     lines: list[Stamped]
     last_seq: int
@@ -268,7 +269,7 @@ class TriggerWatch:
         """Return whether `scanned` has to look after each scan."""
         return self.trigger.armed is not None
 
-    def scanned(self) -> Fired | None:
+    def scanned(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
         written = ledger.raw_since(self._seq)
@@ -278,7 +279,7 @@ class TriggerWatch:
             self._kept = self._keep(fired)
         return fired
 
-    def _keep(self, fired: Fired) -> KeptScan:
+    def _keep(self, fired: TriggerEvent) -> KeptScan:
         bench, runtime = self._bench, self._bench.runtime
         names = [instance.name for instance in bench.project.instances[:MOST_INSTANCES]]
         return KeptScan(

@@ -49,7 +49,6 @@ class Broker:
     password: str | None = field(default=None, repr=False)
 
     def __str__(self) -> str:
-        """Return what may be told of it."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{'mqtts' if self.has_tls else 'mqtt'}://{host}:{self.port}"
 
@@ -194,7 +193,6 @@ class BrokerConnection:
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
     def open(self) -> None:
-        """Begin to try."""
         self._thread.start()
 
     def news(self) -> Iterator[News]:

@@ -40,7 +40,6 @@ class _RunSeqs:
         self._come: set[int] = set()
 
     def take(self, seq: int) -> bool:
-        """Return whether it is new."""
         if seq <= self._floor or seq in self._come:
             return False
         self._come.add(seq)

@@ -69,7 +69,6 @@ class MetricsPage:
         self._agent = agent
 
     def collect(self) -> Iterator[Any]:
-        """Yield each metric with its rows."""
         from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
         kinds = {"gauge": GaugeMetricFamily, "counter": CounterMetricFamily}
@@ -81,7 +80,6 @@ class MetricsPage:
 
 
 def serve_page(address: str, port: int, agent: Any) -> Any:
-    """Serve the page; return what ends it."""
     try:
         from prometheus_client import start_http_server
         from prometheus_client.core import CollectorRegistry

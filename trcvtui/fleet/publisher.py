@@ -59,11 +59,9 @@ class DiskQueue:
         return self._base.execute(asked, (number, most)).fetchall()
 
     def take(self, number: int) -> None:
-        """Remove one."""
         self.size -= self._base.execute("DELETE FROM queue WHERE n = ?", (number,)).rowcount
 
     def close(self) -> None:
-        """Let go of the file."""
         self._base.close()
 
 
@@ -95,7 +93,6 @@ class Publisher:
 
     @property
     def queue(self) -> DiskQueue:
-        """Return what waits."""
         return self._queue
 
     def retain(self, topic: str, payload: bytes) -> None:

@@ -41,8 +41,6 @@ class FleetInstance:
 
 
 class FleetAgent:
-    """One agent: whether it is there, and its lines by name."""
-
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
         self.state: StateMessage | None = None
@@ -53,7 +51,6 @@ class FleetAgent:
 
     @property
     def is_offline(self) -> bool:
-        """Return whether it is known not to be there."""
         return self.state is not None and self.state.state == "offline"
 
     def begin(self) -> None:
@@ -257,7 +254,6 @@ class SeenFleet:
 
     @property
     def lines(self) -> list[FleetLine]:
-        """Return all lines, in no order."""
         return [line for agent in self.agents.values() for line in agent.lines.values()]
 
     def ordered(self, wall: float) -> list[FleetLine]:

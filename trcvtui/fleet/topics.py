@@ -92,7 +92,6 @@ class FleetMessage(msgspec.Struct, frozen=True):
             force_setattr(self, name, _cut(getattr(self, name)))
 
     def to_json(self) -> bytes:
-        """Return what is published."""
         return msgspec.json.encode(self)
 
 

@@ -17,11 +17,11 @@ from trcvtui.commands.snapshots import (
     ConversationSnapshot,
     DoctorSnapshot,
     EngineTiming,
-    Fired,
     PeerSnapshot,
     PlayerSnapshot,
     Position,
     TrialSnapshot,
+    TriggerEvent,
 )
 from trcvtui.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.history.records import Facts, HistoryRequest, HistoryWindow
@@ -85,7 +85,7 @@ class BenchUpdate(Struct, frozen=True):
     unsaved_word: str = "addition"
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
-    fired: Fired | None = None
+    fired: TriggerEvent | None = None
     recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
     is_recording: bool = False  # by the black box, so that `record stop` ends it
     recordings: tuple[

@@ -23,12 +23,12 @@ from trcvtui.history.records import (
     FailedAttempt,
     Failures,
     LastLoss,
-    Moment,
     RejectedClients,
+    ScanStamp,
     Sizes,
 )
 from trcvtui.history.stream_index import KEPT_SIZES, StreamIndex
-from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
@@ -37,9 +37,16 @@ KEPT_ERRORS: Final = 8
 IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
 
 ENDINGS: Final = frozenset(
-    {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}
+    {
+        EventKind.PARTNER_CLOSED,
+        EventKind.LOST,
+        EventKind.DISCONNECTED,
+        EventKind.RESET,
+        EventKind.STOPPED,
+        EventKind.REPLACED,
+    }
 )
-TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
+TURNED_AWAY: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND_CLIENT: "second_client"}
 
 
 class _LinkFacts:
@@ -47,8 +54,8 @@ class _LinkFacts:
 
     def __init__(self) -> None:
         self.incarnation = 0
-        self.up_since: Moment | None = None
-        self.down_since: Moment | None = None
+        self.up_since: ScanStamp | None = None
+        self.down_since: ScanStamp | None = None
         self.failures: dict[tuple[str, str], Failures] = {}
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
@@ -75,7 +82,7 @@ class _LinkFacts:
 class _Datagrams:
     """What came to one UDP socket: a recv call is a datagram."""
 
-    def __init__(self, at: Moment) -> None:
+    def __init__(self, at: ScanStamp) -> None:
         self.open_since = at
         self.count = 0
         self.last: deque[int] = deque(maxlen=KEPT_SIZES)
@@ -94,7 +101,7 @@ class LinkStatistics:
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._busy: set[str] = set()  # the instances that are not idle
         self._has_datagrams = False
-        self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
+        self._asked: dict[str, ScanStamp] = {}  # since when each instance has not been idle
         index.ends[False].append(self._job_ended)
         index.listen(
             {
@@ -123,11 +130,11 @@ class LinkStatistics:
         link.drops += 1
         end = event.offset + event.size
         need = started.size if started is not None else 0
-        link.drop = Drop(Moment(scan, t_ns), event.instance, event.reason, event.size, need, end)
+        link.drop = Drop(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
     def _connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
-        link, at = self._link(event.connection), Moment(scan, t_ns)
-        if event.what is What.CONNECTED:
+        link, at = self._link(event.connection), ScanStamp(scan, t_ns)
+        if event.what is EventKind.CONNECTED:
             link.incarnation = event.incarnation
             link.up_since, link.down_since = at, None
             link.forget_failures()
@@ -135,13 +142,13 @@ class LinkStatistics:
             link.drop, link.drops = None, 0
         elif event.what in ENDINGS:
             self._ended(link, at, event)
-        elif event.what in (What.ATTEMPT_FAILED, What.ACCEPT_FAILED):
+        elif event.what in (EventKind.ATTEMPT_FAILED, EventKind.ACCEPT_FAILED):
             self._failed(link, at, event)
         elif event.what in TURNED_AWAY:
             before = link.turned.get(TURNED_AWAY[event.what])
             count = before.count + 1 if before else 1
             link.turned[TURNED_AWAY[event.what]] = RejectedClients(count, event.peer, at)
-        elif event.what is What.LISTENING:  # a new endpoint: one that lost its partner has its listener
+        elif event.what is EventKind.LISTENING:  # a new endpoint: one that lost its partner has its listener
             link.forget_failures()
             link.listening, link.down_since = event.local, at
             if event.detail == "UDP":
@@ -149,12 +156,12 @@ class LinkStatistics:
                 if not self._has_datagrams:
                     self._has_datagrams = True
                     self._index.listen({BytesReceived: self._bytes})
-        elif event.what is What.CONNECTING:
+        elif event.what is EventKind.CONNECTING:
             link.down_since = link.down_since or at
             link.is_built()
 
-    def _ended(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
-        if event.what in (What.DISCONNECTED, What.STOPPED):
+    def _ended(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
+        if event.what in (EventKind.DISCONNECTED, EventKind.STOPPED):
             link.down_since, link.listening = None, ""
         if link.up_since is None:
             return  # an attempt was given up
@@ -163,10 +170,10 @@ class LinkStatistics:
         error, injected = (fault.error, fault.injected) if fault else ("", False)
         link.loss = LastLoss(at, str(event.what), event.peer, error, injected, up_ns)
         link.losses += 1
-        goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
+        goes_on = event.what not in (EventKind.DISCONNECTED, EventKind.STOPPED)
         link.up_since, link.down_since = None, at if goes_on else None
 
-    def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
+    def _failed(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
         key = (fault.call, fault.error) if fault else ("", str(event.what))
@@ -188,7 +195,7 @@ class LinkStatistics:
         link = self._links.get(event.subject)
         if link is None or event.what not in (DROPPED, SESSION_ENDED):
             return
-        said = Dropped(Moment(scan, t_ns), event.end, event.detail)
+        said = Dropped(ScanStamp(scan, t_ns), event.end, event.detail)
         if event.what == SESSION_ENDED:
             link.said = said
             return
@@ -203,7 +210,7 @@ class LinkStatistics:
             self._busy.discard(event.instance)
         elif event.instance not in self._busy:
             self._busy.add(event.instance)
-            self._asked[event.instance] = Moment(scan, t_ns)
+            self._asked[event.instance] = ScanStamp(scan, t_ns)
 
     def lose(self, seq: int, scan: int, t_ns: int) -> None:
         """Forget everything: lines were overwritten before they were read."""
@@ -221,7 +228,6 @@ class LinkStatistics:
     # -- what is read -----------------------------------------------------------------------------------
 
     def facts(self, instance: str, connect: str) -> Facts:
-        """Return what is known of an instance on a CONNECT."""
         link = self._links.get(connect)
         if link is None:
             return Facts()
@@ -278,7 +284,7 @@ class LinkStatistics:
         return replace(known, drop_cuts=cuts, after_drop=after)
 
 
-def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:
+def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, ScanStamp]:
     """Return what was known while an edge of the past showed, and the scan up to which it did."""
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
@@ -287,10 +293,10 @@ def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: st
     statistics = LinkStatistics(index)
     index.take((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
-    return statistics.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+    return statistics.facts(edge.instance, connect), ScanStamp(last.scan, last.t_ns)
 
 
-def _later(one: Moment | None, other: Moment | None) -> Moment | None:
+def _later(one: ScanStamp | None, other: ScanStamp | None) -> ScanStamp | None:
     return other if one is not None and other is not None and other.scan > one.scan else one
 
 

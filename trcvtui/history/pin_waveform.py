@@ -82,7 +82,6 @@ class PinWaveform:
             self._columns.clear()
 
     def at(self, scan: int) -> Value:
-        """Return the value after a scan."""
         place = bisect_right(self.scans, scan)
         return self.values[place - 1] if place else None
 
@@ -354,7 +353,6 @@ class Waveform:
         return (min if direction > 0 else max)(found, default=None)
 
     def next_where(self, scan: int, holds: Callable[[StatusEdge], bool]) -> int | None:
-        """Return the scan of the next STATUS edge after this scan for which it holds."""
         for line in self.edges[bisect_right(self.edge_scans, scan) :]:
             if isinstance(line.event, StatusEdge) and holds(line.event):
                 return line.scan
@@ -374,7 +372,6 @@ class WaveformCache:
         self._too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
 
     def of(self, instance: str) -> Waveform:
-        """Return the wave of an instance."""
         wave = self._waves.pop(instance, None) or Waveform(instance)
         self._waves[instance] = wave
         if len(self._waves) > MOST_WAVES:
@@ -395,7 +392,6 @@ class WaveformCache:
         return name not in self._too_late and (wave is None or wave.until_scan < scan)
 
     def take(self, news: Iterable[WaveformDelta], interval_ns: int) -> None:
-        """Append what is new."""
         self._too_late.clear()
         for fresh in news:
             self.of(fresh.instance).take(fresh, interval_ns)

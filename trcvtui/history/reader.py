@@ -20,7 +20,7 @@ from trcvtui.history.records import (
     PreviousJobBytes,
     RecvSpan,
     Seek,
-    Sought,
+    SeekResult,
 )
 from trcvtui.udt.byte_text import first_in, last_in
 
@@ -37,7 +37,7 @@ class HistoryReader:
         self._history = history
         self._seek: Seek | None = None
         self._reached = 0
-        self._answer: Sought | None = None
+        self._answer: SeekResult | None = None
 
     def window(self, request: HistoryRequest) -> HistoryWindow:
         """Return what was asked for; a window that lies outside is moved to what is kept."""
@@ -100,18 +100,20 @@ class HistoryReader:
 
     # -- looking for a place -----------------------------------------------------------------------------
 
-    def _sought(self, stream: JobStream, seek: Seek | None) -> Sought | None:
+    def _sought(self, stream: JobStream, seek: Seek | None) -> SeekResult | None:
         if seek is None:
             return None
         if self._seek != seek:
             self._seek, self._answer, self._reached = seek, None, seek.start
             if not seek.patterns:
-                self._answer = Sought(seek.number, stream.done(seek.start, seek.is_forward, not seek.dropped))
+                self._answer = SeekResult(
+                    seek.number, stream.done(seek.start, seek.is_forward, not seek.dropped)
+                )
         if self._answer is None or self._answer.share < 1:
             self._answer = self._search(stream, seek)
         return self._answer
 
-    def _search(self, stream: JobStream, seek: Seek) -> Sought:
+    def _search(self, stream: JobStream, seek: Seek) -> SeekResult:
         """Search one stretch more; stretches overlap, so that nothing on their border is missed."""
         size = max(1, STRETCH // len(seek.patterns))
         more = max(map(len, seek.patterns)) - 1
@@ -128,8 +130,8 @@ class HistoryReader:
             is_over = self._reached <= stream.begin
             done, whole = seek.start - self._reached, seek.start - stream.begin
         if found is not None or is_over:
-            return Sought(seek.number, found)
-        return Sought(seek.number, None, min(0.99, done / max(1, whole)))
+            return SeekResult(seek.number, found)
+        return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
 
 
 def _append(recvs: list[RecvSpan], recv: RecvSpan) -> None:

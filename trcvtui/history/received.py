@@ -30,7 +30,7 @@ from trcvtui.blocks.environment import (
     PartialFrameDropped,
 )
 from trcvtui.blocks.framing import Ending
-from trcvtui.history.records import JobSpan, Moment, RecvSpan
+from trcvtui.history.records import JobSpan, RecvSpan, ScanStamp
 from trcvtui.history.stream_index import Link, Listener, StreamIndex
 from trcvtui.net.events import BytesDropped
 from trcvtui.plc.ledger import WHOLE, Stamped
@@ -123,7 +123,6 @@ class JobStream:
         return chunk if chunk is not None and chunk.position <= position else None
 
     def newest_first(self, position: int) -> Iterator[ReceivedChunk]:
-        """Return the chunks that begin before a position, the newest first."""
         place = bisect_left(self._chunks, position, lo=self._first, key=_START)
         for number in range(place - 1, self._first - 1, -1):
             yield self._chunks[number]
@@ -316,7 +315,7 @@ class JobHistory:
         if reader is not None:
             self._drops.setdefault(reader, []).append(event)
         else:
-            self._add_drop(event, Moment(scan, t_ns))
+            self._add_drop(event, ScanStamp(scan, t_ns))
 
     def _delivered(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, _, connect, incarnation, _, size, _, _ = event
@@ -338,7 +337,7 @@ class JobHistory:
     def _add_drop(
         self,
         event: BytesDropped,
-        at: Moment,
+        at: ScanStamp,
         instance: str = "",
         job: int = 0,
         recvs: Sequence[RecvSpan] = (),

@@ -100,7 +100,7 @@ class Seek(Struct, frozen=True):
     dropped: bool = False
 
 
-class Sought(Struct, frozen=True):
+class SeekResult(Struct, frozen=True):
     """What became of a Seek: where it was found; None: nowhere, or not yet with `share` of the work done."""
 
     number: int
@@ -147,7 +147,7 @@ class HistoryWindow(Struct, frozen=True):
     recvs: tuple[RecvSpan, ...] = ()
     messages: tuple[MessageSpan, ...] = ()
     before: tuple[PreviousJobBytes, ...] = ()
-    sought: Sought | None = None
+    sought: SeekResult | None = None
     job: tuple[int, bytes] | None = None
     data: PreviousJobBytes | None = None
 
@@ -163,7 +163,7 @@ NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end 
 PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 
-class Moment(Struct, frozen=True):
+class ScanStamp(Struct, frozen=True):
     """A scan and its time in ns of the run."""
 
     scan: int = 0
@@ -193,7 +193,7 @@ class Sizes(Struct, frozen=True):
 class Drop(Struct, frozen=True):
     """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
 
-    at: Moment
+    at: ScanStamp
     instance: str
     reason: str
     have: int
@@ -207,7 +207,7 @@ class Failures(Struct, frozen=True):
     call: str
     error: str
     count: int
-    last: Moment
+    last: ScanStamp
     injected: bool = False
     peer: str = ""
 
@@ -219,7 +219,7 @@ class FailedAttempt(Struct, frozen=True):
     `said`: what the partner or the session said, in words.
     """
 
-    at: Moment
+    at: ScanStamp
     cause: Cause
     status: int = 0
     condition: str = ""
@@ -229,7 +229,7 @@ class FailedAttempt(Struct, frozen=True):
 class Dropped(Struct, frozen=True):
     """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
 
-    at: Moment
+    at: ScanStamp
     peer: str
     why: str
 
@@ -239,13 +239,13 @@ class RejectedClients(Struct, frozen=True):
 
     count: int
     peer: str
-    last: Moment
+    last: ScanStamp
 
 
 class LastLoss(Struct, frozen=True):
     """The last time that a connection ended: in which word of the ledger, with which partner and error."""
 
-    at: Moment
+    at: ScanStamp
     what: str
     peer: str = ""
     error: str = ""
@@ -267,14 +267,14 @@ class Facts(Struct, frozen=True):
     longest_gap_ns: int = 0  # between the last bursts
     received: int = 0  # bytes of the stream so far
     job_offset: int | None = None
-    job_began: Moment | None = None
+    job_began: ScanStamp | None = None
     job_adhoc: bool = False
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on after the last drop
     after_drop: SentMessage | None = None  # the message that holds the first byte after it
-    up_since: Moment | None = None
-    down_since: Moment | None = None
+    up_since: ScanStamp | None = None
+    down_since: ScanStamp | None = None
     failures: tuple[Failures, ...] = ()
     attempt: FailedAttempt | None = None
     dropped: Dropped | None = None
@@ -283,4 +283,4 @@ class Facts(Struct, frozen=True):
     loss: LastLoss | None = None
     losses: int = 0
     datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
-    open_since: Moment | None = None  # that socket
+    open_since: ScanStamp | None = None  # that socket

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
-from trcvtui.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
-from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.history.records import PAUSE_SCANS, MessageSpan, RecvSpan, ScanStamp, SentMessage, Sizes
+from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import A_HOLE, Event, PeerSent
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
@@ -91,8 +91,8 @@ class JobRecord(NamedTuple):
     offset: int
     size: int
     adhoc: bool
-    began: Moment
-    at: Moment
+    began: ScanStamp
+    at: ScanStamp
     recvs: Sequence[RecvSpan] = ()
 
     def pieces(self, is_running: bool) -> list[tuple[int, int]]:
@@ -203,7 +203,7 @@ class StreamIndex:
         sent.add((offset, size, message, peer), self._kept_messages)
 
     def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
-        if event.what is not What.CONNECTED:
+        if event.what is not EventKind.CONNECTED:
             return
         ends = event.peer, event.local
         newest, claimed = self._newest.get(ends, 0), self._claimed.get(ends, -1)
@@ -325,7 +325,6 @@ class StreamIndex:
         return ended[4] if ended is not None and ended[3] is not None else []
 
     def ended(self, instance: str) -> JobRecord:
-        """Return the job of an instance that ended last."""
         ended = self._readings[instance].ended
         assert ended is not None
         return _record(ended)
@@ -395,7 +394,7 @@ class StreamIndex:
 
 def _record(ended: _Ended) -> JobRecord:
     scan, t_ns, (_, number, connection, incarnation, offset, size, _, _), began, reads = ended
-    begun, at = _begun(began) if began is not None else None, Moment(scan, t_ns)
+    begun, at = _begun(began) if began is not None else None, ScanStamp(scan, t_ns)
     return JobRecord(
         number, (connection, incarnation), offset, size,
         begun.adhoc if begun else False, begun.began if begun else at, at, _spans(reads),
@@ -408,7 +407,7 @@ def _spans(reads: list[_Read]) -> tuple[RecvSpan, ...]:
 
 def _begun(began: _Began) -> JobRecord:
     scan, t_ns, (_, number, connection, incarnation, offset, length, adhoc) = began
-    at = Moment(scan, t_ns)
+    at = ScanStamp(scan, t_ns)
     return JobRecord(number, (connection, incarnation), offset, length, adhoc, at, at)
 
 

@@ -69,7 +69,6 @@ def value_text(pin: str, value: int | None) -> str:
 
 
 def lane_of(wave: Waveform, name: str) -> PinWaveform:
-    """Return the lane of a row."""
     return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lane(pin_of(name))
 
 

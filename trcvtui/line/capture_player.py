@@ -16,7 +16,7 @@ from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
     Conversations,
-    EventKind,
+    SegmentKind,
     WireDirection,
 )
 from trcvtui.dialects import DIALECTS
@@ -36,12 +36,12 @@ from trcvtui.scenario.scenario import load_bench
 MOST_LISTED: Final = 1000  # conversations in the last line
 MISSING: Final = "? missing in the capture"  # is said of a job that lacks bytes
 UNANSWERED: Final = 2  # probes of the PLC end in a row, after which its partner is silent
-OWN_ENDS: Final = {EventKind.FIN: "has closed the connection", EventKind.RST: "has reset the connection"}
+OWN_ENDS: Final = {SegmentKind.FIN: "has closed the connection", SegmentKind.RST: "has reset the connection"}
 # What comes before a connection stands; what no partner does again.
-_BEFORE_IT_STANDS: Final = frozenset({EventKind.SYN, EventKind.ANSWER, EventKind.RST})
+_BEFORE_IT_STANDS: Final = frozenset({SegmentKind.SYN, SegmentKind.ANSWER, SegmentKind.RST})
 _NOT_DONE_AGAIN: Final = frozenset(
-    {EventKind.RETRANSMISSION, EventKind.DIFFERENT_COPY, EventKind.SILENCE, EventKind.WINDOW_OPENS,
-     EventKind.ZERO_WINDOW, EventKind.WINDOW_PROBE}
+    {SegmentKind.RETRANSMISSION, SegmentKind.DIFFERENT_COPY, SegmentKind.SILENCE, SegmentKind.WINDOW_OPENS,
+     SegmentKind.ZERO_WINDOW, SegmentKind.WINDOW_PROBE}
 )  # fmt: skip
 
 
@@ -163,7 +163,7 @@ class CapturePlayer:
             self._come(ns, event)
             return
         running = self._running.get(number)
-        if running is not None and event.kind is EventKind.BYTES:
+        if running is not None and event.kind is SegmentKind.BYTES:
             for says, end in running.ends:  # nearly all that is said
                 if says is not event.direction:
                     end.hear()
@@ -172,7 +172,7 @@ class CapturePlayer:
                     end.send(event.data)
             return
         if running is None and event.conversation.begins_with_syn and event.kind in _BEFORE_IT_STANDS:
-            if event.kind is EventKind.RST:
+            if event.kind is SegmentKind.RST:
                 self._refuse(event)
             return
         if running is None:
@@ -186,7 +186,7 @@ class CapturePlayer:
     def _come(self, ns: int, event: ConversationEvent) -> None:
         """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
         self._tell_hole(ns, event)
-        if event.kind is not EventKind.BYTES:
+        if event.kind is not SegmentKind.BYTES:
             return
         conversation, is_plc = event.conversation, event.direction is self._plc_of(event.conversation)
         for part in self._plan.parts[conversation.number]:
@@ -241,7 +241,7 @@ class CapturePlayer:
                 self.shadows.wake()
 
     def _tell_hole(self, ns: int, event: ConversationEvent) -> None:
-        if event.kind is EventKind.MISSING:
+        if event.kind is SegmentKind.MISSING:
             says = event.conversation.number, event.direction
             way = "to" if says[1] is not self._plc_of(event.conversation) else "from"
             text = f"? {event.size} bytes missing in the capture, {way} the PLC end, from byte {event.at}"
@@ -260,23 +260,23 @@ class CapturePlayer:
         if is_left:
             if not end.has_ended and event.direction is self._plc_of(event.conversation):
                 self.lines.note(ns, event.conversation.number, f"the PLC end {OWN_ENDS[event.kind]}")
-            is_fin, has_read = event.kind is EventKind.FIN, event.conversation.sent is not None
+            is_fin, has_read = event.kind is SegmentKind.FIN, event.conversation.sent is not None
             end.leave(event.direction.unread, end.has_ended and is_fin, has_read)
             return
         if is_own:
             running.probes = 0
         match event.kind:
-            case EventKind.BYTES if is_own:
+            case SegmentKind.BYTES if is_own:
                 end.send(event.data)
-            case EventKind.BYTES:
+            case SegmentKind.BYTES:
                 end.hear()
-            case EventKind.MISSING if is_own:
+            case SegmentKind.MISSING if is_own:
                 end.keep_place(event.size)
-            case EventKind.FIN if is_own:
+            case SegmentKind.FIN if is_own:
                 end.end(reset=False)
-            case EventKind.RST:
+            case SegmentKind.RST:
                 end.end(reset=True)
-            case EventKind.KEEP_ALIVE if not is_own:
+            case SegmentKind.KEEP_ALIVE if not is_own:
                 running.probes += 1
                 if running.probes > UNANSWERED:
                     end.fall_silent()

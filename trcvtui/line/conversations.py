@@ -6,14 +6,14 @@ from collections import deque
 from typing import Final
 
 from trcvtui.capture.plc_end import address_text
-from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
 from trcvtui.commands.snapshots import ConversationSnapshot, DirectionSnapshot
 
 MOST_KEPT: Final = 512  # conversations with figures; those that are over go first
 MOST_SHOWN: Final = 64
 SECONDS: Final = 30
 SECOND: Final = 1_000_000_000
-_ENDS: Final = {EventKind.FIN: "ended", EventKind.RST: "reset"}
+_ENDS: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
 
 
 class _Direction:
@@ -80,7 +80,7 @@ class ConversationFigures:
         figures = self._of(event, is_from_plc, tap)
         way, kind, ns = figures.ways[is_from_plc], event.kind, event.ns
         self._newest = max(self._newest, ns)
-        if kind is EventKind.BYTES:
+        if kind is SegmentKind.BYTES:
             size = len(event.data)
             way.size += size
             way.segments += 1
@@ -88,19 +88,19 @@ class ConversationFigures:
             figures.count(ns // SECOND, size)
             if figures.state == "connecting":
                 figures.state = "open"
-        elif kind is EventKind.SYN:
+        elif kind is SegmentKind.SYN:
             figures.syn_ns, figures.state = ns, "connecting"
-        elif kind is EventKind.ESTABLISHED:
+        elif kind is SegmentKind.ESTABLISHED:
             figures.state = "open"
             figures.handshake_ns = ns - figures.syn_ns if figures.syn_ns else None
         elif kind in _ENDS:
             figures.state = _ENDS[kind]
-        elif kind is EventKind.RETRANSMISSION:
+        elif kind is SegmentKind.RETRANSMISSION:
             way.again += event.size
-        elif kind is EventKind.MISSING:
+        elif kind is SegmentKind.MISSING:
             way.missing += event.size
-        elif kind in (EventKind.ZERO_WINDOW, EventKind.WINDOW_OPENS):
-            figures.ways[not is_from_plc].is_closed = kind is EventKind.ZERO_WINDOW
+        elif kind in (SegmentKind.ZERO_WINDOW, SegmentKind.WINDOW_OPENS):
+            figures.ways[not is_from_plc].is_closed = kind is SegmentKind.ZERO_WINDOW
 
     def _of(self, event: ConversationEvent, is_from_plc: bool, tap: str) -> _Figures:
         talk = event.conversation

@@ -32,7 +32,7 @@ from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
     Conversations,
-    EventKind,
+    SegmentKind,
     WireDirection,
 )
 from trcvtui.errors import UserError
@@ -55,7 +55,7 @@ LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
 _ANY_PORT: Final = 49_152
 _NOBODY: Final = bytes((127, 0, 0, 1))  # who will call; a shadow that listens does not show it
-_MAY_DECIDE: Final = frozenset({EventKind.ESTABLISHED, EventKind.BYTES, EventKind.MISSING})
+_MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
 class _Decision(NamedTuple):
@@ -378,14 +378,12 @@ class KeptPackets:
         self._opened = ExitStack()
 
     def passing(self, reader: CaptureReader) -> Iterator[Packet]:
-        """Yield the packets of a reader, and keep them."""
         self.interfaces = lambda: [(kind, "") for kind in reader.link_types]
         for packet in reader:
             self.keep(packet)
             yield packet
 
     def keep(self, packet: Packet) -> None:
-        """Keep one more."""
         self._packets.append(packet)
         self._size += len(packet.data)
         while self._size > MOST_KEPT:

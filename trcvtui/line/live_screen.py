@@ -139,7 +139,6 @@ class ServedShadows:
             self._told.clear()
 
     def serve(self) -> None:
-        """Take what the screen says, and go on with its picture."""
         controller = self._controller
         if controller is None:
             return

@@ -229,7 +229,6 @@ class PlayedEnd:
 
     @property
     def link(self) -> str:
-        """Return the CONNECT."""
         return self.connect
 
     def go_on(self, may_try: bool) -> bool:

@@ -23,7 +23,7 @@ from trcvtui.capture.reassembly import (
     SENT_END,
     Conversation,
     ConversationEvent,
-    EventKind,
+    SegmentKind,
     WireDirection,
 )
 from trcvtui.commands import words
@@ -56,9 +56,9 @@ from trcvtui.signals import OF_A_GROUP, leave
 
 _ANY_PORT: Final = 49_152
 _KINDS: Final = {
-    TapEventKind.BYTES: EventKind.BYTES,
-    TapEventKind.FIN: EventKind.FIN,
-    TapEventKind.RST: EventKind.RST,
+    TapEventKind.BYTES: SegmentKind.BYTES,
+    TapEventKind.FIN: SegmentKind.FIN,
+    TapEventKind.RST: SegmentKind.RST,
 }
 
 
@@ -118,7 +118,6 @@ class TapPlan:
             kept.clear()
 
     def assign(self, route: int, conversation: Conversation) -> None:
-        """Give a conversation of a tap the parts that it has."""
         number, parts = conversation.number, self._parts.get(route + 1)
         plc = conversation.there if self.calls[route] else conversation.back
         self.plan.guesses[number] = PlcGuess(plc, 1.0, "the end of the tap")
@@ -239,7 +238,7 @@ class TapObserver:
             self._player.shadows.bench.note(self._plan.routes[event.route].name, "tap", act)
             self.note(self._now, talk.number, f"ours: {act}")
         elif event.kind == TapEventKind.STANDS:
-            for kind, who in ((EventKind.ANSWER, talk.back), (EventKind.ESTABLISHED, talk.there)):
+            for kind, who in ((SegmentKind.ANSWER, talk.back), (SegmentKind.ESTABLISHED, talk.there)):
                 self._play(ConversationEvent(event.ns, talk, who, kind, 0, 0, b""))
         elif event.kind == TapEventKind.HELD:
             self._talks.hold(talk.number, to_plc, event.at if event.data else None, event.data[1:])
@@ -253,10 +252,10 @@ class TapObserver:
             kind = _KINDS[TapEventKind(event.kind)]
             if says.position < 0:
                 says.position = event.at
-            if event.at > says.position and kind is not EventKind.RST:
+            if event.at > says.position and kind is not SegmentKind.RST:
                 gap = event.at - says.position
                 self._play(
-                    ConversationEvent(event.ns, talk, says, EventKind.MISSING, says.position, gap, b"")
+                    ConversationEvent(event.ns, talk, says, SegmentKind.MISSING, says.position, gap, b"")
                 )
                 says.position = event.at
             data = event.data
@@ -278,7 +277,7 @@ class TapObserver:
         self._running[event.number] = talk
         self._taps[event.number] = self._plan.routes[event.route].name
         self._plan.assign(event.route, talk)
-        first = EventKind.KEEP_ALIVE if event.at else EventKind.SYN  # the former: nothing new is said
+        first = SegmentKind.KEEP_ALIVE if event.at else SegmentKind.SYN  # the former: nothing new is said
         self._play(ConversationEvent(event.ns, talk, talk.there, first, 0, 0, b""))
 
     def _play(self, event: ConversationEvent) -> None:

@@ -10,7 +10,7 @@ from msgspec import Struct
 from trcvtui.net.results import Fault
 
 
-class What(StrEnum):
+class EventKind(StrEnum):
     """One word for each thing that can happen to a connection."""
 
     LISTENING = "listening"
@@ -42,7 +42,7 @@ class ConnectionChanged(Struct, frozen=True):
 
     connection: str
     incarnation: int
-    what: What
+    what: EventKind
     local: str = ""
     peer: str = ""
     fault: Fault | None = None

@@ -235,7 +235,6 @@ class FaultyKernel:
     # -- fail as planned -----------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        """Make a TCP socket."""
         fault = self.plan.take("socket", owner)
         made = fault or self.inner.socket(owner)
         if not isinstance(made, Fault):
@@ -243,7 +242,6 @@ class FaultyKernel:
         return made
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket."""
         fault = self.plan.take("socket", owner)
         made = fault or self.inner.datagram_socket(owner)
         if not isinstance(made, Fault):
@@ -259,7 +257,6 @@ class FaultyKernel:
         return self._take("bind", handle) or self.inner.bind(handle, end)
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        """Start to listen."""
         return self._take("listen", handle) or self.inner.listen(handle, backlog)
 
     def poll_add(self, handle: Handle) -> Fault | None:
@@ -369,7 +366,6 @@ class FaultyPort:
         return self._broken("write") or self._port.write(payload)
 
     def close(self) -> None:
-        """Give the port back."""
         self._port.close()
 
     def arrive(self, payload: bytes) -> bool:

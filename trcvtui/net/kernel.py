@@ -111,9 +111,7 @@ class Kernel(Protocol):
         """
         ...
 
-    def socket(self, owner: str) -> Handle | Fault:
-        """Make a TCP socket."""
-        ...
+    def socket(self, owner: str) -> Handle | Fault: ...
 
     def set_reuse(self, handle: Handle) -> Fault | None:
         """Allow the address and port to be bound while old connections of it linger."""

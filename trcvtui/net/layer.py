@@ -164,15 +164,11 @@ class LayerSettings(Protocol):
     """How to make a session: what a CONNECT says about it."""
 
     @property
-    def is_message_oriented(self) -> bool:
-        """Return whether a read gives one message."""
-        ...
+    def is_message_oriented(self) -> bool: ...
 
     @property
     def shares_port(self) -> bool:
         """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
         ...
 
-    def new(self, is_active: bool) -> LayerSession:
-        """Return a fresh session."""
-        ...
+    def new(self, is_active: bool) -> LayerSession: ...

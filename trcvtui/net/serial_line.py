@@ -86,11 +86,9 @@ class SimSerialPort:
         return got
 
     def write(self, payload: bytes) -> int:
-        """Take all of it."""
         return len(payload)
 
     def close(self) -> None:
-        """Give the port back."""
         self.is_open = False
         self._waiting.clear()
 

@@ -158,7 +158,6 @@ class TapOrder(NamedTuple):
     data: bytes = b""
 
     def line(self) -> bytes:
-        """Return it as it crosses to the tap."""
         sizes = ",".join(map(str, self.sizes))
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 

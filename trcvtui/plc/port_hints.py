@@ -46,7 +46,6 @@ def port_away(buffer: ComBufferSnapshot | None) -> str:
 
 
 def port_hint(buffer: ComBufferSnapshot | None) -> str:
-    """Return what to do about it."""
     if buffer is None or buffer.is_up or buffer.fault is None:
         return ""
     return HINTS.get(buffer.fault.error) or buffer.fault.words

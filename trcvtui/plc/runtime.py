@@ -27,7 +27,7 @@ from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddres
 from trcvtui.net.connection.connection import Connection, SocketUse, State
 from trcvtui.net.connection.resources import Resources
 from trcvtui.net.connection.udp import UdpEndpoint, connection_of
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.layer_kernel import ReadyKernel
 from trcvtui.net.serial_line import SerialPorts
@@ -302,7 +302,7 @@ class Runtime:
         self._write_outputs()
         self._service_communication()
 
-    def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
+    def _work_waits(self, connect: str, what: EventKind, partner: str, why: str) -> None:
         connection = self._connections.get(connect)
         incarnation = connection.incarnation if connection else 0
         self.ledger.write(ConnectionChanged(connect, incarnation, what, peer=partner, detail=why))

@@ -76,7 +76,6 @@ class PortFeed:
             self.tx.take(taken)
 
     def close(self) -> None:
-        """Give the port back."""
         self._port.close()
         self.is_open, self._retry_at, self._opening_since = False, None, None
         self.fault = None

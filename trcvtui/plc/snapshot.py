@@ -214,7 +214,6 @@ class BareSnapshot(NamedTuple):
 
 
 def made(bare: Bare) -> Any:
-    """Return the snapshot of what was collected."""
     return bare[0](*bare[1:])
 
 
@@ -275,7 +274,6 @@ def bare_port(port: UdpEndpoint, now: int) -> Bare:
 
 
 def bare_data(data: DataArea) -> Bare:
-    """Return what a DataSnapshot of a variable is made of."""
     return DataSnapshot, data.name, data.type_name, data.size, data.generation
 
 

@@ -625,7 +625,6 @@ def verify_of(config: ConnectConfig) -> str | None:
 
 
 def addr_keys(addr: AddrParam) -> Keys:
-    """Return the keys of an ADDR that is a structure."""
     assert addr.description is not None
     keys: Keys = [("type", addr.description.structure.name), ("bytes", addr.description.data.hex(" "))]
     return keys + ([("RemotePort", addr.remote_port)] if isinstance(addr.remote_port, str) else [])

@@ -66,7 +66,6 @@ class LineKeys(NamedTuple):
 
 
 def keys_of_line(kind: str, project: Project) -> LineKeys:
-    """Return how the keys of a kind stand in a line."""
     asks = [(row.name, row.ask) for row in table_row(kind, project.dialect).keys if row.ask]
     return LineKeys(
         frozenset(name for name, ask in asks if ask.is_bare),

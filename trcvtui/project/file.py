@@ -124,7 +124,6 @@ def find_shared_ends(tables: Sequence[Table]) -> None:
 def joined_up(
     buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
 ) -> tuple[ComBufferDecl, ...]:
-    """Return the ComBuffers with what the instances make of them."""
     written = {i.connect for i in instances if block_row(i.block).writes_buffer}
     names = {i.name for i in instances}
     return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])

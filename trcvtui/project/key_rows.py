@@ -207,7 +207,6 @@ class TableRow(Struct, frozen=True):
         return self.makes(**_arguments(values) | also)
 
     def written(self, decl: Any) -> Keys:
-        """Return the keys of a declaration but for its name."""
         found = [(k.name, k.written(decl)) for k in self.keys if k.name != self.called]
         keys: Keys = [(name, value) for name, value in found if value is not None]
         return [*self.head(decl), *keys, *self.tail(decl)]

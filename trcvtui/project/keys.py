@@ -129,13 +129,11 @@ def names_of(kind: str, project: Project) -> tuple[str, ...]:
 
 
 def entries_of(kind: str, project: Project) -> tuple[Any, ...]:
-    """Return a project's entries of one kind."""
     found = getattr(project, TABLES[kind].field)
     return tuple(found.values()) if isinstance(found, Mapping) else found
 
 
 def sharing(kind: str) -> tuple[str, ...]:
-    """Return the kinds that share their names, this one with them."""
     return tuple([each for each in TABLES if each == kind or each in TABLES[kind].shares])
 
 

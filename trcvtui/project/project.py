@@ -218,7 +218,6 @@ class Edit(Struct, frozen=True, eq=False):
 
     @property
     def undone(self) -> Edit:
-        """Return the edit that takes this one back."""
         return Edit(self.kind, self.after, self.before, self.place)
 
     @property

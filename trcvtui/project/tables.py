@@ -152,7 +152,6 @@ class Kind(Struct, Generic[T], frozen=True):
     write: Callable[[Any], Any] = lambda value: value
 
     def wanted(self, value: object) -> str:
-        """Return what was expected where this stands."""
         text = value.text if isinstance(value, Given) else value
         return (self.instead(text) if isinstance(text, str) else "") or self.expected
 
@@ -168,8 +167,6 @@ def of_text(
 
 
 def whole(least: int, most: int) -> Kind[int]:
-    """Return the kind of the whole numbers from least to most."""
-
     def bounded(number: int | None) -> int | None:
         return number if number is not None and least <= number <= most else None
 
@@ -403,7 +400,6 @@ class Table:
         return found
 
     def has(self, key: str) -> bool:
-        """Return whether the table holds the key."""
         return key in self._content
 
     def know(self, *keys: str) -> None:

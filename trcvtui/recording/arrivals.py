@@ -107,7 +107,6 @@ class Arrivals:
                 self._note_clients(handle, self._kernel.peek(handle, 0).clients)
 
     def note(self, handle: Handle, flags: int = 0) -> None:
-        """Note what lies at one handle."""
         queue = self._queues.get(handle)
         if queue is None:
             return

@@ -79,7 +79,6 @@ class BlackBox(ProcessJudge):
         return self._recording is not None
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
         for entry in entries:
             if isinstance(entry, RunBegins):
                 self._begins = entry

@@ -55,9 +55,7 @@ class Sink(Protocol):
     @property
     def trouble(self) -> str: ...
 
-    def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
-        ...
+    def take(self, entries: Iterable[Entry]) -> None: ...
 
     def close(self) -> None:
         """Write what is left, and end the file."""
@@ -135,7 +133,6 @@ class NumberedFiles:
         self._number = next_number(folder, stem)
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
         waits = self._limits.before_ns >= 0
         for entry in entries:
             if isinstance(entry, RunBegins):

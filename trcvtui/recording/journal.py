@@ -18,7 +18,7 @@ from typing import Final, NamedTuple, cast
 
 from trcvtui import __version__
 from trcvtui.errors import UserError, mistake
-from trcvtui.net.events import What
+from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress, PathInfo
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import OPENING, Opening
@@ -272,7 +272,7 @@ _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     (Keyframe, ((str,), (int,), (int,), (int,), (int,), (int,), (bytes,))),
     (PeerSent, ((str,), (int,), (str,), (str,), (int,), (int,))),
 )
-_WORDS: Final = frozenset(map(str, What))
+_WORDS: Final = frozenset(map(str, EventKind))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
 _WHOLE: Final = struct.Struct("<Bq").pack
 _COUNTED: Final = struct.Struct("<BH").pack

@@ -11,8 +11,8 @@ import zlib
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol, TypeVar, cast
 
-from trcvtui.net.connection.resources import Party, Work
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import BudgetShare, ScanBudget
+from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
 from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
@@ -35,9 +35,7 @@ class Seam(Protocol):
     is_busy: bool  # False in the gaps between what the bench is told to do
     is_off: bool  # nothing is kept any more
 
-    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Return the answer."""
-        ...
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T: ...
 
     def call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
@@ -415,7 +413,6 @@ class SeamPort:
         return taken
 
     def close(self) -> None:
-        """Give the port back."""
         self._seam.ask(self._owner, "port close", (), lambda: self._inner.close())
 
     def arrive(self, payload: bytes) -> bool:
@@ -430,20 +427,21 @@ class SeamPort:
         return counted
 
 
-class SeamWork(Work):
+class SeamWork(ScanBudget):
     """The bound of a scan's work, of which handshakes and records below the seam take their part, too."""
 
     def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
         super().__init__(clock)
         self._seam = seam
 
-    def grant(self, party: Party) -> int:
-        """Return what a party has in this scan."""
-        return self._seam.ask(party.owner, "grant", (party.what,), lambda: Work.grant(self, party))
+    def grant(self, party: BudgetShare) -> int:
+        return self._seam.ask(party.owner, "grant", (party.what,), lambda: ScanBudget.grant(self, party))
 
-    def wait(self, party: Party, partner: str, what: What) -> None:
+    def wait(self, party: BudgetShare, partner: str, what: EventKind) -> None:
         """Keep a share of the next scan for a party."""
-        self._seam.ask(party.owner, "wait", (partner, what), lambda: Work.wait(self, party, partner, what))
+        self._seam.ask(
+            party.owner, "wait", (partner, what), lambda: ScanBudget.wait(self, party, partner, what)
+        )
 
 
 # -- what is told of the wire ------------------------------------------------------------------------------

@@ -57,7 +57,6 @@ _SHORT: Final = 32  # bytes, below which a text or bytes are told again
 
 
 def is_allowed(module: str) -> bool:
-    """Return whether a state may name what stands in this module."""
     return any(module == each or module.startswith(f"{each}.") for each in MAY_HOLD)
 
 

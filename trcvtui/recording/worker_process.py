@@ -39,7 +39,6 @@ class AnswerOnItsWay:
         return content
 
     def close(self) -> None:
-        """Let everything go."""
         self.process.kill()
         self._opened.close()
 
@@ -58,7 +57,6 @@ class ProcessJudge:
 
     @property
     def is_judging(self) -> bool:
-        """Return whether it looks."""
         return self._answer is not None
 
     def go_on(self) -> None:
@@ -90,7 +88,6 @@ class FilesJudge(ProcessJudge):
         self._project = None if project is None else str(project)
 
     def judge(self) -> None:
-        """Let a process look."""
         if self._answer is None:
             self._answer = AnswerOnItsWay(JUDGE_FILES)
             asked = [*self._files()], self._plc, self._project, self.begins_ns, self.looks_again

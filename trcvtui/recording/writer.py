@@ -70,7 +70,6 @@ class WriterProcess:
 
     @property
     def pid(self) -> int:
-        """Return the number of the process."""
         return self._process.pid
 
     @property

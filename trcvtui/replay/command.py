@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.errors import UserError, mistake
 from trcvtui.recording.journal import HOLDS_SECRETS
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import RunAgain, restored_state
+from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.runner import Runner, VirtualPace, deliveries
 
@@ -18,7 +18,7 @@ SAME: Final = 0
 DIFFERS: Final = 1
 
 
-def check(run: RunAgain) -> str:
+def check(run: ReplayRun) -> str:
     """Run to the end; return what is different, "" where nothing is."""
     try:
         while run.scan():
@@ -30,7 +30,7 @@ def check(run: RunAgain) -> str:
     return ""
 
 
-def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
+def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
     """Write what the run has printed, or would have; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)

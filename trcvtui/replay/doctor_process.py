@@ -23,7 +23,7 @@ from trcvtui.recording.journal import RunBegins, entries_of
 from trcvtui.recording.recording import Recording, RecordingWriter
 from trcvtui.recording.writer import POST_NS, write_all
 from trcvtui.replay.job_facts import PassScan, recorded_facts
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
@@ -119,7 +119,7 @@ class DoctorInput:
         name = "the run" if path == self._name else os.path.basename(path)
         self._tell(f"reads {name}: {share:.0%}" if share < 1 else f"judges {name}", at_once=share == 1)
 
-    def _pass_scan(self, run: RunAgain, last: int) -> bool:
+    def _pass_scan(self, run: ReplayRun, last: int) -> bool:
         scan, last = run.bench.runtime.scans, max(run.bench.runtime.scans, last, 1)
         self._tell(f"runs it again, scan {scan} of {last}: {scan / last:.0%}")
         return run.scan()

@@ -28,7 +28,7 @@ from trcvtui.recording.journal import (
 from trcvtui.recording.state import Shared, state_of
 from trcvtui.recording.writer import write_all
 from trcvtui.replay.keyframes import PlaceInJournal, restored
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 
 SPACING_NS: Final = 30_000_000_000
 MOST_WAITING: Final = 64 << 20  # bytes
@@ -95,7 +95,7 @@ class Followed:
         self._coming = _Coming()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
-        self._run: RunAgain | None = None
+        self._run: ReplayRun | None = None
         self._shared: Shared | None = None
         self._is_off = False
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
@@ -160,17 +160,17 @@ class Followed:
         except Exception:  # a replay of the file says what it is
             self._give_up()
 
-    def _begun(self) -> RunAgain:
+    def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
         if frame is None or begins is None:
-            self._run = RunAgain(self._coming, self._where)
+            self._run = ReplayRun(self._coming, self._where)
             self._shared = Shared(self._run.roots)
         else:
             self._run, self._shared = restored(frame, begins, self._where)
             self._run.replay.entries = self._coming
         return self._run
 
-    def _keep(self, run: RunAgain) -> None:
+    def _keep(self, run: ReplayRun) -> None:
         scan, ns, first = run.bench.runtime.scans, run.bench.now, self._sink.first_scan
         is_new = first != self._file
         if scan < first or not (is_new or ns >= self._kept_at + SPACING_NS):
@@ -181,7 +181,7 @@ class Followed:
         self._kept_at, self._file = ns, first
         self._write_state(run)
 
-    def _write_state(self, run: RunAgain) -> None:
+    def _write_state(self, run: ReplayRun) -> None:
         assert self._shared is not None
         place = self._coming.steps, self._coming.beyond
         state = state_of(run, self._shared)
@@ -206,7 +206,6 @@ class LastKeyframe:
         self._frame = frame
 
     def close(self) -> None:
-        """Write it."""
         if self._frame is not None:
             with open(self._path, "wb") as file:
                 file.write(value_bytes(self._frame))

@@ -17,7 +17,7 @@ from trcvtui.diagnosis.doctor import JobTrouble, RecordedFacts
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, receivers_of
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
 from trcvtui.errors import UserError
-from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, EventKind
 from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.project.project import Project
@@ -25,7 +25,7 @@ from trcvtui.recording.arrivals import ARRIVED
 from trcvtui.recording.journal import GAP, STEP, Answered, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import RunAgain, restored_state
+from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.replay.what_if import WhatIf
 
 LARGER: Final = "larger than LEN or DATA"
@@ -36,13 +36,13 @@ RECENT_S: Final = 10
 GOOD_JOBS: Final = 2
 SILENT_MS: Final = 2000  # without an ACK
 MOST_SCANS: Final = 1_000_000
-PassScan = Callable[[RunAgain, int], bool]
+PassScan = Callable[[ReplayRun, int], bool]
 
 
 class _Stack:
     """What waits in the stack of each CONNECT, as the gaps of a run ask: the least of each second."""
 
-    def __init__(self, run: RunAgain) -> None:
+    def __init__(self, run: ReplayRun) -> None:
         self._run = run
         self._least: dict[str, dict[int, int]] = {}
         self._read: dict[str, set[int]] = {}
@@ -151,7 +151,7 @@ def recorded_facts(
 
 
 def _facts_of(
-    run: RunAgain,
+    run: ReplayRun,
     bench: Bench,
     scan: Callable[[], bool],
     project: Project,
@@ -183,7 +183,7 @@ class _RunFacts:
     block of each CONNECT showed an ERROR, or lost a job.
     """
 
-    def __init__(self, run: RunAgain, bench: Bench, project: Project) -> None:
+    def __init__(self, run: ReplayRun, bench: Bench, project: Project) -> None:
         self.wall_ns = run.begins.wall_ns
         self.by_ends: dict[tuple[int, str], str] = {}
         self.harms: dict[str, list[int]] = {}
@@ -228,7 +228,7 @@ class _RunFacts:
                 self._until.setdefault(instance, self.wall_ns + t_ns)
             case ConnectionChanged():
                 self._take_ends(event.connection, event.local, event.peer)
-                if event.what is What.CONNECTED:
+                if event.what is EventKind.CONNECTED:
                     self._done_then["shifted", event.connection] = -GOOD_JOBS
             case BytesReceived():
                 self._stack.read(event.connection, t_ns)

@@ -17,9 +17,9 @@ from trcvtui.recording.journal import STEP, Answered, Entry, Keyframe, RunBegins
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.recording.replay import Replay
 from trcvtui.recording.state import NOTHING_ELSE, Instead, Shared, from_state, state_of
-from trcvtui.replay.run_again import Roots, RunAgain, declared
+from trcvtui.replay.run_again import ReplayRun, Roots, declared
 
-OtherRun = TypeVar("OtherRun", bound=RunAgain)
+OtherRun = TypeVar("OtherRun", bound=ReplayRun)
 SPACING: Final = 2_000  # scans from one to the next, at first
 MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
 
@@ -27,13 +27,9 @@ MOST_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one i
 class Journal(Protocol):
     """What a run is made of: its entries from a block on, and where its blocks stand."""
 
-    def entries(self, first: int = 0) -> Iterator[Entry]:
-        """Yield the entries from this block on."""
-        ...
+    def entries(self, first: int = 0) -> Iterator[Entry]: ...
 
-    def index(self) -> Sequence[BlockPlace]:
-        """Return where the blocks stand."""
-        ...
+    def index(self) -> Sequence[BlockPlace]: ...
 
     def keyframes(self) -> Sequence[BlockPlace]:
         """Return where the keyframes stand, in the order of their scans."""
@@ -108,33 +104,31 @@ class Keyframes:
 
     @property
     def roots(self) -> Roots:
-        """Return what the run is made of."""
         return self._roots
 
-    def begin(self) -> RunAgain:
+    def begin(self) -> ReplayRun:
         """Return the run before its first scan, or at the first keyframe of a file without that."""
         return self.run_at(self.first)
 
     def beside(self, kind: type[OtherRun], seam: Replay) -> OtherRun:
         """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
         frame = self._journal.keyframe(self._places[0])
-        instead: Instead = {RunAgain: lambda: kind.__new__(kind), Replay: lambda: seam}
+        instead: Instead = {ReplayRun: lambda: kind.__new__(kind), Replay: lambda: seam}
         return cast(OtherRun, _run_of(frame, self._shared, self._where, instead))
 
     def entries(self) -> Iterator[Entry]:
-        """Yield what there is from where the run begins on."""
         if not self.first:
             return self._journal.entries()
         replay = self.begin().replay
         return chain(() if replay.front is None else (replay.front,), replay.entries)
 
-    def seen(self, run: RunAgain) -> None:
+    def seen(self, run: ReplayRun) -> None:
         """Keep the state of a run after a scan, where one is due."""
         scan = run.bench.runtime.scans
         if scan % self._spacing == 0 and self.before(scan) + self._spacing <= scan:
             self._keep(scan, run)
 
-    def _keep(self, scan: int, run: RunAgain) -> None:
+    def _keep(self, scan: int, run: ReplayRun) -> None:
         entries = run.replay.entries
         assert isinstance(entries, EntriesFrom)
         try:
@@ -158,13 +152,13 @@ class Keyframes:
         near = self._scans[kept - 1] if kept else 0, self._places[told - 1].scans if told else 0
         return max(self.first, *near)
 
-    def run_at(self, scan: int) -> RunAgain:
+    def run_at(self, scan: int) -> ReplayRun:
         """Return the run as it stood at a scan that has a keyframe; where that does not fit, at one before.
 
         Raise UserError where none fits.
         """
         if not scan:
-            return RunAgain(EntriesFrom(self._journal), self._where, roots=self._roots)
+            return ReplayRun(EntriesFrom(self._journal), self._where, roots=self._roots)
         if scan in self._scans:
             return self._run_from(self._kept[self._scans.index(scan)])
         at = [place.scans for place in self._places].index(scan)
@@ -176,7 +170,7 @@ class Keyframes:
         del self._places[at]
         return self.run_at(self.before(scan))
 
-    def _run_from(self, frame: Keyframe) -> RunAgain:
+    def _run_from(self, frame: Keyframe) -> ReplayRun:
         run = _run_of(frame, self._shared, self._where)
         try:
             run.replay.entries = EntriesFrom(self._journal, frame.steps, frame.beyond)
@@ -186,15 +180,15 @@ class Keyframes:
         return run
 
 
-def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> RunAgain:
+def _run_of(frame: Keyframe, shared: Shared, where: str, instead: Instead = NOTHING_ELSE) -> ReplayRun:
     run = from_state(frame.state(where), shared, where, instead)
-    if not isinstance(run, RunAgain) or run.bench.runtime.scans != frame.scan:
+    if not isinstance(run, ReplayRun) or run.bench.runtime.scans != frame.scan:
         raise mistake(f"{where}: keyframe of scan {frame.scan}", "another state", "that of the run")
     run.is_restored, run.where, run.replay.where = True, where, where
     return run
 
 
-def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[RunAgain, Shared]:
+def restored(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, Shared]:
     """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
     shared = Shared(declared(begins, files))

@@ -70,7 +70,7 @@ class _Sockets(dict[int, _Socket]):
         return made
 
 
-class PartnersAgain(Replay):
+class ReplayedPartners(Replay):
     """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
 
     `told` goes on with the recorded run, which passes first. `intervals_ns`: of the bench that asks and of

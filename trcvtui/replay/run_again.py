@@ -57,7 +57,7 @@ def restored_state(is_restored: bool, where: str) -> Iterator[None]:
         raise mistake(where, f"{type(wrong).__name__} {wrong}"[:120], "a keyframe of this run") from None
 
 
-class RunAgain:
+class ReplayRun:
     """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
 
     def __init__(
@@ -88,7 +88,6 @@ class RunAgain:
         return self.__dict__ | {"where": ""}
 
     def project_to_run(self, project: Project) -> Project:
-        """Return the project that runs: the recorded one."""
         return project
 
     def take_lines(self) -> list[str]:

@@ -27,7 +27,7 @@ from trcvtui.project.tables import shown
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.worker_process import FilesJudge
 from trcvtui.replay.keyframes import Journal, Keyframes
-from trcvtui.replay.run_again import RunAgain
+from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST, Search, Survey, read_at
 from trcvtui.replay.what_if import Change, WhatIf
 from trcvtui.udt.literals import parse_time
@@ -39,7 +39,7 @@ FASTEST: Final = "fastest"
 LEAST_SEEN: Final = 500  # scans before the one that is shown: what panes tell of earlier
 
 
-class RunBeside:
+class WhatIfRun:
     """The run with another parameter, as far as it has run; `asked` is what was said at the prompt."""
 
     def __init__(self, run: WhatIf, asked: str) -> None:
@@ -61,7 +61,6 @@ class RunBeside:
         return self._seen
 
     def lines(self) -> tuple[str, ...]:
-        """Return what there is to say of it."""
         if not self.is_over:
             return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
         first, *rest = self.run.summary()
@@ -84,7 +83,7 @@ class ReplayController(Controller):
     """The bench of a replay as the screen sees it; `move` carries out the lines that move."""
 
     def __init__(
-        self, run: RunAgain, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
+        self, run: ReplayRun, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
         super().__init__(run.bench)
         self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
@@ -92,7 +91,7 @@ class ReplayController(Controller):
         self._move = move
         self.holding = True
         self.position: Position | None = None
-        self.beside: RunBeside | None = None
+        self.beside: WhatIfRun | None = None
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
@@ -191,7 +190,7 @@ class TimeLine:
         self._speed = SPEEDS.index(1.0)
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
-        self._beside: RunBeside | None = None
+        self._beside: WhatIfRun | None = None
         self._go(at)
 
     # -- lines -----------------------------------------------------------------------------------------
@@ -239,7 +238,7 @@ class TimeLine:
             if dialect is None and "=" not in rest:
                 raise mistake("prompt", shown(f"if {rest}"), "if instance.X.LEN=20, if dialect NAME, if off")
             change = self._capture.change if self._capture is not None else None
-            self._beside = RunBeside(WhatIf(self._keyframes, sets, dialect, change), rest)
+            self._beside = WhatIfRun(WhatIf(self._keyframes, sets, dialect, change), rest)
         return ""
 
     def _go(self, to: int | Search) -> None:
@@ -286,7 +285,7 @@ class TimeLine:
             return True
         return self._goal() != self.controller.at  # for the doctor nothing here has to be done
 
-    def _go_on_beside(self, beside: RunBeside, until: int) -> None:
+    def _go_on_beside(self, beside: WhatIfRun, until: int) -> None:
         beside.go_on(until)
         if beside.is_over and beside.run.parts_at is not None:
             self._go(beside.run.parts_at)
@@ -384,7 +383,6 @@ class TimeLine:
             self._judge.close()
 
     def collect(self, request: UpdateRequest) -> BareUpdate:
-        """Return what a picture is made of."""
         survey, controller, beside = self.survey, self.controller, self._beside
         controller.beside = beside
         controller.shadows = self._capture.shadows if self._capture else frozenset()

@@ -23,9 +23,9 @@ from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.keys import is_played
 from trcvtui.project.project import Project
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.partners import PartnersAgain, WhyGuess
+from trcvtui.replay.partners import ReplayedPartners, WhyGuess
 from trcvtui.replay.recorded_run import InheritedSocket, RecordedRun
-from trcvtui.replay.run_again import REST_LINE, Roots, RunAgain, declared
+from trcvtui.replay.run_again import REST_LINE, ReplayRun, Roots, declared
 from trcvtui.scenario.report import JsonLines, outputs_record
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
@@ -89,10 +89,10 @@ def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
     return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
 
 
-class _RunChanged(RunAgain):
+class _RunChanged(ReplayRun):
     """The run with other parameters: it is told what the recorded run was told."""
 
-    def begin(self, partners: PartnersAgain, held: _Held) -> None:
+    def begin(self, partners: ReplayedPartners, held: _Held) -> None:
         self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
         self.bench.leave_out(held.left_of)
@@ -227,7 +227,7 @@ class WhatIf:
         return self._changed[2]
 
     @property
-    def recorded_run(self) -> RunAgain:
+    def recorded_run(self) -> ReplayRun:
         return self._recorded
 
     @property
@@ -290,7 +290,7 @@ class WhatIf:
         return True
 
     def _begin(self) -> _RunChanged:
-        partners = self._partners = PartnersAgain(self._told, self._peers)
+        partners = self._partners = ReplayedPartners(self._told, self._peers)
         if not self._is_late:
             run = _RunChanged(iter(()), self._where, partners, roots=self._changed)
         else:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from trcvtui.capture.command import capture_notes, conversation_row
 from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
-from trcvtui.history.records import Moment
+from trcvtui.history.records import ScanStamp
 from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
 from trcvtui.line.shadows import ShadowPlan, known_ends
 from trcvtui.plc.ledger import StatusEdge
@@ -31,12 +31,12 @@ class _CaptureNotes:
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert self.notes is not None
         self.notes.scanned()
-        at = Moment(scan, (scan - 1) * self._interval_ns)
+        at = ScanStamp(scan, (scan - 1) * self._interval_ns)
         for instance in lacking:
             self.events.add(EventNote(at, instance, MISSING))
 
     def note(self, ns: int, number: int, text: str) -> None:
-        self.events.add(EventNote(Moment(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
+        self.events.add(EventNote(ScanStamp(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
 
 
 def capture_page(

@@ -17,12 +17,12 @@ from trcvtui.diagnosis.doctor import DoctorQuestion, try_to_judge
 from trcvtui.diagnosis.lint import receivers_of
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import FilesRead, open_to_read, reason_of, replacing
-from trcvtui.history.records import Moment
+from trcvtui.history.records import ScanStamp
 from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, Answered, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
-from trcvtui.replay.run_again import RunAgain, restored_state
+from trcvtui.replay.run_again import ReplayRun, restored_state
 from trcvtui.report.page import MARK, FoundCause, ReportSource, last_part, page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import Runner, Verdict
@@ -35,7 +35,7 @@ WHOLE, ENDS_EARLY = 0, 1
 class _NotedScans:
     """The scans that a scenario asks for; raise UserError where the journal has no more of them."""
 
-    def __init__(self, run: RunAgain, notes: RunNotes) -> None:
+    def __init__(self, run: ReplayRun, notes: RunNotes) -> None:
         self._run, self._notes = run, notes
 
     def next_scan(self, bench: Bench) -> None:
@@ -51,13 +51,13 @@ class _Heard:
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
         self._entries = entries
-        self._at = Moment(scan)
+        self._at = ScanStamp(scan)
 
     def __iter__(self) -> Iterator[Entry]:
         for entry in self._entries:
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
-                    self._at = Moment(self._at.scan + 1, entry.answer)
+                    self._at = ScanStamp(self._at.scan + 1, entry.answer)
                 elif entry.call == DO and len(entry.args) == 1:
                     self.events.add(EventNote(self._at, "", str(entry.args[0])))
             yield entry
@@ -71,7 +71,7 @@ class _Heard:
 
 def look_at(
     journal: Journal, where: str, has_payload: bool
-) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
+) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
     with restored_state(keyframes.first > 0, where):
@@ -80,14 +80,14 @@ def look_at(
 
 def _look_at(
     keyframes: Keyframes, journal: Journal, where: str, has_payload: bool
-) -> tuple[RunAgain, RunNotes, Verdict | None, str]:
+) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
     if keyframes.first:
         run = keyframes.begin()
         heard = _Heard(run.replay.entries, keyframes.first + 1)
         run.replay.entries = iter(heard)
     else:
         heard = _Heard(journal.entries())
-        run = RunAgain(iter(heard), where)
+        run = ReplayRun(iter(heard), where)
     notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
     run.before_close = notes.end
     try:
@@ -112,9 +112,8 @@ def _look_at(
 
 
 def recording_source(
-    run: RunAgain, notes: RunNotes, verdict: Verdict | None, stopped: str, file: str, digest: str
+    run: ReplayRun, notes: RunNotes, verdict: Verdict | None, stopped: str, file: str, digest: str
 ) -> ReportSource:
-    """Return what the page says of a recording."""
     begins = run.begins
     files = [(last_part(name), str(len(data)), sha256(data).hexdigest()) for name, data in begins.files]
     return ReportSource(

@@ -114,7 +114,6 @@ def last_part(path: str) -> str:
 
 
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
-    """Yield the document."""
     templates = Environment(
         loader=FileSystemLoader(Path(__file__).with_name("templates")),
         autoescape=True,
@@ -148,7 +147,6 @@ class _PageParts:
     # -- above -------------------------------------------------------------------------------------------
 
     def verdict(self) -> tuple[str, bool]:
-        """Return it, and whether it is bad."""
         counts = [each.error_edges.count for each in self.notes.instances.values()]
         at = sum(map(bool, counts))
         found = f"{count(sum(counts), 'ERROR')} at {count(at, 'instance')}" if at else "no ERROR"

@@ -21,9 +21,9 @@ from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import evidence_now
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.history.link_statistics import ENDINGS, LinkStatistics
-from trcvtui.history.records import Moment
+from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import StreamIndex
-from trcvtui.net.events import BytesReceived, ConnectionChanged, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import BenchNote, Event, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 
@@ -53,7 +53,6 @@ class FirstAndLast(Generic[T]):
         self._last: deque[tuple[int, T]] = deque(maxlen=most)
 
     def add(self, one: T) -> None:
-        """Append one."""
         self.count += 1
         (self._first if len(self._first) < self._most else self._last).append((self.count, one))
 
@@ -72,14 +71,12 @@ class TimeLane:
         self._now = 0
 
     def mark(self, t_ns: int, now: int) -> None:
-        """Take what it is from this time on."""
         self.go_on(max(0, t_ns - 1))
         self._now = now
         self.go_on(t_ns)
         self.columns[-1] |= now
 
     def go_on(self, t_ns: int) -> None:
-        """Let it be what it is up to this time."""
         while t_ns // self.width_ns >= COLUMNS:
             ends = self.columns[1::2] + [0] * (len(self.columns) % 2)
             self.columns = [one | other for one, other in zip(self.columns[::2], ends, strict=True)]
@@ -90,14 +87,14 @@ class TimeLane:
 class EdgeNote(NamedTuple):
     """An edge and when it came."""
 
-    at: Moment
+    at: ScanStamp
     edge: StatusEdge
 
 
 class FrameNote(NamedTuple):
     """Bytes of a job or a frame, the first of them; `reason`: why they never got to where they belong."""
 
-    at: Moment
+    at: ScanStamp
     is_sent: bool
     job: int
     size: int
@@ -108,7 +105,7 @@ class FrameNote(NamedTuple):
 class EventNote(NamedTuple):
     """What happened beside the blocks; without a subject: a command that was given after this scan."""
 
-    at: Moment
+    at: ScanStamp
     subject: str
     what: str
     detail: str = ""
@@ -120,12 +117,10 @@ class CauseNote(NamedTuple):
     first: EdgeNote
     advice: Advice
     times: int
-    last: Moment
+    last: ScanStamp
 
 
 class InstanceNotes:
-    """What is told of one instance."""
-
     def __init__(self, width_ns: int, edges: int, frames: int) -> None:
         self.edges: FirstAndLast[EdgeNote] = FirstAndLast(edges)
         self.error_edges: FirstAndLast[tuple[int, EdgeNote]] = FirstAndLast(edges)
@@ -150,7 +145,7 @@ class RunNotes:
         self.links: dict[str, TimeLane] = {}
         self.snapshot: Snapshot | None = None  # after the last scan that could be seen
         self.advice: dict[str, Advice] = {}  # then
-        self.seen = self.until = Moment()  # that scan; the last one that the journal tells of
+        self.seen = self.until = ScanStamp()  # that scan; the last one that the journal tells of
         self.late: FirstAndLast[str] = FirstAndLast(MOST_LATE)  # scans that began late
         self.lost = 0  # lines of the ledger that came too fast
         self._seq, self._late_scans = 0, bench.late_scans
@@ -179,7 +174,7 @@ class RunNotes:
             self._statistics.lose(self._seq, ledger.scan, ledger.t_ns)
         self._index.take(news)
         for scan, t_ns, event in news:
-            self._take(Moment(scan, t_ns), event)
+            self._take(ScanStamp(scan, t_ns), event)
         for name in self._receiving:
             self._of(name).part = self.bench.runtime.partial(name)[:MOST_BYTES]
         self._receiving.clear()
@@ -196,11 +191,11 @@ class RunNotes:
         self.snapshot = picture.snapshot
         for instance in self.snapshot.instances:
             self.advice[instance.name] = self._card_of(instance.name, picture)
-        self.seen = self.until = Moment(self.snapshot.scan, self.snapshot.t_ns)
+        self.seen = self.until = ScanStamp(self.snapshot.scan, self.snapshot.t_ns)
         for lane in (*self.links.values(), *(each.lane for each in self.instances.values())):
             lane.go_on(self.seen.t_ns)
 
-    def shown(self, at: Moment, instance: str, args: tuple[object, ...]) -> None:
+    def shown(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
         """Take outputs that a journal tells after the last scan that could be seen; nobody knows why."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
@@ -210,7 +205,7 @@ class RunNotes:
             self._edge(EdgeNote(at, StatusEdge(instance, decl.block, outputs, "", NOT_SEEN)))
             self._fresh.clear()
 
-    def end_of_rest(self, at: Moment) -> None:
+    def end_of_rest(self, at: ScanStamp) -> None:
         """Let instances show what they show up to here, the end of the journal."""
         self.until = max(self.until, at, key=lambda moment: moment.scan)
         for each in self.instances.values():
@@ -229,7 +224,7 @@ class RunNotes:
 
     # -- what a line tells ------------------------------------------------------------------------------
 
-    def _take(self, at: Moment, event: Event) -> None:
+    def _take(self, at: ScanStamp, event: Event) -> None:
         match event:
             case StatusEdge():
                 self._edge(EdgeNote(at, event))
@@ -261,7 +256,7 @@ class RunNotes:
             if notes.delivered <= notes.looked_until or notes.delivered % EACH == 1:
                 self._fresh.append(told)
 
-    def _received(self, at: Moment, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
+    def _received(self, at: ScanStamp, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
         notes = self._of(event.instance)
         self._receiving.discard(event.instance)
         job, done, reason = 0, isinstance(event, FrameEnded), ""
@@ -283,11 +278,11 @@ class RunNotes:
         name = decl.data if decl is not None else None
         return b"" if name is None else self.bench.runtime.data(name, min(size, MOST_BYTES))
 
-    def _connection(self, at: Moment, event: ConnectionChanged) -> None:
+    def _connection(self, at: ScanStamp, event: ConnectionChanged) -> None:
         if event.detail != "UDP":
             lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
-            if event.what is What.CONNECTED or event.what in ENDINGS:
-                lane.mark(at.t_ns, UP if event.what is What.CONNECTED else 0)
+            if event.what is EventKind.CONNECTED or event.what in ENDINGS:
+                lane.mark(at.t_ns, UP if event.what is EventKind.CONNECTED else 0)
         fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""
         detail = ", ".join(filter(None, (event.peer, fault, event.detail)))
         self.events.add(EventNote(at, event.connection, str(event.what), detail))

@@ -51,7 +51,6 @@ class Player:
 
     @property
     def is_finished(self) -> bool:
-        """Return whether no step is to come."""
         return self._current == len(self._steps) or self._stage.is_over
 
     def tried(self) -> TrialSnapshot | None:
@@ -114,7 +113,6 @@ class Player:
         self._told = (*told[:at], replace(told[at], state=state, found=found), *told[at + 1 :])
 
     def snapshot(self) -> PlayerSnapshot:
-        """Return how far it has come."""
         return PlayerSnapshot(
             path=self._path,
             scenario=_cut(self._scenario.name),

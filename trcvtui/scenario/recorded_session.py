@@ -31,7 +31,7 @@ from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.history.received import JobHistory
 from trcvtui.history.waveform_recorder import BareChange, PinRecord, WaveformRecorder
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
@@ -83,7 +83,6 @@ class Seen:
         self._append(scan)
 
     def __bool__(self) -> bool:
-        """Return whether anything was seen."""
         return self._count > 0
 
     @property
@@ -140,7 +139,7 @@ def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[i
             is_open = True
 
 
-class Outsiders(Struct, frozen=True):
+class ExternalPartners(Struct, frozen=True):
     """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
 
     partners: tuple[str, ...] = ()
@@ -148,7 +147,6 @@ class Outsiders(Struct, frozen=True):
 
     @property
     def about(self) -> str:
-        """Return what the file has to say of them."""
         if not self.partners:
             return ""
         who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
@@ -156,7 +154,6 @@ class Outsiders(Struct, frozen=True):
 
     @property
     def told(self) -> str:
-        """Return what the answer has to say of them."""
         found = ", ".join(self.partners[:MOST_NAMED])
         return f"; {found} is no peer of this bench and will not be replayed" if found else ""
 
@@ -244,18 +241,18 @@ class Session:
         acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
         return acts and self._bench.kernel_name != SIMULATED
 
-    def outsiders(self) -> Outsiders:
+    def outsiders(self) -> ExternalPartners:
         """Return the partners that are no peers of this bench, as far back as the ledger goes."""
         ledger = self._bench.runtime.ledger
         ours, calls = set(), []
         for _, _, event in ledger.stamped_since(0):
             if isinstance(event, BenchNote) and event.what == "connected":
                 ours.add(event.end)
-            elif isinstance(event, ConnectionChanged) and event.what is What.CONNECTED:
+            elif isinstance(event, ConnectionChanged) and event.what is EventKind.CONNECTED:
                 calls.append(event)
         strange = [call for call in calls if call.peer not in ours]
         partners = tuple(dict.fromkeys(call.peer for call in strange))
-        return Outsiders(partners, frozenset(call.connection for call in strange))
+        return ExternalPartners(partners, frozenset(call.connection for call in strange))
 
     def _trace(self, instance: str, seen: Seen, outside: frozenset[str]) -> str:
         decl = self._bench.project.instance(instance)

@@ -233,7 +233,6 @@ class JsonLines(Report):
             self.line(scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict())
 
     def line(self, scan: int, record: Mapping[str, object]) -> None:
-        """Write one line of a scan."""
         times = {"t_ms": (scan - 1) * self._interval_ns / 1e6}
         if self._bench is not None:
             late = {"late_ms": self._bench.late_ns / 1e6} if self._bench.late_ns else {}
@@ -263,7 +262,6 @@ class JsonLines(Report):
 
 
 def json_text(record: Mapping[str, object]) -> str:
-    """Return a line of JSON."""
     # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
     return json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n"
 

@@ -70,5 +70,4 @@ class BenchSuggester(Suggester):
         self._project = project
 
     async def get_suggestion(self, value: str) -> str | None:
-        """Return the completed line."""
         return complete(value, self._project())

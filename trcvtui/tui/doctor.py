@@ -214,12 +214,10 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
         super().__init__(self.list, None)
 
     def on_mount(self) -> None:
-        """Let the doctor look."""
         self._view_model.doctor_wanted = True
         self.show()
 
     def on_unmount(self) -> None:
-        """Let it rest."""
         self._view_model.doctor_wanted = False
 
     def show(self) -> None:

@@ -47,7 +47,6 @@ class PaneKey(NamedTuple):
 
     @property
     def action(self) -> str:
-        """Return the name of the action, without what it is given."""
         return parse(self.binding.action)[1]
 
     @property

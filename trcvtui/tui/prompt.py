@@ -74,11 +74,9 @@ class EchoLine(LineView, can_focus=False):
         return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
 
     def row_count(self) -> int:
-        """Return the lines of the answer."""
         return len(self._texts()) if self.note or self._error or self._told else 1
 
     def row_at(self, y: int) -> Row:
-        """Return one line of the answer."""
         if self.note:
             texts = self._texts()
             return row(("▸ " if y == 0 else "  ", "dim"), (texts[y], "")) if y < len(texts) else EMPTY
@@ -124,7 +122,6 @@ class PromptInput(TypedField):
             event.prevent_default()
 
     def action_close(self) -> None:
-        """Close the command line."""
         self._prompt.close()
 
 

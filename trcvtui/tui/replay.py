@@ -76,7 +76,6 @@ class PositionLine(LineView, inherit_bindings=False):
         self._view_model = view_model
 
     def row_count(self) -> int:
-        """Return the lines that it takes."""
         picture = self._view_model.live
         return ROWS + (len(_said(picture.position)) if picture and picture.position else 0)
 
@@ -107,7 +106,6 @@ class ReplayKeys(KeyLine):
     _commands = False
 
     def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
-        """Name the keys that do here what is said of them."""
         panes = [*focused.ancestors_with_self] if focused is not None else []
         self._commands = not isinstance(focused, Input) and any(pane.id in COMMANDS for pane in panes)
         acts = focused.screen.active_bindings if focused is not None else {}
@@ -182,7 +180,6 @@ class ReplayScreen(MainScreen):
         super()._fit(width, height - self.position.row_count())
 
     async def prepare(self) -> None:
-        """Begin on the time line."""
         await super().prepare()
         self.set_focus(self.position)
 

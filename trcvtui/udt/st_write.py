@@ -90,7 +90,6 @@ def is_st_word(name: str) -> bool:
 
 
 def st_renamed(type_: Type) -> Type:
-    """Return the type with names for IEC ST."""
     return _Renaming().of(type_)
 
 

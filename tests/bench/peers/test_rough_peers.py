@@ -11,7 +11,7 @@ import pytest
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
-from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.project.file import load_project, read_project
 
@@ -42,7 +42,7 @@ def status(bench: Bench) -> int:
     return bench.runtime.outputs(INSTANCE).status
 
 
-def happened(bench: Bench) -> list[What]:
+def happened(bench: Bench) -> list[EventKind]:
     return [line.event.what for line in bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
 
 
@@ -57,7 +57,7 @@ def test_a_reset_after_any_byte_ends_the_job_and_the_next_partner_is_welcome(ben
         assert status(bench) == 0x7002
         connect_again(bench)
         assert status(bench) == 0x7006
-    assert happened(bench).count(What.LOST) == 19
+    assert happened(bench).count(EventKind.LOST) == 19
 
 
 def test_a_fin_after_any_byte_gives_whole_frames_and_then_the_loss(bench: Bench) -> None:
@@ -67,7 +67,7 @@ def test_a_fin_after_any_byte_gives_whole_frames_and_then_the_loss(bench: Bench)
         do(bench, "peer P1 close", scans=10)
         assert bench.runtime.snapshot().instances[0].jobs_done == done + size // 8
         connect_again(bench)
-    assert happened(bench).count(What.PARTNER_CLOSED) == 19
+    assert happened(bench).count(EventKind.PARTNER_CLOSED) == 19
 
 
 def test_garbage_of_every_byte_value_is_data_and_nothing_else(bench: Bench) -> None:
@@ -123,7 +123,7 @@ def test_a_crowd_of_second_clients_is_reset_and_the_first_goes_on(kernel: str) -
         bench.step()
     for _ in range(10):
         bench.step()
-    assert happened(bench).count(What.SECOND_CLIENT) == len(CROWD)
+    assert happened(bench).count(EventKind.SECOND_CLIENT) == len(CROWD)
     assert status(bench) == 0x7006
     do(bench, "peer P1 send hex 01 02 03 04 05 06 07 08", scans=2)
     assert bench.runtime.data("rx") == bytes(range(1, 9)), "no byte of the crowd has reached DATA"

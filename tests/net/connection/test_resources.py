@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from trcvtui.net.connection.resources import EPISODE_REST, LEAST_SHARE, Party, Work
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import EPISODE_REST, LEAST_SHARE, BudgetShare, ScanBudget
+from trcvtui.net.events import EventKind
 
 MS = 1_000_000
 SCAN = 10 * MS
@@ -14,13 +14,13 @@ class Told:
 
     def __init__(self, interval_ns: int = SCAN) -> None:
         self.time = self.now = 0
-        self.said: list[tuple[str, What]] = []
+        self.said: list[tuple[str, EventKind]] = []
         self.words: list[str] = []
-        self.work = Work(lambda: self.time, interval_ns)
+        self.work = ScanBudget(lambda: self.time, interval_ns)
         self.work.said = self._hear
         self.scan()
 
-    def _hear(self, owner: str, what: What, partner: str, why: str) -> None:
+    def _hear(self, owner: str, what: EventKind, partner: str, why: str) -> None:
         self.said.append((owner, what))
         self.words.append(why)
 
@@ -28,10 +28,10 @@ class Told:
         self.now += ns
         self.work.begin(self.now)
 
-    def party(self, owner: str) -> Party:
-        return Party(self.work, owner, What.TPDUS_WAIT)
+    def party(self, owner: str) -> BudgetShare:
+        return BudgetShare(self.work, owner, EventKind.TPDUS_WAIT)
 
-    def step(self, party: Party, ns: int) -> None:
+    def step(self, party: BudgetShare, ns: int) -> None:
         def takes() -> int:
             self.time += ns
             return 1
@@ -39,7 +39,7 @@ class Told:
         self.work.shake(party, "", takes)
 
 
-def greedy(party: Party) -> int:
+def greedy(party: BudgetShare) -> int:
     """Use all that the party has, and want more."""
     used = max(party.left, 0)
     party.spend(used)
@@ -107,10 +107,10 @@ def test_it_is_told_once_an_episode() -> None:
     for _ in range(500):
         greedy(party)
         bench.scan()
-    assert bench.said == [("C1", What.TPDUS_WAIT)]
+    assert bench.said == [("C1", EventKind.TPDUS_WAIT)]
     bench.scan(EPISODE_REST)
     greedy(party)
-    assert bench.said == [("C1", What.TPDUS_WAIT)] * 2
+    assert bench.said == [("C1", EventKind.TPDUS_WAIT)] * 2
 
 
 def test_one_step_a_scan_is_taken_however_long_it_is_and_the_ledger_says_so() -> None:
@@ -121,5 +121,5 @@ def test_one_step_a_scan_is_taken_however_long_it_is_and_the_ledger_says_so() ->
         bench.step(party, 900_000)
         assert not bench.work.may_shake()
         bench.scan(MS)
-    assert bench.said == [("C1", What.LONG_HANDSHAKE)]
+    assert bench.said == [("C1", EventKind.LONG_HANDSHAKE)]
     assert bench.words == ["one step took 0.9 ms; handshakes have 0.1 ms of the 1 ms of a scan"]

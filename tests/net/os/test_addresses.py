@@ -10,7 +10,7 @@ import pytest
 
 from tests.net.os.test_os_kernel import no_descriptor_left
 from trcvtui.net.connection.config import ConnectConfig, Policy
-from trcvtui.net.connection.resources import ConnectionIds, Work
+from trcvtui.net.connection.resources import ConnectionIds, ScanBudget
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, wrong_local_address
 from trcvtui.net.kernel import LocalAddress
 from trcvtui.net.os import network as os_addresses
@@ -45,7 +45,7 @@ def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: py
         lambda name: None,
         ConnectionIds(),
         lambda *note: None,
-        Work(),
+        ScanBudget(),
     )
     assert set_up.create() is None
     failed = set_up.prepare(0)

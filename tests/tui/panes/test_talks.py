@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
-from trcvtui.capture.reassembly import Conversation, ConversationEvent, EventKind, WireDirection
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind, WireDirection
 from trcvtui.commands.snapshots import ARMED_TAP, TAP, ConversationSnapshot
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.line.conversations import SECONDS, ConversationFigures
@@ -28,7 +28,7 @@ class Told:
         there.other, back.other = back, there
 
     def tell(
-        self, kind: EventKind, s: float = 0, from_plc: bool = False, data: bytes = b"", size: int = 0
+        self, kind: SegmentKind, s: float = 0, from_plc: bool = False, data: bytes = b"", size: int = 0
     ) -> None:
         says = self.talk.back if from_plc else self.talk.there
         event = ConversationEvent(NS + int(s * SECOND), self.talk, says, kind, 0, size or len(data), data)
@@ -41,11 +41,11 @@ class Told:
 
 def connected() -> Told:
     told = Told()
-    told.tell(EventKind.SYN)
+    told.tell(SegmentKind.SYN)
     assert told.shown.state == "connecting"
-    told.tell(EventKind.ESTABLISHED, 0.002)
-    told.tell(EventKind.BYTES, 1, data=b"12345")
-    told.tell(EventKind.BYTES, 1.5, from_plc=True, data=b"ok")
+    told.tell(SegmentKind.ESTABLISHED, 0.002)
+    told.tell(SegmentKind.BYTES, 1, data=b"12345")
+    told.tell(SegmentKind.BYTES, 1.5, from_plc=True, data=b"ok")
     return told
 
 
@@ -60,19 +60,19 @@ def test_bytes_are_counted_by_direction_and_by_second() -> None:
 def test_a_rate_is_that_of_the_newest_second_and_falls_to_none() -> None:
     told = connected()
     assert told.shown.to_plc.rate == 5
-    told.tell(EventKind.KEEP_ALIVE, 9)
+    told.tell(SegmentKind.KEEP_ALIVE, 9)
     assert told.shown.to_plc.rate == 0
 
 
 def test_what_is_not_as_it_should_be_is_counted() -> None:
     told = connected()
-    told.tell(EventKind.RETRANSMISSION, 2, size=5)
-    told.tell(EventKind.MISSING, 2, size=7)
-    told.tell(EventKind.ZERO_WINDOW, 2, from_plc=True)
+    told.tell(SegmentKind.RETRANSMISSION, 2, size=5)
+    told.tell(SegmentKind.MISSING, 2, size=7)
+    told.tell(SegmentKind.ZERO_WINDOW, 2, from_plc=True)
     assert (told.shown.to_plc.again, told.shown.to_plc.missing, told.shown.to_plc.is_closed) == (5, 7, True)
-    told.tell(EventKind.WINDOW_OPENS, 3, from_plc=True)
+    told.tell(SegmentKind.WINDOW_OPENS, 3, from_plc=True)
     assert not told.shown.to_plc.is_closed
-    told.tell(EventKind.RST, 3)
+    told.tell(SegmentKind.RST, 3)
     assert told.shown.state == "reset"
 
 
@@ -94,8 +94,8 @@ def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
         told.talk.there = WireDirection(told.talk, (bytes(4), number), b"")
         told.talk.back = WireDirection(told.talk, (bytes(4), 1), b"")
         told.talk.there.other, told.talk.back.other = told.talk.back, told.talk.there
-        told.tell(EventKind.BYTES, 2, data=b"x")
-        told.tell(EventKind.FIN, 2)
+        told.tell(SegmentKind.BYTES, 2, data=b"x")
+        told.tell(SegmentKind.FIN, 2)
     listed = told.talks.snapshot()
     assert listed[0].number == 1 and len(listed) == 64
 

@@ -15,7 +15,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
-from trcvtui.commands.snapshots import Fired
+from trcvtui.commands.snapshots import TriggerEvent
 from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
@@ -239,7 +239,7 @@ async def test_t_opens_the_prompt_with_the_beginning_of_a_trigger() -> None:
 
 async def test_a_fresh_bench_is_not_frozen() -> None:
     async with looking(WIDE, picture(fired_at := receiving(), connecting())) as looker:
-        fired = Fired(1, "TRCV_C_1 STATUS=7006", 920, 0)
+        fired = TriggerEvent(1, "TRCV_C_1 STATUS=7006", 920, 0)
         await looker.show(replace(picture(fired_at, connecting()), fired=fired))
         assert looker.app.view_model.is_frozen
         await looker.show(replace(picture(), bench=1))

@@ -72,12 +72,10 @@ class Peer:
 
     @property
     def last_port(self) -> int | None:
-        """Return the port that it is reached at, or was last."""
         return self.transport.last_port
 
     @property
     def inbox(self) -> Inbox:
-        """Return what it has received."""
         return self.queues.inbox
 
     @property
@@ -164,7 +162,7 @@ def next_due(planned: int, every_ns: int, now: int) -> int:
     return due if due > now else now + every_ns
 
 
-class SelfActing:
+class AutomaticPeer:
     """A peer and its routine; `step` comes before the peer's own."""
 
     def __init__(self, peer: Peer, routine: Routine) -> None:

@@ -39,7 +39,6 @@ class Inbox:
         self.checker: Checker | None = None  # of self-checking traffic
 
     def begin(self) -> None:
-        """Begin with a new connection."""
         self.count = self._told = 0
         self._held = None
         self._last.clear()
@@ -47,7 +46,6 @@ class Inbox:
             self.checker.begin()
 
     def take(self, arrived: memoryview) -> None:
-        """Append what has arrived."""
         self.total += len(arrived)
         self.count += len(arrived)
         self._last += arrived
@@ -186,12 +184,10 @@ class Outbox:
         return sum(sending.unsent for sending in self._sendings)
 
 
-class Looking(Protocol):
+class PatternSearch(Protocol):
     """One match at work on a stream."""
 
-    def begin(self) -> None:
-        """Begin with a new stream."""
-        ...
+    def begin(self) -> None: ...
 
     def take(self, arrived: bytes, now: int) -> int:
         """Return how often it is found, now that these bytes have arrived."""
@@ -267,7 +263,7 @@ class _Frames:
         return value == self._match.value
 
 
-def _looking(match: Match) -> Looking:
+def _looking(match: Match) -> PatternSearch:
     match match:
         case Contains():
             return _Contained(match)
@@ -279,7 +275,7 @@ def _looking(match: Match) -> Looking:
 
 class _Rule(Struct):
     command: ReplyOn
-    looking: Looking
+    looking: PatternSearch
     text: str
     hits: int = 0
     missed: int = 0
@@ -325,7 +321,6 @@ class Replies:
                 yield rule.command.send, rule.hits - 1
 
     def __bool__(self) -> bool:
-        """Return whether there is a rule."""
         return bool(self._rules)
 
     def snapshot(self) -> tuple[ReplySnapshot, ...]:

@@ -392,15 +392,12 @@ class DatagramTransport(_Transport):
         return ""
 
     def connect(self, now: int) -> str:
-        """Refuse."""
         return self._no_connection("connect")
 
     def rst(self) -> str:
-        """Refuse."""
         return self._no_connection("rst")
 
     def shutdown(self) -> str:
-        """Refuse."""
         return self._no_connection("shutdown")
 
     def _no_connection(self, verb: str) -> str:

@@ -209,5 +209,4 @@ class SerialBinding(Struct, frozen=True):
     priority: int = 1
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class of a block on a ComBuffer."""
         return row.serial

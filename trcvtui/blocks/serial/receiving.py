@@ -186,7 +186,6 @@ class ReceiveData:
         self.job.drop(reason)
 
     def detach(self, reason: str) -> None:
-        """Detach the instance."""
         self.job.drop(reason)
 
     def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
@@ -237,7 +236,6 @@ class ReceiveString:
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call."""
         if inputs.reset:
             return self.job.reset()
         if self._data is None or self._data.size < 2:
@@ -253,7 +251,6 @@ class ReceiveString:
         self.job.drop(reason)
 
     def detach(self, reason: str) -> None:
-        """Detach the instance."""
         self.job.drop(reason)
 
     def _deliver(self, content: bytes) -> None:
@@ -285,7 +282,6 @@ class ReceiveByte:
         self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY)
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call."""
         if not self._buffer.look():
             return self._empty
         byte = self._buffer.take(1)[0]

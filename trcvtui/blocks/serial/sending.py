@@ -34,7 +34,6 @@ class Sending:
 
     @property
     def job(self) -> Sending:
-        """Return how the sending stands."""
         return self
 
     def partial(self) -> bytes:
@@ -42,7 +41,6 @@ class Sending:
         return b""
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call."""
         if not inputs.en:
             return self._idle
         return self._keep(self._send(inputs))
@@ -108,7 +106,6 @@ class SendString(Sending):
     """One SendString instance: the characters of a STRING, without its byte 00."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
-        """Return the text."""
         if self._data is None:
             return Outcome(Condition.NULL_POINTER, Cause(Why.PARAMETER, "no SendString", pin="SendString"))
         return text_of(self._data)

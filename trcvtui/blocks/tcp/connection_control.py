@@ -440,7 +440,6 @@ def established(connection: Connection) -> Cause:
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: StatusSequence) -> Outcome:
-    """Return what a failed step of the set-up shows."""
     peer = connection.set_up.remote if failed.stage is SetUpStage.CONNECT else None
     cause = cause_of(failed.fault, failed.client or str(peer or ""))
     if failed.detail:

@@ -92,7 +92,6 @@ class StandingRequest:
         self._armed = False
 
     def see(self, inputs: Inputs, cont_rose: bool) -> None:
-        """Take the inputs of this call."""
         en_r_rose = inputs.en_r and not self._en_r
         self._en_r = inputs.en_r
         if not (inputs.en_r and inputs.cont):

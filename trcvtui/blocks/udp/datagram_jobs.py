@@ -33,7 +33,6 @@ class UdpBinding(Struct, frozen=True):
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class of a block on a UDP_CONFIG."""
         return row.on_config
 
 

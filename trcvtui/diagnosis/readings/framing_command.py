@@ -131,7 +131,6 @@ def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int
 
 
 def told(recording: LineRecording) -> str:
-    """Return the advice as lines of text."""
     return advise(recording).text()
 
 

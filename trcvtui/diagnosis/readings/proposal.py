@@ -85,7 +85,6 @@ class FramingAdvice:
     said: str
 
     def text(self) -> str:
-        """Return it as lines of text."""
         lines = [self.said]
         first: dict[int, int] = {}
         for number, each in enumerate(self.proposals, 1):
@@ -117,7 +116,6 @@ ORDERS: Final = {"big": "high byte first", "little": "low byte first"}
 
 
 def title_of(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
-    """Return a proposal in one line."""
     if field is not None:
         width = "byte" if field.width == 1 else f"bytes, {ORDERS[field.order]}"
         return f"length field: {field.width} {width}, at byte {field.position}; {_counts(field)}"

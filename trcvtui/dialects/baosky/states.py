@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 
 RECEIVE: Final = ("TRCV_C",)
 SEND: Final = ("TSEND_C",)
@@ -34,7 +34,7 @@ STATES: Final = (
             "the instance's task: is it in the project, and does it come round?",
             "STATUS of the instance itself, not a copy that is written elsewhere",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
@@ -51,7 +51,7 @@ STATES: Final = (
             "the next scan: 7001 is good, 8080 means that no socket was left",
             "CONT in History: it rises once and stays 1",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -71,7 +71,7 @@ STATES: Final = (
             "the logic that writes CONT: what drops it?",
             "a passive block listens only while CONT is 1: until then its partner is refused",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -88,7 +88,7 @@ STATES: Final = (
             "the next scan: 7002 is good, 8081 to 8084 name the step that failed",
             "LocalAddress and LocalPort are tried next: `ip -br address`, `ss -ltn`",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -110,7 +110,7 @@ STATES: Final = (
             "`tcpdump -ni any tcp port <port>`: a SYN without answer is a firewall or the cable, an RST is a "
             "port on which no program listens",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
     ),
     StatusRow(
@@ -128,7 +128,7 @@ STATES: Final = (
             "pins CONT and COM_RST in the scan before: which of them moved?",
             "a frame that was half here is dropped with the connection: the ledger counts its bytes",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
@@ -148,7 +148,7 @@ STATES: Final = (
             "TSEND_C: REQ has to go back to 0 before the next edge",
             "`ss -tn`: Recv-Q above 0 means that the partner sends and no block reads",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
     ),
     StatusRow(
@@ -167,7 +167,7 @@ STATES: Final = (
             "the partner's receive call: is it enabled, and is its buffer large enough?",
             "REQ: further edges are ignored until 7009 or an error",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
     StatusRow(
@@ -188,7 +188,7 @@ STATES: Final = (
             "messages of varying length need ad-hoc mode, or one job for the header and one for the rest",
             "if values look shifted, pulse COM_RST and look at the first frame after it",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
     StatusRow(
@@ -206,7 +206,7 @@ STATES: Final = (
             "pins CONT and COM_RST: what moved, and was it meant?",
             "other blocks on this CONNECT lose the connection with it and show 7002",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
@@ -224,7 +224,7 @@ STATES: Final = (
             "values look wrong: bytes are little-endian and a UDT has padding; put hex and UDT side by side",
             "merged or split messages: TCP keeps no message ends, so LEN has to equal the partner's length",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.9",
     ),
     StatusRow(
@@ -242,7 +242,7 @@ STATES: Final = (
             "whether the partner really has it: only an answer in your own protocol can tell",
             "the partner sees less than was sent: its program has to read on until the whole length is there",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.2, 7.15.8",
     ),
     StatusRow(
@@ -260,7 +260,7 @@ STATES: Final = (
             "the partner sees a reset and drops what it had; a passive block waits until it calls again",
             "without a connection, or with CONT=0, COM_RST does nothing and is not remembered",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
 )

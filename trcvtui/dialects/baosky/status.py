@@ -8,7 +8,7 @@ from typing import Final
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.baosky.states import BOTH, RECEIVE, SEND, STATES
 
 CONNECTION_ERRORS: Final = (
@@ -28,7 +28,7 @@ CONNECTION_ERRORS: Final = (
             "the errno in the ledger; `ulimit -n` and `ls /proc/<pid>/fd | wc -l`",
             "a new attempt follows by itself after the retry time; CONT need not move",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
@@ -47,7 +47,7 @@ CONNECTION_ERRORS: Final = (
             "CONNECT.LocalAddress: element [0] is the first number of the dotted address",
             "loopback is accepted unless the switch strict_local_address is on",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
@@ -65,7 +65,7 @@ CONNECTION_ERRORS: Final = (
             "the ledger: call `set_reuse`, its errno, injected or not; `fault clear` removes faults",
             "the container or service profile that the process runs under",
         ),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
@@ -85,7 +85,7 @@ CONNECTION_ERRORS: Final = (
             "two CONNECTs with the same LocalPort in the project",
             "`sysctl net.ipv4.ip_unprivileged_port_start` when the errno is EACCES",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
@@ -103,7 +103,7 @@ CONNECTION_ERRORS: Final = (
             "the ledger: call `poll_add`, its errno, and whether it says injected",
             "`sysctl fs.epoll.max_user_watches` and `ulimit -n`",
         ),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -122,7 +122,7 @@ CONNECTION_ERRORS: Final = (
             "`ss -ltn`: Recv-Q of the listener is the number of clients that wait",
             "free a descriptor: the same client is then taken, with the bytes it has sent meanwhile",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -139,7 +139,7 @@ CONNECTION_ERRORS: Final = (
             "the ledger: call `poll_del`; the loss or close after it stands in the same scan",
             "nothing to mend for the connection: it is gone, and 7002 or 7000 follows",
         ),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
@@ -160,7 +160,7 @@ CONNECTION_ERRORS: Final = (
             "the partner: does its passive side run first, on this port, for this address?",
             "the partner still holds the old connection after a power cut: reset it there",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.5",
     ),
     StatusRow(
@@ -180,7 +180,7 @@ CONNECTION_ERRORS: Final = (
             "still no connection: `trcvtui status 7002`",
             "on a Siemens TCON the same number speaks of an ID or port in use: not here",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.8, 7.15.9",
     ),
     StatusRow(
@@ -197,7 +197,7 @@ CONNECTION_ERRORS: Final = (
             "nothing to mend here: 7000 follows and everything is released",
             "why the partner resets: its log, and whether it left bytes unread when it closed",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
@@ -215,7 +215,7 @@ CONNECTION_ERRORS: Final = (
             "the ledger: which call failed, and what the partner did in the scan before",
             "on a Siemens TCON the same number speaks of an existing connection: not here",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.7",
     ),
 )
@@ -239,7 +239,7 @@ JOB_ERRORS: Final = (
             "the size of the variable: `trcvtui udt show FILE`; on the bench `resize`",
             "the connection stays; as soon as DATA has a size the job starts",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -258,7 +258,7 @@ JOB_ERRORS: Final = (
             "where LEN comes from: a negative number turned into UDINT is huge",
             "the connection stays; as soon as LEN fits the job starts",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.8, 7.15.9",
     ),
     StatusRow(
@@ -277,7 +277,7 @@ JOB_ERRORS: Final = (
             "the partner's message length against LEN (or the size of DATA); else ad-hoc mode",
             "the next scan names the close itself; the part that had come is dropped, DATA is unchanged",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1",
     ),
     StatusRow(
@@ -295,7 +295,7 @@ JOB_ERRORS: Final = (
             "the switch `buffers` of the project: how many jobs the pool carries",
             "on a Siemens TDISCON the same number speaks of an unfinished TCON: not here",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -313,7 +313,7 @@ JOB_ERRORS: Final = (
             "the partner's receive call; a partner on the bench: `peer P1 resume`",
             "the connection stays: send again with a new REQ edge, and only after DONE or ERROR",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.2",
     ),
     StatusRow(
@@ -331,7 +331,7 @@ JOB_ERRORS: Final = (
             "does the partner read everything that this side sends before it closes?",
             "after 7004 a new REQ edge is needed: nothing is sent again by itself",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.2",
     ),
     StatusRow(
@@ -351,7 +351,7 @@ JOB_ERRORS: Final = (
             "a TSEND_C on the same CONNECT: does the partner read what it sends?",
             "bytes of an unfinished frame are dropped; 7002 follows and the connection is rebuilt",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1",
     ),
     StatusRow(
@@ -370,7 +370,7 @@ JOB_ERRORS: Final = (
             "it shows for one scan, then 7002: catch it in the program or read it in the ledger",
             "the partner was not told: it may hold the old connection and refuse the new one",
         ),
-        Reach.NAMESPACE,
+        Reproducibility.NAMESPACE,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.4",
     ),
     StatusRow(
@@ -388,7 +388,7 @@ JOB_ERRORS: Final = (
             "the switch `queue` of the project: how many such jobs one scan carries",
             "the block tries again in the next scan by itself",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2, 7.15.6",
     ),
     StatusRow(
@@ -409,7 +409,7 @@ JOB_ERRORS: Final = (
             "no other block found: a rising edge at COM_RST, or CONT to 0 and back, frees the claim",
             "on a Siemens CPU the same number speaks of resources: not here",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
     StatusRow(
@@ -430,7 +430,7 @@ JOB_ERRORS: Final = (
             "7002 follows and the connection is rebuilt: active calls again, passive waits",
             "TSEND_C: after 7004 a new REQ edge is needed",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "Baosky library manual 7.15.1, 7.15.2",
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 
 # Their own code tables could not be read: each code means what it means to the TCP blocks, where UDP has it.
 # The manual's own words: 7001 is the ready state, and DONE lasts one scan.
@@ -27,7 +27,7 @@ UDP_STATES: Final = (
             "PLC mode: `plc run`, and watch whether the scan counter moves",
             "the instance's task: is it in the project, and does it come round?",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -46,7 +46,7 @@ UDP_STATES: Final = (
             "the ledger: which call failed, and with which errno",
             "switch retry: the pause between two attempts",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -63,7 +63,7 @@ UDP_STATES: Final = (
             "pin CONT: what should raise it, and does it?",
             "datagrams that arrive now are lost without a word to the sender",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -80,7 +80,7 @@ UDP_STATES: Final = (
             "this says nothing about the partner: whether it is there, only an answer can tell",
             "`ss -uln`: the port is listed; Recv-Q counts bytes that wait for EN_R",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -97,7 +97,7 @@ UDP_STATES: Final = (
             "the next scan: 7007 when there was a socket, 7000 when there was none",
             "another block on this UDP_CONFIG loses the socket with it and makes it anew (0001, 7001)",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -114,7 +114,7 @@ UDP_STATES: Final = (
             "pin ADDR: the target is named in the ledger and beside STATUS",
             "a further REQ edge in this scan is not seen",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -132,7 +132,7 @@ UDP_STATES: Final = (
             "`ss -uln` Recv-Q, or `tcpdump udp port N`: does anything arrive at all?",
             "a firewall on this machine drops datagrams without a trace here",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -149,7 +149,7 @@ UDP_STATES: Final = (
             "pin CONT: was it meant to fall?",
             "other blocks on this UDP_CONFIG with CONT=1 make the socket anew",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -167,7 +167,7 @@ UDP_STATES: Final = (
             "bytes of DATA after RCVD_LEN are those of earlier datagrams",
             "UDP may lose, double and reorder: only a number inside the telegram can tell",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -184,7 +184,7 @@ UDP_STATES: Final = (
             "ADDR: is it the right machine and port?",
             "`tcpdump udp port N` at the partner; only an answer in your own protocol proves the arrival",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
 )
@@ -208,7 +208,7 @@ UDP_ERRORS: Final = (
             "the ledger: EMFILE is this process's limit (`ulimit -n`), ENFILE the system's",
             "the next attempt follows by itself (switch retry)",
         ),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         MANUAL,
     ),
     StatusRow(
@@ -226,7 +226,7 @@ UDP_ERRORS: Final = (
             "`ip -br address`: is LocalAddress in the list, and is its link up?",
             "a UDP_CONFIG that was copied from another PLC still holds that one's address",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -244,7 +244,7 @@ UDP_ERRORS: Final = (
             "TCP ports do not count: UDP has port numbers of its own",
             "LocalPort 0 takes a free one",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -258,7 +258,7 @@ UDP_ERRORS: Final = (
             "the ledger names the errno: ENOSPC is a limit of the system",
             "the socket is closed again and the next attempt follows by itself (switch retry)",
         ),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         MANUAL,
     ),
     StatusRow(
@@ -269,7 +269,7 @@ UDP_ERRORS: Final = (
         "Socket not taken out of the poll set",
         ("the descriptor was closed underneath, which no bench command does", "a planned fault on poll_del"),
         ("the ledger names the errno", "the socket is closed all the same; 7000 follows"),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         MANUAL,
     ),
     StatusRow(
@@ -287,7 +287,7 @@ UDP_ERRORS: Final = (
             "the code before it: 8080, 8081 or 8083 say why there is no socket",
             "switch not_connected: URECV_C shows it once, as long as it lasts, or never",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -298,7 +298,7 @@ UDP_ERRORS: Final = (
         "Releasing the socket failed",
         ("the call that closes the socket answered an error", "a planned fault on close"),
         ("the ledger names the errno", "the socket is gone all the same; 7000 follows"),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         MANUAL,
     ),
     StatusRow(
@@ -312,7 +312,7 @@ UDP_ERRORS: Final = (
             "pin DATA of the call, in a project file the key `data` of the instance",
             "the size of the variable: `trcvtui udt show FILE`; on the bench `resize`",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -331,7 +331,7 @@ UDP_ERRORS: Final = (
             "a larger telegram has to be cut by the program, or needs the TCP blocks",
             "the socket stays; as soon as LEN fits the job starts",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -348,7 +348,7 @@ UDP_ERRORS: Final = (
             "how many blocks are at 7005 or 7006 at the same time?",
             "URECV_C tries again in each scan, USEND_C with the next REQ edge",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
     StatusRow(
@@ -362,7 +362,7 @@ UDP_ERRORS: Final = (
             "many datagrams at once on a slow or blocked interface",
         ),
         ("send it again with a new REQ edge", "`ss -un` Send-Q, and the speed of the interface"),
-        Reach.INJECTED,
+        Reproducibility.INJECTED,
         MANUAL,
     ),
     StatusRow(
@@ -381,7 +381,7 @@ UDP_ERRORS: Final = (
             "`ip route get ADDRESS` on the machine that runs the bench",
             "a partner that is merely off or does not listen shows 7009, never this",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -399,7 +399,7 @@ UDP_ERRORS: Final = (
             "give DATA and LEN the size of the partner's longest datagram, 2048 at most",
             "switch large_datagram = cut takes the first bytes instead",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         MANUAL,
     ),
     StatusRow(
@@ -417,7 +417,7 @@ UDP_ERRORS: Final = (
             "one UDP_CONFIG for each receiver, or EN_R of the other one to 0",
             "CONT to 0 on any block of this UDP_CONFIG frees it",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         MANUAL,
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.siemens.states import SET_UP, TCON, UDP
 
 DESCRIPTION_ERRORS: Final = (
@@ -23,7 +23,7 @@ DESCRIPTION_ERRORS: Final = (
             "sizes: TCON_IP_v4 14, TCON_IP_RFC 80, TCON_QDN 266, IP_V4_SEC 26, QDN_SEC 278, TCON_Param 64",
             "a data block that was made by hand: is it of the standard layout (not optimized)?",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         unsure="the sizes of TCON_IP_RFC, TCON_QDN and the SEC structures come from memory",
     ),
@@ -42,7 +42,7 @@ DESCRIPTION_ERRORS: Final = (
             "the hardware identifier of the port in the device configuration, usually 64 (16#40)",
             "`ip -br address`: LocalAddress has to be in that list",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_IP_v4",
         also=(Condition.WRONG_LOCAL_ADDRESS,),
     ),
@@ -54,7 +54,7 @@ DESCRIPTION_ERRORS: Final = (
         "Multicast needs an InterfaceId",
         ("UDP to a multicast group with InterfaceId 0", "the CPU has several ports and cannot choose one"),
         ("the hardware identifier of the port instead of 0", "whether multicast is meant at all"),
-        Reach.NEVER,
+        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="TUSEND and TURCV of the bench send to one address at a time",
     ),
@@ -73,7 +73,7 @@ DESCRIPTION_ERRORS: Final = (
             "ConnectionType: 16#13 is UDP, which goes with TUSEND and TURCV",
             "ADDR: address and port of the receiver, both of them",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TUSEND",
         also=(Condition.OTHER_TRANSPORT,),
     ),
@@ -91,7 +91,7 @@ DESCRIPTION_ERRORS: Final = (
             "ConnectionType of the description: 16#13 is UDP, 16#0B and 16#11 are TCP",
             "the ID at both blocks",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND, TRCV, TURCV",
     ),
     StatusRow(
@@ -109,7 +109,7 @@ DESCRIPTION_ERRORS: Final = (
             "LocalTSelector byte by byte: length first, then E0 and rack / slot, or a text such as TCP-1",
             "the partner's remote TSAP has to be these very bytes",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_IP_RFC; S7-1200 System Manual",
         unsure="the help prints 0E where E0 must be meant",
     ),
@@ -124,7 +124,7 @@ DESCRIPTION_ERRORS: Final = (
             "a description of TCP was copied and only its type changed",
         ),
         ("ActiveEstablished: FALSE", "LocalPort: UDP needs one"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON",
     ),
     StatusRow(
@@ -141,7 +141,7 @@ DESCRIPTION_ERRORS: Final = (
             "field ConnectionType, the fifth byte (TCON_Param: connection_type), in hexadecimal",
             "17 TCP, 18 ISO-on-TCP, 19 UDP are the old numbers, 11, 12, 13 the new ones",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON",
     ),
     StatusRow(
@@ -159,7 +159,7 @@ DESCRIPTION_ERRORS: Final = (
             "the ledger names the field, what stands in it and what was expected",
             "passive: RemoteAddress 0.0.0.0 is taken as anyone",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TCON, TCON_Param; S7-1200 System Manual",
         unsure="0.0.0.0 on a passive end: one page lists 80B7, another uses it for anyone",
     ),
@@ -171,7 +171,7 @@ DESCRIPTION_ERRORS: Final = (
         "ADDR has not 8 bytes",
         ("another structure than TADDR_Param stands at ADDR", "a hand-made one without the two spare bytes"),
         ("the type of the variable at ADDR", "TADDR_Param: 4 bytes address, 2 port, 2 that are 0"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TUSEND, TURCV",
     ),
     StatusRow(
@@ -185,7 +185,7 @@ DESCRIPTION_ERRORS: Final = (
             "CONNECT was copied, ID was not changed",
         ),
         ("both numbers side by side", "one constant for both"),
-        Reach.NEVER,
+        Reproducibility.NEVER,
         "STEP 7 help: TCON",
         unreached="a block of the bench names its CONNECT and has no ID of its own beside it",
     ),
@@ -203,7 +203,7 @@ DESCRIPTION_ERRORS: Final = (
             "`ip -br address`: which address has the port?",
             "LocalAddress of CONNECT in the project file",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TCON",
     ),
     StatusRow(
@@ -214,7 +214,7 @@ DESCRIPTION_ERRORS: Final = (
         "The partner's name is empty",
         ("RemoteQDN has no character", "the bytes of the STRING are shifted: its length byte is 0"),
         ("RemoteQDN: two bytes of header, then the name", "an active end needs a name with a dot after it"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TCON, TCON_QDN",
     ),
     StatusRow(
@@ -225,7 +225,7 @@ DESCRIPTION_ERRORS: Final = (
         "The partner's name is not fully qualified",
         ("the dot at the end is missing: plc.example. is meant", "only the host's own name was given"),
         ("the last character of RemoteQDN", "`getent hosts NAME`: what is its full name?"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TCON, TCON_QDN",
     ),
     StatusRow(
@@ -236,7 +236,7 @@ DESCRIPTION_ERRORS: Final = (
         "No server for names",
         ("no DNS server is configured on the CPU", "on this bench: the project names no resolver"),
         ("the DNS servers of the CPU; here `/etc/resolv.conf`", "an address instead of a name: TCON_IP_v4"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TCON",
     ),
     StatusRow(
@@ -247,7 +247,7 @@ DESCRIPTION_ERRORS: Final = (
         "The partner's name is unknown",
         ("no DNS server knows the name", "the server did not answer in time"),
         ("`getent hosts NAME` and `nslookup NAME`", "a mistake in RemoteQDN: letters, dots, the last dot"),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TCON",
     ),
     StatusRow(
@@ -258,7 +258,7 @@ DESCRIPTION_ERRORS: Final = (
         "The receiver's name is unknown",
         ("the name in a TADDR_SEND_QDN is not known", "the server for names did not answer"),
         ("`getent hosts NAME`", "an address in a TADDR_Param instead"),
-        Reach.NEVER,
+        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TADDR_Param",
         unreached="an [[addr]] of the project file has an address and no name",
     ),
@@ -280,7 +280,10 @@ _SHOWN_BY: Final = {
     0x80ED: Condition.TLS_REFERENCE,
 }
 # No device of this bench changes a record on its way; 80E9 on are seen in the description.
-_REACH: Final = {0x80E6: Reach.INJECTED, **dict.fromkeys(range(0x80E9, 0x80EE), Reach.LOGIC)}
+_REACH: Final = {
+    0x80E6: Reproducibility.INJECTED,
+    **dict.fromkeys(range(0x80E9, 0x80EE), Reproducibility.LOGIC),
+}
 # Code: what it means, two causes, two things to look at. The list of codes is read, what each covers is not.
 _FAILURES: Final = {
     0x80E0: (
@@ -382,7 +385,7 @@ def _tls_row(code: int) -> StatusRow:
         title,
         causes,
         checks,
-        _REACH.get(code, Reach.REAL),
+        _REACH.get(code, Reproducibility.REAL),
         "STEP 7 help: TCON, TCON_IP_V4_SEC",
         unsure=_UNSURE,
     )
@@ -396,7 +399,7 @@ TLS_ERRORS: Final = (
         UDP,
         True,
         *_FAILURES[0x80EA],
-        Reach.NEVER,
+        Reproducibility.NEVER,
         "STEP 7 help: TUSEND, TURCV",
         unreached=_NO_DATAGRAM_TLS,
         unsure=_UNSURE,
@@ -412,7 +415,7 @@ TLS_ERRORS: Final = (
             "the partner does not go on with the handshake",
         ),
         ("start jobs after the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
-        Reach.NEVER,
+        Reproducibility.NEVER,
         "STEP 7 help: TSEND, TRCV",
         unreached=_NOT_BEFORE,
     ),

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import BACKLOG, INTERNAL_FAULT, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.states import ALL, BOTH_C
@@ -408,7 +408,7 @@ def _listed(row: StatusRow) -> StatusRow:
     if row.code not in _NAMES_AND_TLS:
         return row
     why = row.unreached or _ONLY_TCON_PARAM
-    return replace(row, condition=None, also=(), reach=Reach.NEVER, unreached=why)
+    return replace(row, condition=None, also=(), reach=Reproducibility.NEVER, unreached=why)
 
 
 def _kept(row: StatusRow) -> StatusRow | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 
 SEND_C: Final = ("TSEND_C",)
 RCV_C: Final = ("TRCV_C",)
@@ -41,7 +41,7 @@ STATES: Final = (
             "TSEND_C, TSEND: whether the partner took it is seen with `ss -tn` (Send-Q 0) or in its answer",
             "a standing 0000: CPU mode, and whether the task with this call comes round",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication; Siemens FAQ 109479564",
         also=(Condition.NOT_CALLED, Condition.SENT, Condition.RECEIVED),
     ),
@@ -60,7 +60,7 @@ STATES: Final = (
             "no 0001 although REQ was pulsed: with cont_mode level a pulse that ends before that is lost",
             "cont_mode manual keeps the first edge; BUSY is 1 from it on, and further ones do not count",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
         also=(Condition.ESTABLISHED,),
         unsure="whether a connection that no job waits for shows it, too: switch status_0001_always",
@@ -79,7 +79,7 @@ STATES: Final = (
             "T_DIAG: State 2 or 3 means that it is still being built",
             "not an error: nothing has to be reset, and whoever waits goes on waiting",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: T_RESET",
     ),
     StatusRow(
@@ -98,7 +98,7 @@ STATES: Final = (
             "one scan, then 7000; cont_mode manual: 7001 where CONT or EN_R is 1, or REQ has risen",
             "the other block on this connection shows 80AA, one scan later if it is called first",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
     StatusRow(
@@ -118,7 +118,7 @@ STATES: Final = (
             "what writes CONT: from the cross references of the tag, not from this call alone",
             "an S7-1200 lets REQ and EN_R connect, an S7-1500 only CONT: switch cont_mode",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
     StatusRow(
@@ -135,7 +135,7 @@ STATES: Final = (
             "REQ has to be 0 for one call before the next edge counts",
             "7000 says nothing about the connection: T_DIAG tells whether it stands",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
     StatusRow(
@@ -152,7 +152,7 @@ STATES: Final = (
             "again and again: read the code of the scan before it, which is the reason",
             "TRCV_C beside a TSEND_C that came first: it shows 7002 at once, never 7001",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="that it shows again after 80AA and a failed attempt is an inference",
     ),
@@ -170,7 +170,7 @@ STATES: Final = (
             "call the block on until DONE or ERROR: a call that is skipped hides the result",
             "TRCV: it comes back after each frame, as long as EN_R is 1",
         ),
-        Reach.LOGIC,
+        Reproducibility.LOGIC,
         "STEP 7 help, Open User Communication",
     ),
     StatusRow(
@@ -191,7 +191,7 @@ STATES: Final = (
             "active: `nc -vz RemoteAddress PORT`; the history keeps each code of an attempt that failed",
             "`tcpdump -ni any tcp port PORT`: a SYN without an answer is a firewall or the cable",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         also=(Condition.CREATED,),
     ),
@@ -211,7 +211,7 @@ STATES: Final = (
             "TSEND: `ss -tn`, a Send-Q that stands still means that the partner does not read",
             "TCON: the checks of TSEND_C's 7002, `trcvtui status 7002 --block TSEND_C`",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help, Open User Communication",
     ),
     StatusRow(
@@ -231,7 +231,7 @@ STATES: Final = (
             "a frame that was half here is dropped: the ledger counts its bytes",
             "COM_RST must not be wired to a constant: the block writes it back itself",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
         unsure="7003 after COM_RST and before an error is not documented",
     ),
@@ -251,7 +251,7 @@ STATES: Final = (
             "TRCV_C: pin EN_R has to be 1",
             "`ss -tn`: Recv-Q above 0 means that the partner sends and no block reads",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C, TRCV_C; Siemens FAQ 109479564",
     ),
     StatusRow(
@@ -269,7 +269,7 @@ STATES: Final = (
             "the partner's receive call: is it enabled, and is its area large enough?",
             "REQ: edges until DONE or ERROR are not noticed and not kept",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TSEND_C; Siemens FAQ 109479564",
     ),
     StatusRow(
@@ -290,7 +290,7 @@ STATES: Final = (
             "frames of varying length: ad-hoc mode, or ISO-on-TCP, which keeps their ends",
             "if values look shifted, pulse COM_RST and look at the first frame after it",
         ),
-        Reach.REAL,
+        Reproducibility.REAL,
         "STEP 7 help: TRCV_C; Siemens FAQ 109479564",
         also=(Condition.RECEIVING_PART,),
     ),

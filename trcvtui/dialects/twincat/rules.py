@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 
@@ -33,7 +33,9 @@ def _row(
     unsure: str = "",
 ) -> StatusRow:
     title = f"{code} COMERROR_{name}: {title}"
-    return StatusRow(code, condition, blocks, True, title, causes, checks, Reach.LOGIC, MANUAL, unsure=unsure)
+    return StatusRow(
+        code, condition, blocks, True, title, causes, checks, Reproducibility.LOGIC, MANUAL, unsure=unsure
+    )
 
 
 def _of_hardware(code: int, name: str, title: str) -> StatusRow:
@@ -41,7 +43,7 @@ def _of_hardware(code: int, name: str, title: str) -> StatusRow:
     checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
     title = f"{code} COMERROR_{name}: {title}"
     return StatusRow(
-        code, None, SERIAL, True, title, causes, checks, Reach.NEVER, MANUAL, unreached=OF_HARDWARE
+        code, None, SERIAL, True, title, causes, checks, Reproducibility.NEVER, MANUAL, unreached=OF_HARDWARE
     )
 
 
@@ -59,7 +61,7 @@ NO_ERROR: Final = StatusRow(
         "DataReceived, StringReceived or ByteReceived: 1 for one scan",
         "a good frame with a suffix: DataReceived = 1, RxTimeout = 0 and Error = 0 together",
     ),
-    Reach.LOGIC,
+    Reproducibility.LOGIC,
     "TwinCAT TF6340 help, ReceiveData",
     also=(
         Condition.NO_JOB,
@@ -209,7 +211,6 @@ STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _kept(row))
 
 
 def answer(values: Mapping[str, SwitchValue]) -> Rules:
-    """Return the rules for these switch values."""
     follows = bool(dict(values).get(FOLLOWS_EN_R.name, FOLLOWS_EN_R.default))
     return replace(BAOSKY.answer(values), status_of=codes_of(COM_ERRORS), part_follows_en_r=follows)
 

@@ -115,7 +115,6 @@ class AddrParam(Struct, frozen=True):
 
     @property
     def written(self) -> Description:
-        """Return it as the TADDR_Param that it stands for."""
         if self.description is not None:
             return self.description
         port = self.remote_port if isinstance(self.remote_port, int) else 0

@@ -28,7 +28,7 @@ from trcvtui.net.events import (
     BytesSent,
     ConnectionChanged,
     ConnectionEvent,
-    What,
+    EventKind,
 )
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
@@ -104,8 +104,6 @@ def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> Connect
 
 
 class State(StrEnum):
-    """Where the connection stands."""
-
     CLOSED = "closed"
     QUEUED = "queued"
     CREATED = "created"
@@ -278,7 +276,7 @@ class Connection:
         """Note what failed in a first step whose turn to tell never comes."""
         for _, failed in self._early:
             if failed is not None:
-                self._note(What.ATTEMPT_FAILED, self.set_up.remote, failed.fault, failed.detail)
+                self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.fault, failed.detail)
         self._early = []
 
     def step(self, scan: int, now: int) -> StepFault | None:
@@ -287,7 +285,9 @@ class Connection:
             self._stepped_in = scan
             self._step_fault = failed = self._take_step(now)
             if failed is not None:
-                what = What.ACCEPT_FAILED if failed.stage is SetUpStage.ACCEPT else What.ATTEMPT_FAILED
+                what = (
+                    EventKind.ACCEPT_FAILED if failed.stage is SetUpStage.ACCEPT else EventKind.ATTEMPT_FAILED
+                )
                 self._note(what, self.set_up.remote, failed.fault, failed.detail)
         return self._step_fault
 
@@ -344,7 +344,7 @@ class Connection:
     def _become_connected(self, got: Accepted) -> None:
         self._begin_incarnation(got.handle, got.peer)
         self._dead_link.begin(got.handle)
-        self._note(What.CONNECTED)
+        self._note(EventKind.CONNECTED)
 
     def _begin_incarnation(self, handle: Handle, peer: Endpoint | None) -> None:
         self.handle, self.peer = handle, peer
@@ -394,9 +394,9 @@ class Connection:
 
     def _second_client(self, client: Accepted) -> bool:
         if self._policy.second_client == "reject":
-            self.set_up.turn_away(client, What.SECOND_CLIENT)
+            self.set_up.turn_away(client, EventKind.SECOND_CLIENT)
             return True
-        self._note(What.REPLACED, client.peer)
+        self._note(EventKind.REPLACED, client.peer)
         self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
         if self.set_up.take_over(client) is None:
             self._become_connected(client)
@@ -512,9 +512,9 @@ class Connection:
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
         self._kernel.close(self.handle)
         fin = loss.kind is LossKind.CLOSED_BY_PARTNER
-        self._note(What.PARTNER_CLOSED if fin else What.LOST, fault=loss.fault)
+        self._note(EventKind.PARTNER_CLOSED if fin else EventKind.LOST, fault=loss.fault)
         if loss.release_fault is not None:
-            self._note(What.CALL_FAILED, fault=loss.release_fault)
+            self._note(EventKind.CALL_FAILED, fault=loss.release_fault)
         self._end_incarnation(loss, State.ESTABLISHING)
         return loss
 
@@ -573,7 +573,7 @@ class Connection:
         fault = None
         if self.handle is not None:
             fault = self._close_orderly(self.handle)
-            self._note(What.DISCONNECTED, fault=fault)
+            self._note(EventKind.DISCONNECTED, fault=fault)
             self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
         fault = self.set_up.free() or fault
         self._resources.budget.release(self.config.name)
@@ -589,7 +589,7 @@ class Connection:
         self.drop(-1, self.unread(), "COM_RST")
         freed = self._kernel.abort(self.handle)
         fault = removed or probed or freed
-        self._note(What.RESET, fault=fault)
+        self._note(EventKind.RESET, fault=fault)
         self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.ESTABLISHING)
         return fault
 
@@ -597,7 +597,7 @@ class Connection:
         """Free everything without a word to any block (PLC STOP)."""
         if self.state is not State.CLOSED:
             self.disconnect()
-            self._note(What.STOPPED)
+            self._note(EventKind.STOPPED)
         self.keeping.end()
         self.set_up.forget()
 
@@ -617,7 +617,7 @@ class Connection:
         self.keeping.end()
         self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
         self._pauses = False
-        self._note(What.STOPPED)
+        self._note(EventKind.STOPPED)
 
     def _close_orderly(self, handle: Handle) -> Fault | None:
         removed = self._kernel.poll_del(handle)
@@ -638,11 +638,11 @@ class Connection:
 
     # -- notes ------------------------------------------------------------------------------------
 
-    def _note_set_up(self, what: What, peer: Endpoint | None, detail: str) -> None:
+    def _note_set_up(self, what: EventKind, peer: Endpoint | None, detail: str) -> None:
         self._note(what, peer, detail=detail)
 
     def _note(
-        self, what: What, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
+        self, what: EventKind, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
     ) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
         self._write(ConnectionChanged(self.config.name, self.incarnation, what, local, other, fault, detail))

@@ -22,8 +22,6 @@ Value = int | bool | str | bytes
 
 
 class FieldType(StrEnum):
-    """What a field holds."""
-
     NUMBER = "UINT"
     TRUTH = "BOOL"
     ADDRESS = "IP_V4"
@@ -186,7 +184,6 @@ class Description(Struct, frozen=True):
         return found
 
     def values(self) -> dict[str, Value]:
-        """Return all values by field name."""
         return {field.name: self.value(field.name) for field in self.structure.fields}
 
 

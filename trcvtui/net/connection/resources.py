@@ -13,7 +13,7 @@ from typing import Final
 
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import meaning
-from trcvtui.net.events import What
+from trcvtui.net.events import EventKind
 from trcvtui.net.results import Fault
 from trcvtui.wording import duration
 
@@ -45,10 +45,10 @@ HANDSHAKE: Final = 64
 
 MORE_THAN_ITS_PART: Final = "more than one scan has time for; the rest waits for the next scans"
 
-Said = Callable[[str, What, str, str], None]  # CONNECT, what, the partner or "", in words
+Said = Callable[[str, EventKind, str, str], None]  # CONNECT, what, the partner or "", in words
 
 
-def nobody_hears(owner: str, what: What, partner: str, why: str) -> None:
+def nobody_hears(owner: str, what: EventKind, partner: str, why: str) -> None:
     """Say it to nobody."""
 
 
@@ -57,10 +57,10 @@ def no_clock() -> int:
     return 0
 
 
-class Party:
+class BudgetShare:
     """One layer of one CONNECT. `what` is said of it when it has to wait."""
 
-    def __init__(self, work: Work, owner: str, what: What) -> None:
+    def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work = work
         self.owner = owner
         self.what = what
@@ -78,12 +78,12 @@ class Party:
         self._left = self.left - units
         self.work.spent(self, units)
 
-    def wait(self, partner: str = "", what: What | None = None) -> None:
+    def wait(self, partner: str = "", what: EventKind | None = None) -> None:
         """Note that something waits for the next scan: its share is put by."""
         self.work.wait(self, partner, what or self.what)
 
 
-class Work:
+class ScanBudget:
     """The work of one PLC's scans. `clock` gives ns; a simulated one stands still within a scan.
 
     `said` hears when something has to wait, once an episode; begin() once a scan.
@@ -95,10 +95,10 @@ class Work:
         self.scan = 0
         self.set_interval(interval_ns)
         self._now = 0
-        self._waiting: dict[Party, None] = {}  # in the order in which they will get their shares
-        self._put_by: dict[Party, int] = {}
+        self._waiting: dict[BudgetShare, None] = {}  # in the order in which they will get their shares
+        self._put_by: dict[BudgetShare, int] = {}
         self._rest = self._units
-        self._episodes: dict[tuple[str, What], int] = {}  # when it last had to wait; the oldest first
+        self._episodes: dict[tuple[str, EventKind], int] = {}  # when it last had to wait; the oldest first
         self._shaken = 0  # ns of handshakes in this scan
         self._steps = 0
         self._longest = 0  # ns of a step, fading
@@ -130,24 +130,24 @@ class Work:
             for who in list(takewhile(self._is_over, self._episodes)):
                 del self._episodes[who]
 
-    def _is_over(self, who: tuple[str, What]) -> bool:
+    def _is_over(self, who: tuple[str, EventKind]) -> bool:
         return self._now - self._episodes[who] >= EPISODE_REST
 
-    def grant(self, party: Party) -> int:
+    def grant(self, party: BudgetShare) -> int:
         share = self._put_by.get(party)
         return (self._rest + 1) // 2 if share is None else share
 
-    def spent(self, party: Party, units: int) -> None:
+    def spent(self, party: BudgetShare, units: int) -> None:
         """Take units from what is left over, unless the party has a share of its own."""
         if party not in self._put_by:
             self._rest = max(0, self._rest - units)
 
-    def wait(self, party: Party, partner: str, what: What) -> None:
+    def wait(self, party: BudgetShare, partner: str, what: EventKind) -> None:
         """Keep a share of the next scan for a party; say so when an episode begins."""
         self._waiting[party] = None
         self._say(party.owner, what, partner, MORE_THAN_ITS_PART)
 
-    def _say(self, owner: str, what: What, partner: str, why: str) -> None:
+    def _say(self, owner: str, what: EventKind, partner: str, why: str) -> None:
         if self._episodes.pop((owner, what), None) is None:
             self.said(owner, what, partner, why)
         self._episodes[owner, what] = self._now
@@ -158,7 +158,7 @@ class Work:
         """Return whether the next step of a handshake fits into the tenth, or is the first of the scan."""
         return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_PART
 
-    def shake(self, party: Party, partner: str, step: Callable[[], int]) -> int:
+    def shake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
         """Take one step of a handshake by the clock; return what `step` returns, its units."""
         began = self.clock()
         units = step()
@@ -169,7 +169,7 @@ class Work:
         if took > self._interval // HANDSHAKE_PART:
             part, interval = duration(self._interval // HANDSHAKE_PART), duration(self._interval)
             why = f"one step took {duration(took)}; handshakes have {part} of the {interval} of a scan"
-            self._say(party.owner, What.LONG_HANDSHAKE, partner, why)
+            self._say(party.owner, EventKind.LONG_HANDSHAKE, partner, why)
         return units
 
 
@@ -203,7 +203,6 @@ class DirectionClaims:
         self._claims: list[Claim] = []
 
     def take(self, claim: Claim) -> Claim | None:
-        """Take this direction, or return the claim that is in the way."""
         for held in self._claims:
             if held is claim:
                 return None
@@ -300,7 +299,6 @@ class ConnectionIds:
         self._holders: dict[int, IdHolder] = {}
 
     def take(self, asking: IdHolder) -> tuple[TakenId, str] | None:
-        """Take the ID, or return how it is taken and by which CONNECT."""
         if asking.description is None:
             return None
         held = self._holders.setdefault(asking.identity, asking)
@@ -400,11 +398,11 @@ class Resources:
     """The resources of one PLC, the work of its scans, and which CONNECTs have bytes on the way."""
 
     def __init__(
-        self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: Work | None = None
+        self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: ScanBudget | None = None
     ) -> None:
         self.queue = queue
         self.buffers = buffers
         self.budget = budget
-        self.work = work or Work()
+        self.work = work or ScanBudget()
         self.connection_ids = ConnectionIds()
         self.unsettled: dict[str, None] = {}

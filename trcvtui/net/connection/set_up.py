@@ -12,8 +12,15 @@ from typing import Final
 from msgspec import Struct
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
-from trcvtui.net.connection.resources import ACCEPT, TURN_AWAY, ConnectionIds, IdHolder, Party, Work
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import (
+    ACCEPT,
+    TURN_AWAY,
+    BudgetShare,
+    ConnectionIds,
+    IdHolder,
+    ScanBudget,
+)
+from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
 
@@ -76,8 +83,8 @@ class SetUp:
         policy: Policy,
         resolve: Callable[[str], int | None],
         connection_ids: ConnectionIds,
-        note: Callable[[What, Endpoint | None, str], None],
-        work: Work,
+        note: Callable[[EventKind, Endpoint | None, str], None],
+        work: ScanBudget,
     ) -> None:
         self.config = config
         self.listener: Handle | None = None
@@ -86,7 +93,7 @@ class SetUp:
         self.remote: Endpoint | None = None
         self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
         self.is_closing = False  # a block is still showing that it closes the endpoint
-        self._clients = Party(work, config.name, What.CLIENTS_WAIT)
+        self._clients = BudgetShare(work, config.name, EventKind.CLIENTS_WAIT)
         self._holder = IdHolder(config)
         self._connection_ids = connection_ids
         self._kernel = kernel
@@ -145,7 +152,7 @@ class SetUp:
         assert self.attempt is not None
         if self.config.keep_alive_limited and not self._has_told_limit:
             self._has_told_limit = True
-            self._note(What.OPTION_LIMITED, None, self.config.keep_alive_limited)
+            self._note(EventKind.OPTION_LIMITED, None, self.config.keep_alive_limited)
         self._set_options(self.attempt)
         return self._bind(self.attempt) or (
             self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
@@ -192,7 +199,7 @@ class SetUp:
         self.local = self._kernel.local_end(handle)
         if self.local is not None:
             self._kept_port = self.local.port  # LocalPort 0 keeps the port it got until STOP
-        self._note(What.LISTENING, None, "")
+        self._note(EventKind.LISTENING, None, "")
         return None
 
     def _connect(self, handle: Handle, now: int) -> StepFault | None:
@@ -203,7 +210,7 @@ class SetUp:
         self._deadline = now + self._policy.attempt_limit_ns
         # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
         self._verdict = self._start_connect(handle)
-        self._note(What.CONNECTING, self.remote, "")
+        self._note(EventKind.CONNECTING, self.remote, "")
         return None
 
     def _start_connect(self, handle: Handle) -> Fault | None:
@@ -259,7 +266,7 @@ class SetUp:
             return client
         got = self._accept_any()
         while isinstance(got, Accepted) and self._is_wrong_partner(got.peer):
-            self.turn_away(got, What.WRONG_PARTNER)
+            self.turn_away(got, EventKind.WRONG_PARTNER)
             got = self._accept_any()
         return got
 
@@ -285,7 +292,7 @@ class SetUp:
             return True
         return bool(self._policy.check_remote_port and port and port != peer.port)
 
-    def turn_away(self, client: Accepted, what: What) -> None:
+    def turn_away(self, client: Accepted, what: EventKind) -> None:
         """Reset a client at once; its bytes never reach DATA."""
         self._clients.spend(TURN_AWAY)
         self._kernel.abort(client.handle)
@@ -304,10 +311,9 @@ class SetUp:
     def _set_options(self, handle: Handle) -> None:
         refused = self._kernel.set_options(handle, self.options())
         if refused:
-            self._note(What.OPTION_REFUSED, None, ", ".join(refused))
+            self._note(EventKind.OPTION_REFUSED, None, ", ".join(refused))
 
     def options(self) -> SocketOptions:
-        """Return the socket options of this CONNECT."""
         return SocketOptions(
             nodelay=self.config.send_delay_opt,
             keep_alive_s=self.config.keep_alive_s,

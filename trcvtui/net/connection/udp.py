@@ -17,7 +17,7 @@ from trcvtui.net.connection.resources import Claim, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
 from trcvtui.net.events import (
     ConnectionEvent,
-    What,
+    EventKind,
 )
 from trcvtui.net.kernel import Accepted, Handle, Kernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
@@ -44,7 +44,6 @@ class UdpSetUp(SetUp):
         return super().judge() or (NO_ADDR if self.needs_addr else None)
 
     def create(self) -> StepFault | None:
-        """Make the socket."""
         made = self._kernel.datagram_socket(self.config.name)
         if isinstance(made, Fault):
             return StepFault(SetUpStage.SOCKET, made)
@@ -86,7 +85,6 @@ class UdpSetUp(SetUp):
         return self.free_attempt()
 
     def free_attempt(self) -> Fault | None:
-        """Free the socket of an attempt."""
         if self.attempt is None:
             return None
         handle, self.attempt = self.attempt, None
@@ -144,7 +142,7 @@ class UdpEndpoint(Connection):
 
     def _become_connected(self, got: Accepted) -> None:
         self._begin_incarnation(got.handle, None)
-        self._note(What.LISTENING, detail="UDP")
+        self._note(EventKind.LISTENING, detail="UDP")
 
     def close(self) -> Fault | None:
         """Free the socket of a UDP_CONFIG, and what waits in it; return the first call that failed."""
@@ -153,7 +151,7 @@ class UdpEndpoint(Connection):
             return None
         removed = self._kernel.poll_del(self.handle)
         freed = self._kernel.close(self.handle)
-        self._note(What.RELEASED, fault=removed or freed)
+        self._note(EventKind.RELEASED, fault=removed or freed)
         self._end_incarnation(ConnectionLoss(LossKind.OURS, ""), State.CLOSED)
         return removed or freed
 
@@ -217,7 +215,7 @@ class UdpEndpoint(Connection):
         """Free the socket (T_RESET); the next step makes another on the same port."""
         assert self.handle is not None
         fault = self._close_orderly(self.handle)
-        self._note(What.RESET, fault=fault)
+        self._note(EventKind.RESET, fault=fault)
         self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer or "")), State.ESTABLISHING)
         return fault
 
@@ -238,6 +236,5 @@ def connection_of(
     resolve: Callable[[str], int | None],
     write: Callable[[ConnectionEvent], None],
 ) -> Connection:
-    """Return what works for this CONNECT."""
     kind = UdpEndpoint if config.is_datagram else Connection
     return kind(config, kernel, resources, policy, resolve, write)

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Final, Protocol
 
-from trcvtui.net.connection.resources import Party, Work
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import BudgetShare, ScanBudget
+from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import (
     DRAIN_BYTES,
     Accepted,
@@ -73,10 +73,10 @@ class LayerKernel:
         told: Told,
         caught: Caught = raise_it,
         polls: bool = True,
-        work: Work | None = None,
+        work: ScanBudget | None = None,
     ) -> None:
         self.inner = inner
-        self._work = work or Work()
+        self._work = work or ScanBudget()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
         self._told, self._caught = told, caught
@@ -135,11 +135,11 @@ class LayerKernel:
         first = self._work.scan % len(listeners) if listeners else 0
         return listeners[first:] + listeners[:first]
 
-    def _party(self, handle: Handle, settings: LayerSettings) -> Party:
-        return Party(
+    def _party(self, handle: Handle, settings: LayerSettings) -> BudgetShare:
+        return BudgetShare(
             self._work,
             self._owners.get(handle, ""),
-            What.TPDUS_WAIT if settings.is_message_oriented else What.RECORDS_WAIT,
+            EventKind.TPDUS_WAIT if settings.is_message_oriented else EventKind.RECORDS_WAIT,
         )
 
     def _tell(self, handle: Handle, stream: LayeredStream) -> None:
@@ -230,7 +230,7 @@ class LayerKernel:
             fault = self.inner.listen(handle, max(backlog, CLIENTS_QUEUED))
             if fault is not None:
                 return fault
-            party = Party(self._work, self._owners.get(handle, ""), What.CLIENTS_WAIT)
+            party = BudgetShare(self._work, self._owners.get(handle, ""), EventKind.CLIENTS_WAIT)
             joined = SharedListener(self.inner, handle, self._told, self._polls, party, self._caught)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:

@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple, Protocol
 
-from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, Party
-from trcvtui.net.events import What
+from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, BudgetShare
+from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import Accepted, Handle, Kernel
 from trcvtui.net.layer import LayerMessage, LayerSession, LayerSettings
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock
@@ -29,7 +29,13 @@ class LayeredStream:
     """
 
     def __init__(
-        self, kernel: Kernel, handle: Handle, peer: Endpoint, session: LayerSession, since: int, party: Party
+        self,
+        kernel: Kernel,
+        handle: Handle,
+        peer: Endpoint,
+        session: LayerSession,
+        since: int,
+        party: BudgetShare,
     ) -> None:
         self.party = party
         self.is_held_back = False
@@ -78,7 +84,7 @@ class LayeredStream:
             self.party.wait(str(self.peer))
             return False
         if self.session.is_dear and not self.party.work.may_shake():
-            self.party.wait(str(self.peer), What.HANDSHAKES_WAIT)
+            self.party.wait(str(self.peer), EventKind.HANDSHAKES_WAIT)
             return False
         return True
 
@@ -297,7 +303,7 @@ class SharedListener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
     def __init__(
-        self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: Party, caught: Caught
+        self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: BudgetShare, caught: Caught
     ) -> None:
         self.handle = handle
         self._caught, self.has_failed = caught, False

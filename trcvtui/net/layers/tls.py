@@ -82,7 +82,6 @@ class TlsSettings(Credentials, frozen=True):
     shares_port: bool = False
 
     def new(self, is_active: bool) -> LayerSession:
-        """Return a fresh session."""
         return Tls(self, is_active)
 
 

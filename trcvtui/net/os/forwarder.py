@@ -54,7 +54,6 @@ class PollOfSelect:
     modify = register
 
     def unregister(self, fd: int) -> None:
-        """Take fd out."""
         del self._wanted[fd]
 
     def poll(self, timeout: float) -> list[tuple[int, int]]:
@@ -213,11 +212,9 @@ class Forwarder:
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
     def next_number(self) -> int:
-        """Return the number of a new conversation."""
         return next(self._numbers)
 
     def say(self, line: str) -> object:
-        """Say a line to the user."""
         return self._say(line)
 
     # -- who looks on ----------------------------------------------------------------------------------------

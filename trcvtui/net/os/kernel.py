@@ -345,7 +345,6 @@ class OsKernel:
         ]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what lies unread."""
         sock = self._sockets.get(handle)
         return Unread() if sock is None else peek_at(sock, skip, bool(self._ready.get(handle, 0) & GONE))
 

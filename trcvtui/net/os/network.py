@@ -186,7 +186,6 @@ class Questions:
         return WOULD_BLOCK
 
     def forget(self, handle: int) -> None:
-        """End the question of a handle, if there is one."""
         program = self._asked.pop(handle, None)
         if program is not None:
             program.kill()

@@ -35,7 +35,6 @@ class OpenAttempt:
 
     @property
     def is_over(self) -> bool:
-        """Return whether it has come to an end."""
         return self._over.is_set()
 
     def _run(self, make_port: Callable[[], Any]) -> None:
@@ -189,7 +188,6 @@ class OsSerialPort:
         self._port = None
 
     def arrive(self, payload: bytes) -> bool:
-        """Return that the line is a real one."""
         return False
 
     def line_errors(self) -> LineErrors | None:

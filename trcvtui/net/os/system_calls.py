@@ -44,7 +44,6 @@ class PollList:
         self._wanted: dict[int, int] = {}
 
     def register(self, fd: int, mask: int) -> None:
-        """Take fd in; EEXIST when it is in."""
         if fd in self._wanted:
             raise OSError(errno.EEXIST, "already in the poll set")
         self._wanted[fd] = mask
@@ -59,7 +58,6 @@ class PollList:
         return look_at(self._wanted) if self._wanted else []
 
     def close(self) -> None:
-        """Forget all."""
         self._wanted.clear()
 
 
@@ -363,7 +361,6 @@ class CutLinks:
             self._deafen_wires([handle])
 
     def freed(self, handle: int) -> None:
-        """Forget a handle."""
         self._owners.pop(handle, None)
         self._deaf.pop(handle, None)
 

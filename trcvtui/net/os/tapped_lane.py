@@ -53,13 +53,9 @@ class TapLoop(Protocol):
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None: ...
 
-    def say(self, line: str) -> object:
-        """Say a line to the user."""
-        ...
+    def say(self, line: str) -> object: ...
 
-    def next_number(self) -> int:
-        """Return the number of a new conversation."""
-        ...
+    def next_number(self) -> int: ...
 
 
 class TapConversation(Protocol):
@@ -70,13 +66,9 @@ class TapConversation(Protocol):
 
     def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None: ...
 
-    def sender(self, end: TapEnd) -> Callable[[Any], int]:
-        """Return what sends to an end."""
-        ...
+    def sender(self, end: TapEnd) -> Callable[[Any], int]: ...
 
-    def receiver(self, end: TapEnd) -> Callable[[Any], int]:
-        """Return what reads from an end."""
-        ...
+    def receiver(self, end: TapEnd) -> Callable[[Any], int]: ...
 
     def ended(self, lane: TapLane) -> None:
         """Take the FIN of a lane's source."""
@@ -148,7 +140,6 @@ class TapEnd:
             self.loop.want(self.fd, mask)
 
     def close(self, reset: bool = False) -> None:
-        """Close it: with RST, or as it stands."""
         if self.is_open:
             self.is_open = False
             if self.mask >= 0:
@@ -192,11 +183,9 @@ class TapLane:
         return MOST_HELD - self.late_size - (len(self.held) if self.held is not None else 0)
 
     def may_read(self) -> bool:
-        """Return whether the source is to be read."""
         return not self.is_read and (not self.is_over or self.is_deaf) and self.room() > 0
 
     def read(self) -> None:
-        """Read once, and let it go on."""
         room = self.room()
         try:
             size = self.receive(self.loop.buffer if room >= READ else self.loop.buffer[:room])
@@ -280,7 +269,6 @@ class TapLane:
         self.pass_end()
 
     def release(self, held: bytearray) -> None:
-        """Let go on what was held."""
         if held:
             self.take(memoryview(held))
 
@@ -384,7 +372,6 @@ class DatagramLane(TapLane):
         self._sizes: deque[int] = deque()  # of the datagrams that are held
 
     def take(self, data: memoryview) -> None:
-        """Let a datagram go on, or wait."""
         if len(data) > self.room():
             self.talk.tell(TapEventKind.OURS, self.way, f"drop {len(data)} bytes: {BOUNDED}".encode())
             return

@@ -110,7 +110,6 @@ class SimDatagrams(SimSocket):
 
     @property
     def is_readable(self) -> bool:
-        """Return whether a datagram waits."""
         return bool(self._queue)
 
     @property
@@ -347,7 +346,6 @@ class SimKernel:
     # -- set-up --------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        """Make a TCP socket."""
         return self._keep(SimSocket(self._wire, owner))
 
     def _keep(self, socket: SimSocket) -> Handle:
@@ -358,7 +356,6 @@ class SimKernel:
         return handle
 
     def set_reuse(self, handle: Handle) -> Fault | None:
-        """Set SO_REUSEADDR."""
         socket = self._sockets.get(handle)
         if socket is None:
             return Fault("set_reuse", "EBADF")
@@ -457,7 +454,6 @@ class SimKernel:
         return Fault("send", got) if isinstance(got, str) else got
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket."""
         return self._keep(SimDatagrams(self._datagrams, owner))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
@@ -468,7 +464,6 @@ class SimKernel:
         return _fault("send", socket.send_to(data, end)) or len(data)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram."""
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK

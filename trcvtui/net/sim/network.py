@@ -24,7 +24,7 @@ from trcvtui.net.sim.stream import (
     Tuning,
     nobody_looks,
 )
-from trcvtui.net.sim.timers import MS, SECOND, Agenda, Ticket
+from trcvtui.net.sim.timers import MS, SECOND, Ticket, TimerQueue
 
 FIRST_FREE: Final = 32768
 LAST_FREE: Final = 60999
@@ -122,7 +122,7 @@ class SimWire:
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
         self.ports = PortTable()
-        self.agenda = Agenda()
+        self.agenda = TimerQueue()
         self._latency = latency
         self.played: dict[str, list[SimStream]] = {}  # owner -> calls that nobody answers by himself
         self._down: dict[str, None] = {}
@@ -137,11 +137,9 @@ class SimWire:
         return self.agenda.now
 
     def at(self, due: int, act: Callable[[], None]) -> Ticket:
-        """Do act at the time due."""
         return self.agenda.at(due, act)
 
     def cancel(self, ticket: Ticket | None) -> None:
-        """Take a ticket back."""
         self.agenda.cancel(ticket)
 
     # -- links ---------------------------------------------------------------------------------------
@@ -158,7 +156,6 @@ class SimWire:
         return not self._down or not (one in self._down or other in self._down)
 
     def owns(self, address: str) -> bool:
-        """Return whether the address is one of this machine."""
         return is_loopback(address) or address in self.addresses
 
     # -- segments ------------------------------------------------------------------------------------
@@ -368,7 +365,6 @@ class SimSocket:
         self.changed: Callable[[], None] = nobody_looks
 
     def watched_by(self, changed: Callable[[], None]) -> None:
-        """Tell every change of readiness to changed."""
         self.changed = changed
         if self.stream is not None:
             self.stream.changed = changed

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
-from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
+from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerResult
 
 # Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and sending
 # again goes back to the first unacknowledged byte.
@@ -397,7 +397,6 @@ class SimStream:
             self._end_ticket = self._wire.at(self._wire.now + ORPHAN_LIFE, self.abort)
 
     def abort(self) -> None:
-        """Let go with RST."""
         self.held = False
         was_open = self.phase is StreamPhase.OPEN
         if self.phase is not StreamPhase.OVER:
@@ -458,7 +457,6 @@ class SimStream:
     # -- what arrives --------------------------------------------------------------------------------
 
     def arrive(self, segment: Segment) -> None:
-        """Take one segment from the partner."""
         if self.phase is StreamPhase.SYN_SENT:
             self._arrive_connecting(segment)
         elif segment.flags & Flag.RST:
@@ -571,7 +569,7 @@ class SimStream:
         self._retry_ticket = None
         probing, tuning = not self._out.is_in_flight, self.tuning
         verdict = self._retry.strike(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
-        if verdict is TimerVerdict.DEAD:
+        if verdict is TimerResult.DEAD:
             self.give_up("ETIMEDOUT")
         elif probing:
             self._carry(Flag.PROBE)
@@ -592,9 +590,9 @@ class SimStream:
         busy, limit = self._out.is_waiting, self.tuning.user_timeout
         verdict = self._alive.strike(self._wire.now, self.heard, busy, limit)
         self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
-        if verdict is TimerVerdict.DEAD:
+        if verdict is TimerResult.DEAD:
             self.give_up("ETIMEDOUT")
-        elif verdict is TimerVerdict.ASK:
+        elif verdict is TimerResult.ASK:
             self._carry(Flag.PROBE)
 
     def fall_silent(self) -> None:

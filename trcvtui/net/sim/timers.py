@@ -31,7 +31,7 @@ class Ticket:
         self.act: Callable[[], None] | None = act
 
 
-class Agenda:
+class TimerQueue:
     """What is due when, in the order of time and, at the same time, of entering."""
 
     def __init__(self) -> None:
@@ -41,7 +41,6 @@ class Agenda:
         self._cancelled = 0
 
     def at(self, due: int, act: Callable[[], None]) -> Ticket:
-        """Do act at the time due."""
         ticket = Ticket(act)
         self._entered += 1
         heapq.heappush(self._heap, (due, self._entered, ticket))
@@ -83,7 +82,7 @@ class Agenda:
         return len(self._heap)
 
 
-class TimerVerdict(Enum):
+class TimerResult(Enum):
     """What a clock says when it strikes."""
 
     WAIT = "wait"
@@ -102,23 +101,23 @@ class KeepAlive:
         self._probes = 0
         self._asked_at = 0
 
-    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerVerdict:
+    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
         """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
         silent = now - heard
         if heard >= self._asked_at:
             self._probes = 0
         self.due = now + self.interval
         if busy:
-            return TimerVerdict.WAIT
+            return TimerResult.WAIT
         if silent < self.interval:
             self.due = heard + self.interval
-            return TimerVerdict.WAIT
+            return TimerResult.WAIT
         # A user timeout takes the place of the probe count, and lengthens the time as well.
         if silent >= user_timeout and self._probes > 0 if user_timeout else self._probes >= KEEP_ALIVE_PROBES:
-            return TimerVerdict.DEAD
+            return TimerResult.DEAD
         self._probes += 1
         self._asked_at = now
-        return TimerVerdict.ASK
+        return TimerResult.ASK
 
 
 class Retry:
@@ -146,18 +145,18 @@ class Retry:
         """Note that the partner lives, though its window stays closed."""
         self._unanswered = 0
 
-    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerVerdict:
+    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
         """Decide at `due`, and set the next one; probing = the window is closed and nothing is in flight."""
         if self._since is None and (probing or self._tries > 0):
             self._since = now
         if self._is_over(now, user_timeout):
-            return TimerVerdict.DEAD
+            return TimerResult.DEAD
         self._tries += 1
         self._unanswered += 1
         self.due = now + self._wait(longest)
         if user_timeout and self._since is not None:
             self.due = min(self.due, self._since + user_timeout)
-        return TimerVerdict.ASK
+        return TimerResult.ASK
 
     def _is_over(self, now: int, user_timeout: int) -> bool:
         if user_timeout:

@@ -80,7 +80,6 @@ class FleetHead(WordLine):
         self.shown: list[FleetLine] = []
 
     def pieces(self) -> list[HeaderWord]:
-        """Return all words."""
         reader, shows = self._reader, [line.shows for line in self.shown]
         pieces = [
             HeaderWord("trcvtui fleet", "dim", 60),
@@ -137,7 +136,6 @@ class FleetScreen(Screen[None]):
         return clock.wall_ns() / NS
 
     def compose(self) -> Iterator[Widget]:
-        """Compose everything."""
         yield self.head
         yield self.filter
         with self._frame:
@@ -147,7 +145,6 @@ class FleetScreen(Screen[None]):
         yield self.key_line
 
     def on_mount(self) -> None:
-        """Begin in the list."""
         self.set_focus(self.table)
         self.follow(clock.now_ns())
 
@@ -170,7 +167,6 @@ class FleetScreen(Screen[None]):
         return True
 
     def order(self) -> None:
-        """Make the list."""
         wall = self.wall()
         ordered = self._reader.fleet.ordered(wall)
         self.head.shown = ordered
@@ -230,7 +226,6 @@ class FleetScreen(Screen[None]):
         self.table.action_open()
 
     def action_help(self) -> None:
-        """Open the help."""
         self.app.push_screen(FleetHelpScreen())
 
     async def on_key_clicked(self, message: KeyClicked) -> None:

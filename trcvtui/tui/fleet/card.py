@@ -151,7 +151,6 @@ class FleetCardScreen(ListDialog[None]):
         super().__init__(self.card, None)
 
     def on_mount(self) -> None:
-        """Show it."""
         self.draw()
 
     def draw(self) -> None:

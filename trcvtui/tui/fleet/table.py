@@ -69,7 +69,6 @@ class FleetHeads(OneLine):
         super().__init__(id="fleet-heads")
 
     def line(self) -> Row:
-        """Return the names."""
         columns = columns_of(self.line_width - 1)
         names = [
             pad("   site/agent/line", columns.name + 4),
@@ -123,7 +122,6 @@ class FleetTable(LineView, inherit_bindings=False):
         self.show()
 
     def row_count(self) -> int:
-        """Return the number of rows."""
         return len(self.entries) or len(self.nothing)
 
     def row_at(self, y: int) -> Row:

@@ -44,7 +44,6 @@ class ChoiceField(TypedField):
         self._choices = choices
 
     async def action_submit(self) -> None:
-        """Take the form."""
         cast("AddScreen", self.screen).take()
 
     async def follow(self) -> None:
@@ -209,7 +208,6 @@ class ChangeScreen(AddScreen):
 
     @property
     def name_of_part(self) -> str:
-        """Return the name, which stays."""
         return self._part.name
 
     @property

@@ -83,7 +83,6 @@ def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
 
 
 def text_of(value: KeyValue) -> str:
-    """Return a value as it stands in a field."""
     if isinstance(value, list):
         return " ".join(value)
     return str(value).lower() if isinstance(value, bool) else str(value)

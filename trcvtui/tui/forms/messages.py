@@ -68,7 +68,6 @@ class MessageList(LineView):
         return max(1, len(self._entries))
 
     def row_at(self, y: int) -> Row:
-        """Return one entry."""
         if not self._entries:
             return row((EMPTY_LIBRARY, "dim")) if y == 0 else EMPTY
         entry, is_chosen = self._entries[y], y == self.cursor
@@ -131,7 +130,6 @@ class MemberField(TypedField):
         self.leaf = leaf
 
     async def action_submit(self) -> None:
-        """Take the form."""
         cast("UdtForm", self.screen).take()
 
     @property

@@ -6,5 +6,4 @@ LAB, UDT = "lab", "udt"
 
 
 def is_for_lab(line: str) -> bool:
-    """Return whether the lab obeys this line."""
     return line.strip().partition(" ")[0] in (LAB, UDT)

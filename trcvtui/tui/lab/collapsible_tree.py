@@ -51,12 +51,10 @@ class TreeRow(NamedTuple):
 
     @property
     def is_gap(self) -> bool:
-        """Return whether it is padding."""
         return self.type is None
 
     @property
     def type_text(self) -> str:
-        """Return the declared type."""
         return type_text(self.type) if self.type is not None else ""
 
 

@@ -61,7 +61,6 @@ class TypeFiles:
 
     @property
     def unknown_constants(self) -> tuple[str, ...]:
-        """Return the names of constants to ask for."""
         return self.types.unknown_constants
 
     def look(self) -> bool:
@@ -241,7 +240,6 @@ class LabBytes:
 
     @property
     def evidence_name(self) -> str:
-        """Return what they are called."""
         if not self._has_messages():
             return self.name
         return count(min(MOST_MESSAGES, len(self.messages())), "message")
@@ -301,7 +299,6 @@ class Lab:
 
     @property
     def files(self) -> TypeFiles:
-        """Return where the types come from."""
         return self.opened or self._own
 
     @property
@@ -501,7 +498,6 @@ class Lab:
 
     @property
     def judgement(self) -> str:
-        """Return what the ranking says."""
         if not self.fitted:
             return ""
         if not self.fits:
@@ -510,7 +506,6 @@ class Lab:
 
 
 def profile_of(rules: LayoutRules) -> Profile:
-    """Return the profile of a layout's rules."""
     return Profile(rules.name, rules.byte_order, rules.text.name)
 
 

@@ -30,7 +30,6 @@ class Cure(NamedTuple):
 
     @property
     def source(self) -> str:
-        """Return everything as one text."""
         return "\n".join([*(f"// {line}" for line in self.comments), self.text.rstrip("\n")]) + "\n"
 
 

@@ -36,7 +36,6 @@ class ProblemsScreen(ResultScreen):
 
 
 def problem_rows(problems: Sequence[str], width: int) -> list[Row]:
-    """Return the problems line by line."""
     return [
         row(("  " if number else "✗ ", "error"), (line, ""))
         for problem in problems
@@ -56,7 +55,6 @@ class NumberField(TypedField):
         self.constant = name
 
     async def action_submit(self) -> None:
-        """Go on in the form."""
         cast("ConstantsForm", self.screen).go_on(self)
 
     @property
@@ -81,7 +79,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
         self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose a line a constant."""
         with Vertical(id="form") as form:
             form.border_title = clip(f"Constants that {plain(self._where)} uses", 66)
             form.border_subtitle = "tab field · enter take · esc leave"
@@ -256,11 +253,9 @@ class FitList(LineView):
         return [(line, number) for line in lines]
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return len(self._rows)
 
     def row_at(self, y: int) -> Row:
-        """Return one line."""
         return self._rows[y][0] if y < len(self._rows) else EMPTY
 
     def action_move(self, rows: int) -> None:
@@ -340,7 +335,6 @@ class CureText(TextView):
         self._rows += [row((part, "")) for line in source for part in _broken(line, width)]
 
     def next_kind(self) -> None:
-        """Write the next kind of cure."""
         self.kind = KINDS[(KINDS.index(self.kind) + 1) % len(KINDS)]
         self.asked = True
         self.show()

@@ -129,7 +129,6 @@ def types_of(lab: Lab) -> Choice:
 
 
 def layouts_of(lab: Lab, side: str) -> Choice:
-    """Return the layouts that one side may have."""
     rows = [
         (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
         for name, rules in LAYOUTS.items()
@@ -314,7 +313,6 @@ class LabScreen(SideScreen[None]):
     # -- actions ------------------------------------------------------------------------------------
 
     def action_pane(self, digit: int) -> None:
-        """Go to a pane."""
         self._open = digit
         self.arrange_panes()
         self.set_focus(self._panes()[digit])

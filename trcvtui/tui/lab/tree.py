@@ -119,14 +119,11 @@ def columns(width: int, lab: Lab) -> TreeColumns:
 
 
 class ColumnHead(OneLine):
-    """What stands in the columns."""
-
     def __init__(self, lab: Lab) -> None:
         super().__init__(id="lab-columns")
         self._lab = lab
 
     def line(self) -> Row:
-        """Return the heads."""
         width = columns(self.line_width, self._lab)
         text = " " * MARK + pad("member", width.name) + pad("type", width.type)
         offset = "offset " if width.offset > len("offset") else "at "
@@ -170,7 +167,6 @@ class LabTree(LineView):
         super().show()
 
     def row_count(self) -> int:
-        """Return the number of rows."""
         tree = self._lab.tree
         return len(tree.rows) if tree is not None else 0
 

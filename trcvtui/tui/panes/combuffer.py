@@ -191,7 +191,6 @@ class LineFeed(LineView):
 
     @property
     def names(self) -> list[str]:
-        """Return the lines that can be fed."""
         return [
             b.name
             for b in self._view_model.project.combuffers

@@ -39,7 +39,6 @@ class Splits:
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Return the places in order."""
         return tuple(sorted(self.pauses))
 
     def toggled(self, place: int) -> Splits:
@@ -178,7 +177,6 @@ class SplitsLine(LineView):
         self.show()
 
     def action_cut(self) -> None:
-        """Cut here, or join what is cut here."""
         if len(self.payload) > 1:
             self._changed(self.cuts.toggled(self.place))
 
@@ -346,7 +344,6 @@ class Composer(Vertical):
 
     @property
     def text(self) -> str:
-        """Return the payload as it stands."""
         return self._payload.value
 
     def _without_options(self) -> str:
@@ -377,7 +374,6 @@ class Composer(Vertical):
         self.judge()
 
     def edit(self) -> None:
-        """Go to the payload."""
         self.screen.set_focus(self._payload)
 
     # -- the mode -----------------------------------------------------------------------------------

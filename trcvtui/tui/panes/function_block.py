@@ -298,7 +298,6 @@ class FunctionBlock(LineView):
         return self.drawing().height + 2 + max(5, len(self._told))
 
     def row_at(self, y: int) -> Row:
-        """Return one line of the drawing."""
         drawing = self.drawing()
         left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
         if y == 0:

@@ -76,7 +76,6 @@ class InstanceList(LineView):
         self._keep_selected_in_view()
 
     def row_count(self) -> int:
-        """Return the number of instances that are listed."""
         if self._words:
             return max(1, len(self._listed))
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_BENCH)

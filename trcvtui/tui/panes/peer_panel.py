@@ -54,7 +54,6 @@ class PeerList(LineView):
         self._view_model = view_model
 
     def row_count(self) -> int:
-        """Return the number of peers."""
         return max(1, len(self._view_model.project.peers))
 
     def row_at(self, y: int) -> Row:
@@ -165,11 +164,9 @@ class PeerNotes(LineView, can_focus=False):
         self._view_model = view_model
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return len(self._rows())
 
     def row_at(self, y: int) -> Row:
-        """Return one line."""
         rows = self._rows()
         return rows[y] if y < len(rows) else EMPTY
 
@@ -239,7 +236,6 @@ class PeerPanel(Vertical):
         self._speaks = bool(view_model.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
-        """Compose the pane."""
         yield self.lines
         yield self.peers
         yield self.talks
@@ -418,7 +414,6 @@ class PeerPanel(Vertical):
         return len(self._view_model.project.peers) == 1 and not harms
 
     def action_button(self, letter: str) -> None:
-        """Press the button of this letter."""
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
         if button is not None and not self._nobody():
             self._do(button)
@@ -485,7 +480,6 @@ class PeerPanel(Vertical):
             self._show_preview()
 
     def action_payload(self) -> None:
-        """Edit the payload."""
         if self._nobody():
             return
         self.composer.edit()

@@ -146,7 +146,6 @@ class StatusHistory(LineView):
         self._actions.open_prompt("find ")
 
     def action_now(self) -> None:
-        """Go back to the present."""
         self._choose(-1)
 
     def on_click(self, event: events.Click) -> None:
@@ -178,7 +177,6 @@ class StatusHistory(LineView):
         self.scroll_to(y=0, animate=False)
 
     def chosen(self) -> Line | None:
-        """Return the chosen edge."""
         return next((line for line in self._edges if line.seq == self._chosen), None)
 
 
@@ -241,11 +239,9 @@ class StatusCard(LineView):
         super().show()
 
     def row_count(self) -> int:
-        """Return the number of lines of the card."""
         return len(self._rows)
 
     def row_at(self, y: int) -> Row:
-        """Return one line of the card."""
         return self._rows[y] if y < len(self._rows) else EMPTY
 
     def _card(self) -> list[Row]:

@@ -105,7 +105,6 @@ def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]
 
 
 def span_at(spans: Sequence[Span], position: int) -> Span | None:
-    """Return the span that holds a position."""
     return next(iter(spans_within(spans, position, position + 1)), None)
 
 
@@ -327,7 +326,6 @@ class StreamView(LineView):
         self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
-        """Mark what is looked for."""
         self.patterns = patterns
         self._matched = frozenset(self._matches())
         self.show()
@@ -382,7 +380,6 @@ class StreamView(LineView):
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return -(-(self.window.end - self._base) // self.per_row) * self.lines
 
     def _top(self) -> int:

@@ -81,7 +81,6 @@ class TimingView:
             self._first = column - self._count + 1 + margin
 
     def page(self, pages: int, until: int) -> None:
-        """Go a whole view on or back."""
         here = until if self.cursor is None else self.cursor
         self.go_to(here + pages * self._count * self.zoom, until)
 
@@ -241,7 +240,6 @@ class Timing(LineView):
 
     @property
     def waves(self) -> list[Waveform]:
-        """Return the waves that are drawn."""
         return [self._view_model.waves.of(name) for name in self._view_model.drawn_waves]
 
     @property
@@ -347,7 +345,6 @@ class Timing(LineView):
         return self._until if self.view.cursor is None else self.view.cursor
 
     def action_step(self, scans: int) -> None:
-        """Go scan by scan."""
         self.go_to(self._here + scans)
 
     def action_any_edge(self, direction: int) -> None:
@@ -365,7 +362,6 @@ class Timing(LineView):
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
-        """Ask for the code to search."""
         self._actions.open_prompt(f"find {self._last_code}")
 
     def find(self, status: int) -> None:
@@ -418,7 +414,6 @@ class Timing(LineView):
         self.show()
 
     def action_now(self) -> None:
-        """Go back to the present."""
         self._note = ""
         self.view.now()
         self.view.markers = []
@@ -456,7 +451,6 @@ class Timing(LineView):
         self.go_to(edge if edge is not None and edge <= last else first)
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Zoom in."""
         event.stop()
         event.prevent_default()
         self.action_zoom_in(1)

@@ -115,7 +115,6 @@ class UdtTable(LineView):
         return declared.layout.leaf_count if declared else 0
 
     def row_at(self, y: int) -> Row:
-        """Return one member."""
         if not self._page[0] <= y < self._page[1] or self._view_model.declaration is not self._declared:
             self._decode(self._view_model.declaration)
         index = y - self._page[0]

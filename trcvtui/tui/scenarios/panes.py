@@ -69,7 +69,6 @@ class ScenarioListModel:
 
     @property
     def chosen_file(self) -> ScenarioFile | None:
-        """Return what the chosen file says."""
         said = self.file(self.chosen)
         if said is None and self._keep_a_choice():
             return self.chosen_file
@@ -176,7 +175,6 @@ class ScenarioList(LineView, inherit_bindings=False):
             self.keep_in_view(y - 1 if y == 1 else y)
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return max(1, len(self._rows))
 
     def row_at(self, y: int) -> Row:

@@ -252,7 +252,6 @@ class ScenariosScreen(SideScreen[Path | None]):
     # -- actions ------------------------------------------------------------------------------------
 
     def action_pane(self, digit: int) -> None:
-        """Go to a pane."""
         panes: dict[int, Widget] = {
             LIST: self.list,
             STEPS: self.text,
@@ -366,7 +365,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.dismiss(self._model.chosen)
 
     def palette_rows(self) -> Iterator[Command]:
-        """Yield what can be done here, for the palette."""
         yield "Load the scenario", "on a fresh bench · key enter", "load"
         yield "Next step", "key n", "step"
         yield "Run to the end", "key r", "run"

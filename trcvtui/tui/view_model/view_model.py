@@ -12,7 +12,7 @@ from functools import partial
 from itertools import takewhile
 from typing import Final, NamedTuple
 
-from trcvtui.commands.snapshots import BESIDE, Answer, ConversationSnapshot, Fired, PeerSnapshot
+from trcvtui.commands.snapshots import BESIDE, Answer, ConversationSnapshot, PeerSnapshot, TriggerEvent
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import HistoryRequest, HistoryWindow
@@ -151,7 +151,7 @@ class ViewModel:
         self._take_project(project)
         self.answers: dict[int, Answer] = {}
         self.live: BenchUpdate | None = None  # the newest picture, also while an older one is shown
-        self.fired: Fired | None = None  # the trigger that froze the view
+        self.fired: TriggerEvent | None = None  # the trigger that froze the view
         self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
         self.bench = 0  # the number of the bench that all of this is about
         self._left: int | None = None

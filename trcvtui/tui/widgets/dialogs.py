@@ -37,8 +37,6 @@ class Dialog(ModalScreen[Answered], Generic[Answered]):
 
 
 class ListDialog(Dialog[Answered], Generic[Answered]):
-    """One list or text."""
-
     BINDINGS: ClassVar = [Binding("q", "leave", show=False)]
     DEFAULT_CSS = "ListDialog LineView { max-width: 100%; border: round $border; padding: 0 1; }"
 
@@ -73,7 +71,6 @@ class ResultScreen(ListDialog[None]):
         super().__init__(self.text, None)
 
     def show(self) -> None:
-        """Show the result as it is now."""
         if self.is_mounted:
             self.text.draw()
 
@@ -83,7 +80,6 @@ class ResultScreen(ListDialog[None]):
 
 
 def text_rows(text: str, width: int) -> list[Row]:
-    """Return the lines of a text, each broken for a width."""
     return [row((part, "")) for line in text.splitlines() for part in wrapped(line, width)]
 
 
@@ -131,7 +127,6 @@ class ChoiceList(LineView, inherit_bindings=False):
         return listed[self.cursor][0] if self.cursor < len(listed) else None
 
     def row_count(self) -> int:
-        """Return the number of choices."""
         return len(self.listed)
 
     def row_at(self, y: int) -> Row:

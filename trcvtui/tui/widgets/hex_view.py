@@ -163,7 +163,6 @@ class HexView(LineView):
         self.show()
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
-        """Mark what is looked for."""
         self.patterns = patterns
         self.show()
 
@@ -202,7 +201,6 @@ class HexView(LineView):
     # -- drawing ------------------------------------------------------------------------------------
 
     def row_count(self) -> int:
-        """Return the number of lines."""
         return max(self.rows_kept, -(-self.need // self.per_row) * self.lines)
 
     def row_at(self, y: int) -> Row:
@@ -307,7 +305,6 @@ class HexView(LineView):
             self._select(max(0, min(self.need - 1, here + count)))
 
     def action_move(self, rows: int) -> None:
-        """Move the cursor by lines."""
         here = self.cursor or 0
         target = here + rows * self.per_row
         if self.cursor is None or 0 <= target < self.need:

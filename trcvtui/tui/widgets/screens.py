@@ -45,7 +45,6 @@ class FullScreen(Screen[Result], Generic[Result]):
         await self.run_action(message.action)
 
     def action_help(self) -> None:
-        """Open the help."""
         from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
 
         self.app.push_screen(HelpScreen(self._view_model, self.focused))
@@ -90,7 +89,6 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         return number is not None
 
     def answers(self) -> Iterator[Answer]:
-        """Yield the answers to what was said here, each once."""
         for number, answer in self._view_model.answers.items():
             if number in self._asked:
                 self._asked.discard(number)
@@ -102,7 +100,6 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
 
     def palette_rows(self) -> Iterator[Command]:
-        """Yield what can be done here, for the palette."""
         raise NotImplementedError
 
     def commands(self) -> Iterator[SystemCommand]:

@@ -194,7 +194,6 @@ class FilterLine(TypedLine):
         self._narrow("")
 
     def close(self) -> None:
-        """Close the line; what stands in it now is the filter."""
         self._narrow(self._input.value)
         self.end()
 

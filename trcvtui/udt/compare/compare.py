@@ -191,7 +191,6 @@ class Comparison:
         return ComparedLeaf(leaf, *self._forms[key], value_text(leaf, value, raw))
 
     def summary(self, rows: Iterable[ComparedRow]) -> Summary:
-        """Return the summary of all rows."""
         differing = [row for row in rows if row.differs]
         cells = [cell for row in differing for cell in (row.ours, row.theirs) if cell]
         first = min((cell.leaf.offset for cell in cells), default=None)

@@ -342,6 +342,5 @@ def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, i
 
 
 def told(found: PaddedType) -> list[str]:
-    """Return what is to be said about a padded type, one line each."""
     lines = [f"{one.path or type_text(found.type)}: not reached: {one.why}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

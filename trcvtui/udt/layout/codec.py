@@ -29,7 +29,6 @@ class Codec:
         self._unpack = struct.Struct("".join(parts)).unpack_from
 
     def read(self, data: Data) -> Values:
-        """Return the values of all leaves."""
         raw = self._unpack(data)
         if not self._conversions:
             return raw

@@ -158,7 +158,6 @@ class Profile(NamedTuple):
         return rules_for(self.layout, self.byte_order, self.text or None)
 
     def __str__(self) -> str:
-        """Return the profile as a person names it."""
         return f"{self.layout}, {self.byte_order}-endian" + (f", STRING {self.text}" if self.text else "")
 
 

@@ -100,7 +100,6 @@ class LayoutRules:
     text_forms: tuple[str, ...] = ("nul",)
 
     def row(self, type_: Elementary) -> Elementary:
-        """Return the elementary type as this layout stores it."""
         for row in self.rows:
             if row.name == type_.name:
                 return row
@@ -175,7 +174,6 @@ LAYOUT_ALIASES = {"cap4": "baosky", "c": "codesys-8"}
 
 
 def layout_names() -> list[str]:
-    """Return the name of every layout, with the other names that some have."""
     return [*LAYOUTS, *LAYOUT_ALIASES]
 
 
@@ -236,7 +234,6 @@ NO_CHOICE: Final = LayoutChoice()
 
 
 def choice_text(value: str | int | bool) -> str:
-    """Return the value of a choice as a line has it."""
     return ("yes" if value else "no") if isinstance(value, bool) else str(value)
 
 

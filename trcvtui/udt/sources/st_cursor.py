@@ -105,7 +105,6 @@ class Source:
         return bisect_right(self.lines, place)
 
     def refusal(self, token: StToken, expected: str) -> UserError:
-        """Return the UserError of a token that the grammar does not take."""
         found = "the end of the text" if token.shape is Shape.END else f"'{token.text[:40]}'"
         if token.shape is Shape.UNCLOSED:
             found, expected = f"{found} without an end", f"'{ENDS_OF[token.text]}'"
@@ -184,7 +183,6 @@ class Cursor:
         return self.token.upper in texts
 
     def advance(self) -> StToken:
-        """Return the token and go after it."""
         token = self.token
         if token.shape is not Shape.END:
             self.at += 1

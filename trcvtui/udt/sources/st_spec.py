@@ -178,7 +178,6 @@ class SpecParser(Cursor):
         return self.is_name(1) and self.tokens[self.at + 2].text != "#"
 
     def brackets(self) -> None:
-        """Skip brackets and what is in them."""
         depth = 0
         while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
             symbol = self.advance().text

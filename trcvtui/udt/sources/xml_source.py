@@ -45,11 +45,9 @@ class Element:
 
     @property
     def text(self) -> str:
-        """Return the text that stands directly in the element."""
         return "".join(self.pieces)
 
     def get(self, attribute: str) -> str:
-        """Return an attribute, empty when it is not there."""
         return self.attributes.get(attribute, "")
 
     def needed(self, attribute: str) -> str:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.commands.table import parse_line, to_line
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
@@ -235,17 +234,3 @@ def test_the_lines_work_in_a_scenario_and_a_saved_session_plays_them_again(
     assert run_files([scenario], "sim", "text", None, []) == 0, capsys.readouterr().out
     commands = [step.command for step in load_scenario(scenario).steps]
     assert {"Change", "Remove", "Undo"} <= {type(command).__name__ for command in commands}
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "set connect C1 LocalPort=2500",
-        "set data rx ARRAY[0..9] OF BYTE",
-        "remove peer P1",
-        "set instance R1 data=rx",
-    ],
-)
-def test_a_line_is_the_command_again(desk: Desk, line: str) -> None:
-    command = parse_line(line, desk.console.bench.project, "line")
-    assert command is not None and to_line(command) == line

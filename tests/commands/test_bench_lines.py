@@ -173,37 +173,6 @@ def test_every_command_has_a_line() -> None:
     assert set(rows) == set(words.BenchCommand.__args__)
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "write rx.speed 12.5",
-        "write rx {id=1, name='a b'}",
-        'peer P1 send text "abc\\r\\n" split=1,2 gap=T#20ms repeat=10 every=T#50ms',
-        "peer P1 send udt Telegram {speed=1.5}",
-        "peer P1 send file x.bin",
-        "peer P1 send random 100 seed=1",
-        "peer P1 send hex 01 {n:2:big} 03 {crc16-modbus} split=1,2 gap=T#20ms,T#50ms",
-        "peer P1 send udt Telegram {id=1} n=4:4:big crc32=8:little",
-        'peer P1 reply on contains hex 05 0D send text "no {n:3}" gap=T#5ms',
-        "peer P1 reply on field Telegram.pts[1].y = 7 send udt Telegram {id=1}",
-        "peer P1 reply off 2",
-        "peer P1 send message hello",
-        "peer P1 play start_up",
-        "peer P1 try-splits udt Telegram {id=1} on X gap=T#50ms differ=any",
-        'expect peer P1 received text "ok" within T#1s',
-        "wait rx hex 01 02 within T#3s",
-        "set X CONT=1 EN_R=blink",
-        "resize rx ARRAY[0..9] OF BYTE",
-        "create TSEND_C S connect=C1 data=raw task=MAIN CONT=1",
-        "expect X STATUS=0001 DONE=0",
-        "fault bind EADDRINUSE on C1 nth=2 times=forever",
-    ],
-)
-def test_a_line_comes_back_as_the_user_wrote_it(project: Project, line: str) -> None:
-    command = parse_line(line, project, "w")
-    assert command is not None and to_line(command) == line
-
-
 def test_nan_has_a_line(project: Project) -> None:
     line = to_line(words.Expect(words.MemberIs("rx", "speed", math.nan)))
     command = parse_line(line, project, "w")

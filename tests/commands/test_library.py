@@ -54,22 +54,6 @@ def test_a_sequence_keeps_its_pauses(project: Project) -> None:
     assert gone == [(0, b"he"), (20, b"llo"), (120, b"\x01\x00\x00")]
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("peer P1 send message", "w: found nothing more, expected the name of a message"),
-        ("peer P1 send message helo", "w: found 'helo', expected hello"),
-        ("peer P1 send message hello twice", "w: found 'twice', expected the end of the command"),
-        ("peer P1 play", "w: found nothing more, expected the name of a sequence"),
-        ("peer P1 play startup", "w: found 'startup', expected start_up"),
-    ],
-)
-def test_a_wrong_name_is_one_line(project: Project, line: str, expected: str) -> None:
-    with pytest.raises(UserError) as caught:
-        parse_line(line, project, "w")
-    assert caught.value.lines() == [expected]
-
-
 HEAD = 'dialect = "baosky"\n[[connect]]\nname = "C1"\n[[peer]]\nname = "P1"\nremote = "@C1"\n'
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
+from tests import golden
 from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.errors import UserError
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 
@@ -100,24 +98,8 @@ def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
     assert command is not None and to_line(command) == lines[0]
 
 
-MISTAKES = [
-    ("add combuffer", "w: found nothing more, expected a name for the new combuffer"),
-    ("add combuffer RX source=TT", "w: combuffer RX: source: found 'TT', expected one of sim, serial"),
-    (
-        "add combuffer RX source=serial",
-        "w: combuffer RX: port: found nothing, expected the name of a port, such as /dev/ttyUSB0",
-    ),
-    (
-        "add combuffer C9 size=0",
-        "w: combuffer C9: name: found 'C9', the name of another connect, expected a name of its own",
-    ),
-]
-
-
-@pytest.mark.parametrize(("line", "wrong"), MISTAKES, ids=[line for line, _ in MISTAKES])
-def test_a_mistake_is_one_line(tmp_path: Path, line: str, wrong: str) -> None:
+def test_what_is_no_combuffer_is_refused(tmp_path: Path) -> None:
     console = desk(tmp_path)
     do(console, "add connect C9")
-    with pytest.raises(UserError) as caught:
-        parse_line(line, console.bench.project, "w")
-    assert caught.value.lines()[0] == wrong
+    project = console.bench.project
+    golden.mistakes("lines that add a ComBuffer", lambda line: parse_line(line, project, "w"))

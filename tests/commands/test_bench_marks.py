@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests import golden
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line, to_line
@@ -30,20 +31,10 @@ def test_the_bytes_and_their_number_are_there_in_the_next_scan() -> None:
     bench.close()
 
 
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [
-        ("prefix RX hex 02", "x: found 'RX', expected RD"),
-        ("suffix RD hex 01 02 03 04 05", "x: found 5 bytes, expected at most 4: 'suffix' is ARRAY"),
-        ("prefix RD", "x: found nothing more, expected hex, text, udt, file or random"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_a_mark_is_told_in_one_line(line: str, told: str) -> None:
-    with pytest.raises(UserError) as wrong:
-        parse_line(line, PROJECT, "x")
-    assert wrong.value.lines()[0].startswith(told)
-
-
 def test_a_pointer_that_is_0_has_no_mark() -> None:
     with pytest.raises(UserError, match="pPrefix of 'RD', which is 0"):
         parse_line("prefix RD hex 02", load_project(CONFIGS / "twincat-stream.toml"), "x")
+
+
+def test_what_is_no_mark_is_refused() -> None:
+    golden.mistakes("marks", lambda line: parse_line(line, PROJECT, "x"))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from tests import golden
 from tests.bench.bench_project import TELEGRAM, bench_project
 from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import TriggerEvent
 from trcvtui.engine.trigger_watch import read_trigger
-from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -189,28 +189,6 @@ def test_a_fresh_bench_has_no_trigger(tmp_path: Path) -> None:
     assert desk.do("run 1").armed == ""
 
 
-@pytest.mark.parametrize(
-    ("text", "found", "expected"),
-    [
-        ("", "nothing more", "X STATUS=80C5"),
-        ("X", "'X'", "X STATUS=80C5"),
-        ("Q STATUS=80C5", "'Q'", "X"),
-        ("X STATSU=80C5", "'STATSU'", "STATUS"),
-        ("X STATUS=hello", "STATUS='hello'", "four hex digits"),
-        ("X STATUS>7006", "'>' of 'STATUS', a WORD", "= or !="),
-        ("X LEN rises", "'LEN', a ", "a BOOL pin"),
-        ("X RCVD_LEN=", "'X RCVD_LEN='", "X STATUS=80C5"),
-        ("rx.sped > 1", "'.sped'", "a member"),
-        ("rx.speed > fast", "'fast'", ""),
-        ("rx.speed rises", "'speed', which is no BOOL", "a BOOL"),
-        ("rx.name > 'a'", "'>' of a text", "= or !="),
-        ("rx > 1", "not one value", "the path of one"),
-        ("X STATUS=80C5 now", "'80C5 now'", "four hex digits"),
-    ],
-)
-def test_a_wrong_trigger_is_told_in_one_line(text: str, found: str, expected: str, tmp_path: Path) -> None:
-    with pytest.raises(UserError) as wrong:
-        read_trigger(text, bench_project(tmp_path), "prompt")
-    (line,) = wrong.value.lines()
-    assert found in line
-    assert expected in line
+def test_what_is_no_trigger_is_refused(tmp_path: Path) -> None:
+    project = bench_project(tmp_path)
+    golden.mistakes("triggers", lambda text: read_trigger(text, project, "prompt"))

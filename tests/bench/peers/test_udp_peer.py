@@ -8,19 +8,19 @@ from typing import Final
 
 import pytest
 
+from tests import golden
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.bench.peers.transports import DatagramTransport
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerRst, PeerSend
-from trcvtui.errors import UserError
 from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.project.file import load_project
-from trcvtui.project.project import PeerDecl
+from trcvtui.project.project import PeerDecl, Project
 
 MS: Final = 1_000_000
 HOME: Final = Endpoint("127.0.0.1", 0)
@@ -290,40 +290,13 @@ def test_a_udp_peer_of_a_project_listens_at_load_and_says_its_messages_by_itself
     assert bench.leaks() == ()
 
 
-NO_CONNECTION: Final = "found a word of connections, expected local and remote alone: UDP has no connection"
-MISTAKES: Final = {
-    "active = true": f"b.toml: peer P1: active: {NO_CONNECTION}",
-    'reconnect = "T#1s"': f"b.toml: peer P1: reconnect: {NO_CONNECTION}",
-    "port = 7": "b.toml: peer P1: port: found an unknown key, expected one of "
-    "name, udp, local, remote, says, every, replies, layout, byte_order, text, pointer_size, string_even",
-}
-
-
-@pytest.mark.parametrize("line", MISTAKES)
-def test_keys_that_a_udp_peer_does_not_have_are_one_line_each(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
-) -> None:
+def test_what_a_udp_peer_does_not_have_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("b.toml").write_text(f'dialect = "baosky"\n[[peer]]\nname = "P1"\nudp = true\n{line}\n')
-    with pytest.raises(UserError) as caught:
-        load_project("b.toml")
-    assert [str(problem) for problem in caught.value.problems] == [MISTAKES[line]]
 
+    def loaded(line: str = "") -> Project:
+        Path("b.toml").write_text(f'dialect = "baosky"\n[[peer]]\nname = "P1"\nudp = true\n{line}\n')
+        return load_project("b.toml")
 
-WORDS: Final = {
-    "peer P1 connect": "w: found connect of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send, play, reply, check",
-    "peer P1 rst": "w: found rst of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send, play, reply, check",
-    "wait peer P1 connected": "w: found 'connected' of the UDP peer 'P1', which has no connection, "
-    "expected listening, closed or received",
-}
-
-
-@pytest.mark.parametrize("line", WORDS)
-def test_words_of_connections_are_refused_where_they_stand(tmp_path: Path, line: str) -> None:
-    file = tmp_path / "b.toml"
-    file.write_text('dialect = "baosky"\n[[peer]]\nname = "P1"\nudp = true\n')
-    with pytest.raises(UserError) as caught:
-        parse_line(line, load_project(file), "w")
-    assert [str(problem) for problem in caught.value.problems] == [WORDS[line]]
+    golden.mistakes("UDP peers", loaded)
+    project = loaded()
+    golden.mistakes("lines to a UDP peer", lambda line: parse_line(line, project, "w"))

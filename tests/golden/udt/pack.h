@@ -1,0 +1,2 @@
+#pragma pack(1)
+typedef struct { char a; double b; } T;

@@ -1,4 +1,4 @@
-"""F1: 1,000 lines of 20 simulated agents, and 10,000 of 200, on one Mosquitto: what the screen, the broker and an agent take.
+"""F1: 1,000 lines of 20 simulated agents, and 10,000 of 200, on one Mosquitto.
 
 The real screen in a pseudo terminal of 200 x 50. The rows of an agent that is offline stand first and stay,
 so a key is over when the next one of them has the mark; the other lines tell their figures meanwhile.
@@ -50,9 +50,12 @@ def measure(effort: Effort) -> Iterator[Figure]:
             f"an agent's publishing for {AGENT_LINES} lines, of a core", f"{share:.2%}", 100 * share, note
         )
     for agents in AGENTS:  # a broker each: what it retains is not the next one's
-        with tempfile.TemporaryDirectory() as folder, _mosquitto(PROGRAM, Path(folder)) as (port, broker):
-            with _agents(port, agents):
-                yield from _screen(port, broker, agents, effort)
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            _mosquitto(PROGRAM, Path(folder)) as (port, broker),
+            _agents(port, agents),
+        ):
+            yield from _screen(port, broker, agents, effort)
 
 
 @contextmanager
@@ -114,16 +117,15 @@ def _screen(port: int, broker: int, agents: int, effort: Effort) -> Iterator[Fig
         before, used = time.perf_counter(), (terminal.used_s(), used_s(broker))
         terminal.read_for(float(effort.window_s * 2))
         passed = time.perf_counter() - before
-        yield _share(
-            f"{agents} agents: the screen, of a core", terminal.used_s() - used[0], passed, terminal.process
-        )
-        yield _share(f"{agents} agents: the broker, of a core", used_s(broker) - used[1], passed, broker)
+        many = f"{agents} agents"
+        yield _share(f"{many}: the screen, of a core", terminal.used_s() - used[0], passed, terminal.process)
+        yield _share(f"{many}: the broker, of a core", used_s(broker) - used[1], passed, broker)
         yield from _figures(
-            f"{agents} agents: key to paint",
+            f"{many}: key to paint",
             [ms for _ in range(min(ROUNDS, effort.rounds)) for ms in _walk(terminal)],
         )
         groups = [_press(terminal, "g", text) for _ in range(10) for text in _GROUPS]
-        yield from _figures(f"{agents} agents: groups to paint", groups)
+        yield from _figures(f"{many}: groups to paint", groups)
         terminal.end("q")
 
 

@@ -1,4 +1,4 @@
-"""M5: from a key to the frame that shows its effect, and what the screen costs, beside 8 and beside 256 instances.
+"""M5: from a key to the frame that shows its effect, and what the screen costs; 8 and 256 instances.
 
 The real program in a pseudo terminal of 200 x 50. The key goes to the next instance or to the one before, so
 that every pane shows another instance; the clock stops when the instance's name has been written both in the

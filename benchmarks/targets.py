@@ -38,8 +38,8 @@ AIM: Final = re.compile(r"(>=|<=) ([\d.]+)")
 class Aim:
     """What is aimed at: `text` is a sign and a number in the figure's unit, or "" for no aim.
 
-    `case` is a pattern. `before`: what was reached before, on a machine of this kind. `in_the_way`: one line on what
-    stands in the way and what was tried; the page has it where the aim is missed.
+    `case` is a pattern. `before`: what was reached before, on a machine of this kind. `in_the_way`: one line
+    on what stands in the way and what was tried; the page has it where the aim is missed.
     """
 
     case: str

@@ -25,7 +25,9 @@ EMPTY_SCREEN: Final = ("ready",)
 EMPTY_APP: Final = (sys.executable, str(HERE / "empty_app.py"))
 PYTHON: Final = (sys.executable, "-c", "pass")
 TYPES: Final = str(SOURCE / "demo" / "telegram.st")
-FIRST: Final = str(min((HERE.parent / "configs" / "scenarios" / "baosky").glob("*.toml")))
+SCENARIOS: Final = HERE.parent / "configs" / "scenarios" / "baosky"
+FIRST: Final = str(min(SCENARIOS.glob("*.toml")))
+TALKS: Final = str(SCENARIOS / "80aa-receive-fails.toml")
 COMMANDS: Final = (
     ("status", ("status", "80C5")),
     ("udt show", ("udt", "show", TYPES, "--type", "Telegram")),
@@ -50,7 +52,7 @@ def measure(effort: Effort) -> Iterator[Figure]:
         yield Figure.missing("first full screen", f"the screen did not open: {failed}")
     with tempfile.TemporaryDirectory() as folder:
         capture = Path(folder) / "run.pcapng"
-        given = [str(TRCVTUI), "scenario", FIRST, "--record", str(capture)]
+        given = [str(TRCVTUI), "scenario", TALKS, "--record", str(capture)]
         subprocess.run(given, stdout=subprocess.DEVNULL, check=True)
         yield from _commands(effort, (*COMMANDS, ("conversations", ("conversations", str(capture)))))
 

@@ -28,21 +28,23 @@ expect R9 trace 0001 7001 7002+ 80A1!* 7002* 7004* 7006+ 7008
 """
 
 
-@KERNELS
-def test_a_trcv_c_added_to_a_running_bench_receives_from_a_peer_added_to_it(
-    tmp_path: Path, kernel: str
-) -> None:
-    file = tmp_path / "added.toml"
-    file.write_text(EMPTY.format(steps=FROM_NOTHING.rsplit("expect R9 trace", 1)[0]))
+def holds(folder: Path, steps: str, kernel: str) -> None:
+    """Let steps be played on an empty project."""
+    file = folder / "added.toml"
+    file.write_text(EMPTY.format(steps=steps))
     played = play(file, kernel)
     assert played.verdict.passed, failures(played.verdict)
 
 
+@KERNELS
+def test_a_trcv_c_added_to_a_running_bench_receives_from_a_peer_added_to_it(
+    tmp_path: Path, kernel: str
+) -> None:
+    holds(tmp_path, FROM_NOTHING.rsplit("expect R9 trace", 1)[0], kernel)
+
+
 def test_what_it_shows_scan_by_scan_is_what_one_of_the_file_shows(tmp_path: Path) -> None:
-    file = tmp_path / "added.toml"
-    file.write_text(EMPTY.format(steps=FROM_NOTHING))
-    played = play(file, "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    holds(tmp_path, FROM_NOTHING, "sim")
 
 
 @KERNELS
@@ -61,10 +63,7 @@ def test_an_active_connect_finds_a_passive_peer_that_was_added_before_it(tmp_pat
     expect R9 DONE=1 within T#5s
     expect in hex 06
     """
-    file = tmp_path / "added.toml"
-    file.write_text(EMPTY.format(steps=steps.replace('"', "'")))
-    played = play(file, kernel)
-    assert played.verdict.passed, failures(played.verdict)
+    holds(tmp_path, steps.replace('"', "'"), kernel)
 
 
 @KERNELS
@@ -80,10 +79,7 @@ def test_udp_grows_as_well(tmp_path: Path, kernel: str) -> None:
     peer P9 send hex 0A 0B
     expect R9 DONE=1 RCVD_LEN=2 within T#2s
     """
-    file = tmp_path / "added.toml"
-    file.write_text(EMPTY.format(steps=steps))
-    played = play(file, kernel)
-    assert played.verdict.passed, failures(played.verdict)
+    holds(tmp_path, steps, kernel)
 
 
 def test_a_thirty_third_connection_is_judged_by_its_block(tmp_path: Path) -> None:
@@ -96,10 +92,7 @@ def test_a_thirty_third_connection_is_judged_by_its_block(tmp_path: Path) -> Non
     steps = "\n".join(
         [*added[:32], "run 5", *connects, "run 5", added[32], "expect R32 STATUS=8080 within T#1s"]
     )
-    file = tmp_path / "full.toml"
-    file.write_text(EMPTY.format(steps=steps))
-    played = play(file, "sim")
-    assert played.verdict.passed, failures(played.verdict)
+    holds(tmp_path, steps, "sim")
 
 
 def test_a_peer_that_talks_by_itself_does_so_from_the_scan_it_was_added_in(tmp_path: Path) -> None:

@@ -154,15 +154,6 @@ def test_other_bytes_are_told_although_they_are_as_many() -> None:
     )
 
 
-def test_other_outputs_are_told_with_the_instance() -> None:
-    _, entries = recorded(STORY)
-    at = place(entries, "shows")
-    one = entries[at]
-    assert isinstance(one, Answered)
-    changed = one._replace(args=(0x80C5, *one.args[1:]))
-    assert f"of {one.owner}" in answered([*entries[:at], changed, *entries[at + 1 :]])
-
-
 @pytest.mark.parametrize(
     ("call", "answer"), [("socket", "x"), ("recv", 5), ("recv", (3, b"")), ("step", None)]
 )

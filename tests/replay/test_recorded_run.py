@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.replay.journals import again, jsonl, on_the_screen, recorded
-from tests.scenario.scenarios import BAOSKY, CONFIGS
+from tests.scenario.scenarios import CONFIGS
 from trcvtui.errors import UserError
 from trcvtui.recording.journal import READ, Answered, RunBegins
 from trcvtui.replay.command import check
@@ -41,12 +41,6 @@ def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: py
         again([begins])
     monkeypatch.undo()
     assert "passwd.st: found No such file" in str(told.value)
-
-
-def test_a_journal_that_ends_before_its_run_is_told() -> None:
-    _, entries = recorded(BAOSKY[0])
-    assert "the end of the journal" in check(again(entries[: len(entries) // 2]))
-    assert "the end of the journal" in check(again(entries[:-20]))
 
 
 def test_another_output_is_told_with_scan_instance_and_call() -> None:

@@ -186,11 +186,6 @@ def a_file(tmp_path: Path) -> Path:
     return target
 
 
-def test_replay_with_set_says_what_if_in_words(a_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["replay", str(a_file), "--set", "data.meter.byte_order=big"]) == 0
-    assert "meter.serial is 1781071872 recorded, 10602 what-if" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("given", "said"),
     [

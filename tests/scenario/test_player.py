@@ -116,16 +116,6 @@ def test_steps_asked_for_while_one_is_under_way_come_after_it(driver: LocalDrive
     assert picture_of(driver).snapshot.scan == 8, "after the fourth step no scan passes"
 
 
-def test_a_step_asked_for_in_a_run_to_the_end_stops_it_after_the_step_under_way(
-    driver: LocalDriver, tmp_path: Path
-) -> None:
-    driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
-    for line in ("run", "step"):
-        driver.submit(f"scenario {line}")
-    driver.scan(20)
-    assert states(player_of(driver)) == [DONE, HELD, *[TO_COME] * 3]
-
-
 def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
     driver.submit("scenario step")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, receiver, sender, udp_receiver
+from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver, sender, udp_receiver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
@@ -43,13 +43,6 @@ says = [
 ]"""
 STREAM = (CONFIGS / "twincat-stream.toml").read_text(encoding="utf-8")  # cut at LF
 LISTENER = 'local = "127.0.0.1:2000"\n'
-
-
-def plc(connect: str, parts: str, peer: str = "", dialect: str = "baosky") -> str:
-    """Return a project; `connect` and `peer`: what stands in its CONNECT and its peer."""
-    connect = f'[[connect]]\nname = "C1"\n{connect}' if connect else ""
-    peer = f'[[peer]]\nname = "P1"\n{peer}\n' if peer else ""
-    return f'dialect = "{dialect}"\n{connect}{parts}{peer}'
 
 
 def received(last: int, peer: str, **inputs: object) -> str:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.properties.test_hostile_files import changed
 from tests.recording.wire import (
     ACK,
     FIN,
@@ -492,19 +493,7 @@ def test_a_thousand_broken_files_end_with_a_line(
     codes = set()
     for seed in range(1000):
         chance = random.Random(seed)
-        data = bytearray(good)
-        for _ in range(chance.randrange(1, 6)):
-            at = chance.randrange(len(data))
-            what = chance.randrange(4)
-            if what == 0:
-                data[at] ^= 1 << chance.randrange(8)
-            elif what == 1:
-                data[at : at + 4] = chance.choice([b"\xff" * 4, bytes(4), b"\xff\xff\xff\x7f"])
-            elif what == 2:
-                del data[at : at + chance.randrange(1, 20)]
-            else:
-                data[at:at] = chance.randbytes(chance.randrange(1, 20))
-        path.write_bytes(data[: chance.randrange(len(data) + 1)] if seed % 5 == 0 else data)
+        path.write_bytes(changed(good, chance))
         code = main(["conversations", str(path), "--format", chance.choice(["text", "json"])])
         said = capsys.readouterr()
         assert code in (0, 2) and "Traceback" not in said.err

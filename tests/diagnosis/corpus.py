@@ -1,7 +1,7 @@
 """How often the doctor is right, as one table: `make doctor-corpus`.
 
 Public captures, with and without a fault added to them; our own projects and scenarios, each against
-expected.toml; the captures of the tests. Below the table stands a line for each false alarm and each miss.
+expected.toml. Below the table stands a line for each false alarm and each miss.
 """
 
 from __future__ import annotations
@@ -15,13 +15,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, NamedTuple
-from zipfile import ZipFile
+from typing import Any, NamedTuple
 
-from tests.diagnosis.doctor_cases import faults, healthy
 from tests.diagnosis.mutations import JUMPED, MUTATIONS, Mutation, Subject, subject_of, write_capture
-from tests.diagnosis.test_real_stacks import ARCHIVE, CASES, label
-from tests.properties.test_doctor_figures import SEEDS, findings_at
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 
@@ -32,13 +28,6 @@ DEMO = ROOT / "trcvtui" / "demo" / "demo.toml"
 ONE_RUN = "opendnp3"  # the captures of one conformance run: much alike, so they count apart
 MOST_MUTATED = 40
 MOST_NUMBER = 1 << 30  # in a text: the half circle of sequence numbers
-# False alarms and misses of commit 945c0bb, which knew no quality of a capture; of all other sets none.
-BEFORE: Final = {
-    "public captures": (26, 0), "packets dropped after the tap": (0, 2), "cut by RST in mid message": (1, 9),
-    "all packets twice": (16, 40), "all packets twice, unnumbered": (16, 0), "snaplen 96": (1, 26),
-    "snaplen 54": (24, 40), "one direction removed": (11, 40), "equal stamps": (0, 40),
-    "clock goes back": (0, 40), JUMPED: (38, 0), "own projects": (55, 5),
-}  # fmt: skip
 Found = list[dict[str, Any]]  # findings, as JSON has them
 
 
@@ -162,32 +151,6 @@ def outcome_of_project(path: Path, folder: Path) -> Outcome:
     return Outcome(path.stem, false, sorted(must - {one["cause"] for one in found}), bool(must))
 
 
-def outcome_of_first(name: str, due: str, causes: Sequence[str]) -> Outcome:
-    """Compare causes, the surest first, with the one that is right, or "healthy"."""
-    if due == "healthy":
-        return Outcome(name, causes, [], False)
-    return Outcome(name, [], [] if causes[:1] == [due] else [f"{due}, said {causes}"], True)
-
-
-def real_stacks(folder: Path) -> Iterator[Outcome]:
-    """Judge the captures of real programs."""
-    with ZipFile(ARCHIVE) as archive:
-        archive.extractall(folder)
-    for case in CASES:
-        project = folder / f"{case}.toml"
-        beside = ["--project", str(project)] if project.exists() else []
-        found = told_by([str(folder / f"{case}.pcapng.gz"), *beside]) or []
-        found.sort(key=lambda one: -one["confidence"])
-        yield outcome_of_first(case, label(case), [one["cause"] for one in found])
-
-
-def generated(folder: Path) -> Iterator[Outcome]:
-    """Judge captures made from seeds, as tests/properties does."""
-    for made in (*faults(SEEDS), *healthy(SEEDS)):
-        causes = [cause for _, cause in findings_at(made, folder / "c.pcapng")]
-        yield outcome_of_first(made.what or made.cause, made.cause or "healthy", causes)
-
-
 def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
     """Yield the sets of captures, each as soon as it is judged."""
     given = given_captures()
@@ -198,15 +161,11 @@ def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
     for each in MUTATIONS:
         yield each.name, [outcome_of_mutation(*one, each, folder) for one in mutable]
     yield "own projects", [outcome_of_project(one, folder) for one in own_projects()]
-    for name, both in (("real stacks", real_stacks(folder)), ("generated", generated(folder))):
-        outcomes = list(both)
-        yield f"{name}: right cause first", [one for one in outcomes if one.is_due]
-        yield f"{name}: healthy", [one for one in outcomes if not one.is_due]
 
 
 def print_table() -> None:
     """Print a line for each set, then what went wrong."""
-    print(f"{'':32} files  false alarms       missed   at 945c0bb: false, missed")
+    print(f"{'':32} files  false alarms       missed")
     wrong = []
     with TemporaryDirectory() as folder:
         for name, outcomes in sets(Path(folder)):
@@ -214,8 +173,7 @@ def print_table() -> None:
                 print(f"{name:32} {ABSENT}")
                 continue
             false, missed, due = [sum(map(bool, part)) for part in [*zip(*outcomes, strict=True)][1:]]
-            before = "{:>17} {:>7}".format(*BEFORE.get(name, (0, 0)))
-            print(f"{name:32} {len(outcomes):5} {false:13} {missed:5} of {due:3} {before}", flush=True)
+            print(f"{name:32} {len(outcomes):5} {false:13} {missed:5} of {due:3}", flush=True)
             for one in outcomes:
                 wrong += [f"{name}: {one.name}: false alarm {text}" for text in one.false]
                 wrong += [f"{name}: {one.name}: missed {text}" for text in one.missed]

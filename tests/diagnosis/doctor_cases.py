@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from tests.recording.wire import ACK, FIN, PSH, RST, SYN, tcp, udp
@@ -108,6 +108,24 @@ class Wire:
         """Say the last bytes again."""
         self.put(who, data, ACK | PSH, self.seq[who] - len(data))
 
+    def ask_to_connect(self, answer: str = "") -> None:
+        """Send the caller's SYN; `rst`: it is refused."""
+        self.put(self.caller, flags=SYN)
+        if answer == "rst":
+            self.seq[self.caller] += 1
+            self.wait(self.rtt)
+            self.rst(self.listener)
+
+    def insist(self, times: int, wait: int, act: Callable[[], object], first: bool = False) -> None:
+        """Do it so often, each time after twice the time; `first`: once before the first wait."""
+        for _ in range(times):
+            if first:
+                act()
+            self.wait(wait)
+            if not first:
+                act()
+            wait *= 2
+
     def fin(self, who: str) -> None:
         other = "partner" if who == "plc" else "plc"
         self.wait(max(self.delayed + MS, self.rtt))
@@ -187,6 +205,13 @@ def static(need: int, **more: object) -> Receiver:
     return Receiver("TRCV_C_1", "C1", need, local_port=2000, interval_ns=10 * MS, is_only=True, **more)  # type: ignore[arg-type]
 
 
+def say_each(r: random.Random, wire: Wire, messages: Iterable[bytes], every: int) -> None:
+    """Let the partner say messages, one after the other."""
+    for message in messages:
+        wire.say("partner", message)
+        wire.wait(jitter(r, every))
+
+
 Make = Callable[[random.Random, Built], None]
 
 
@@ -220,9 +245,7 @@ def healthy_middle(r: random.Random, b: Built) -> None:
 def healthy_ad_hoc(r: random.Random, b: Built) -> None:
     w, t = Wire(r, b, begin(r)).open(), Telegrams(r, 20)
     every, most = period(r), r.randrange(40, 900)
-    for _ in range(r.randrange(5, 60)):
-        w.say("partner", t.next(r.randrange(6, most)))
-        w.wait(jitter(r, every))
+    say_each(r, w, (t.next(r.randrange(6, most)) for _ in range(r.randrange(5, 60))), every)
     b.receiver = r.choice((None, static(most, adhoc=True)))
 
 
@@ -246,9 +269,7 @@ def healthy_even_pieces(r: random.Random, b: Built) -> None:
     w, t = Wire(r, b, begin(r)).open(), Telegrams(r, size)
     for _ in range(r.randrange(5, 40)):
         data = t.next()
-        for part in (data[:cut], data[cut:]):
-            w.say("partner", part)
-            w.wait(jitter(r, every))
+        say_each(r, w, (data[:cut], data[cut:]), every)
     b.receiver = static(size)
 
 
@@ -256,9 +277,7 @@ def healthy_several_in_a_message(r: random.Random, b: Built) -> None:
     size, k = r.randrange(8, 60), r.randrange(2, 5)
     w, t = Wire(r, b, begin(r)).open(), Telegrams(r, size)
     every = period(r) + 100 * MS
-    for _ in range(r.randrange(5, 40)):
-        w.say("partner", b"".join(t.next() for _ in range(k)))
-        w.wait(jitter(r, every))
+    say_each(r, w, (b"".join(t.next() for _ in range(k)) for _ in range(r.randrange(5, 40))), every)
     b.receiver = static(size)
 
 
@@ -391,10 +410,7 @@ def refused(r: random.Random, b: Built) -> None:
     at, every = begin(r), r.choice((S, 2 * S, 5 * S, 100 * MS))
     for _ in range(r.randrange(1, 12)):
         w = Wire(r, b, at, plc_calls=b.what == "plc")
-        w.put(w.caller, flags=SYN)
-        w.seq[w.caller] += 1
-        w.wait(w.rtt)
-        w.rst(w.listener)
+        w.ask_to_connect("rst")
         at += jitter(r, every)
 
 
@@ -402,11 +418,7 @@ def filtered(r: random.Random, b: Built) -> None:
     at, calls = begin(r), r.random() < 0.4
     for _ in range(r.randrange(1, 4)):
         w = Wire(r, b, at, plc_calls=calls)
-        wait = S
-        for _ in range(r.randrange(2, 6)):
-            w.put(w.caller, flags=SYN)
-            w.wait(wait)
-            wait *= 2
+        w.insist(r.randrange(2, 6), S, w.ask_to_connect, first=True)
         at = w.now + r.randrange(5 * S)
 
 
@@ -458,10 +470,7 @@ def dead_link(r: random.Random, b: Built) -> None:
     who = r.choice(("partner", "plc"))
     data, wait = t.next(), r.choice((200 * MS, 300 * MS))
     w.say(who, data, ack=False)
-    for _ in range(r.randrange(4, 9)):
-        w.wait(wait)
-        w.again(who, data)
-        wait *= 2
+    w.insist(r.randrange(4, 9), wait, lambda: w.again(who, data))
     if r.random() < 0.3:
         w.wait(S)
         w.rst(who)
@@ -477,12 +486,9 @@ def no_keep_alive(r: random.Random, b: Built) -> None:
         w.wait(w.rtt)
         w.rst("plc")
     elif kind == 1:
-        data, wait = t.next(), 200 * MS
+        data = t.next()
         w.say("partner", data, ack=False)
-        for _ in range(r.randrange(4, 8)):
-            w.wait(wait)
-            w.again("partner", data)
-            wait *= 2
+        w.insist(r.randrange(4, 8), 200 * MS, lambda: w.again("partner", data))
     v = Wire(r, b, w.now + r.randrange(100 * MS, 3 * S)).open()
     talk(r, v, t, r.randrange(2, 20), period(r))
 
@@ -499,13 +505,13 @@ def not_reading(r: random.Random, b: Built, who: str) -> None:
     w.say(other, t.next(), ack=False)
     w.wait(w.rtt)
     w.put(who)
-    wait = 200 * MS
-    for _ in range(r.randrange(4, 8)):
-        w.wait(wait)
-        w.put(other, b"", seq=w.seq[other] - 1)
+
+    def probe() -> None:
+        w.keep_alive(other, answered=False)
         w.wait(w.rtt)
         w.put(who)
-        wait *= 2
+
+    w.insist(r.randrange(4, 8), 200 * MS, probe)
     if r.random() < 0.4:
         w.put(who, window=8192)
         w.wait(w.rtt)
@@ -549,16 +555,9 @@ def second_client(r: random.Random, b: Built) -> None:
     v = Wire(r, b, at + r.randrange(50 * MS, max((until - at) // 2, 60 * MS)))
     v.partner = ("10.0.0.11", 40_000) if r.random() < 0.6 else v.partner
     if kind == "refused":
-        v.put("partner", flags=SYN)
-        v.seq["partner"] += 1
-        v.wait(v.rtt)
-        v.rst("plc")
+        v.ask_to_connect("rst")
     elif kind == "filtered":
-        wait = S
-        for _ in range(r.randrange(3, 6)):
-            v.put("partner", flags=SYN)
-            v.wait(wait)
-            wait *= 2
+        v.insist(r.randrange(3, 6), S, v.ask_to_connect, first=True)
     else:
         v.open()
         if r.random() < 0.5:
@@ -690,10 +689,7 @@ def address(r: random.Random, b: Built) -> None:
                 w.partner = (w.partner[0], 2000) if calls else w.partner
                 if calls:
                     w.plc = (w.plc[0], r.randrange(20000, 60000))
-                w.put(w.caller, flags=SYN)
-                w.seq[w.caller] += 1
-                w.wait(w.rtt)
-                w.rst(w.listener)
+                w.ask_to_connect("rst")
                 at += jitter(r, S)
         return
     w = Wire(r, b, at, plc_calls=False).open()
@@ -726,9 +722,7 @@ def adhoc_missing(r: random.Random, b: Built) -> None:
     w, t, every = Wire(r, b, begin(r)).open(), Telegrams(r, 20), period(r)
     low, most = r.randrange(4, 30), r.randrange(40, 600)
     some = [r.randrange(low, most) for _ in range(r.choice((3, 5, 20)))]
-    for _ in range(r.randrange(8, 60)):
-        w.say("partner", t.next(r.choice(some)))
-        w.wait(jitter(r, every))
+    say_each(r, w, (t.next(r.choice(some)) for _ in range(r.randrange(8, 60))), every)
     b.receiver = static(r.choice((most, max(some))))
 
 
@@ -814,10 +808,7 @@ def members(r: random.Random, theirs: LayoutChoice | None = None) -> tuple[Recei
 
 
 def say_frames(r: random.Random, b: Built, frames: list[bytes]) -> None:
-    w, every = Wire(r, b, begin(r)).open(), period(r)
-    for frame in frames:
-        w.say("partner", frame)
-        w.wait(jitter(r, every))
+    say_each(r, Wire(r, b, begin(r)).open(), frames, period(r))
 
 
 def byte_order(r: random.Random, b: Built) -> None:
@@ -847,19 +838,19 @@ HEALTHY: tuple[Make, ...] = (
     healthy_new_connection, healthy_late_syn, healthy_cut, healthy_udp, healthy_members, healthy_iso,
     healthy_tls, healthy_but_in_the_capture,
 )  # fmt: skip
-FAULTS: tuple[tuple[str, Make, tuple[str, ...]], ...] = (
-    ("refused", refused, ("", "plc")), ("filtered", filtered, ("",)), ("resets", resets, ("",)),
-    ("closes-each-message", closes_each_message, ("",)), ("reconnect-storm", reconnect_storm, ("",)),
-    ("dead-link", dead_link, ("",)), ("no-keep-alive", no_keep_alive, ("",)),
-    ("plc-not-reading", plc_not_reading, ("",)), ("partner-not-reading", partner_not_reading, ("",)),
-    ("flood", flood, ("",)), ("second-client", second_client, ("refused", "filtered", "reset")),
-    ("slow-ack", slow_ack, ("",)), ("loss", loss, ("",)),
-    ("tls-refused", tls_refused, ("",)), ("wrong-tsap", wrong_tsap, ("",)), ("address", address, ("",)),
-    ("frame-short", frame_short, ("",)), ("frame-long", frame_long, ("",)),
-    ("adhoc-missing", adhoc_missing, ("",)), ("adhoc-splits", adhoc_splits, ("",)), ("merged", merged, ("",)),
-    ("shifted", shifted, ("",)), ("datagram-size", datagram_size, ("",)), ("byte-order", byte_order, ("",)),
-    ("padding", padding, ("",)), ("header", header, ("",)),
+SEVERAL_KINDS: dict[Make, tuple[str, ...]] = {
+    refused: ("", "plc"),
+    second_client: ("refused", "filtered", "reset"),
+}
+WITH_A_FAULT: tuple[Make, ...] = (
+    refused, filtered, resets, closes_each_message, reconnect_storm, dead_link, no_keep_alive,
+    plc_not_reading, partner_not_reading, flood, second_client, slow_ack, loss, tls_refused, wrong_tsap,
+    address, frame_short, frame_long, adhoc_missing, adhoc_splits, merged, shifted, datagram_size,
+    byte_order, padding, header,
 )  # fmt: skip
+FAULTS: tuple[tuple[str, Make, tuple[str, ...]], ...] = tuple(
+    (make.__name__.replace("_", "-"), make, SEVERAL_KINDS.get(make, ("",))) for make in WITH_A_FAULT
+)
 
 
 def built(cause: str, make: Make, what: str, seed: int) -> Built:

@@ -20,6 +20,7 @@ from tests.diagnosis.doctor_cases import (
     Wire,
     begin,
     built,
+    record,
     talk,
 )
 from trcvtui.capture.pcap import RTAC_SERIAL, interface_block, packet_block, section_block
@@ -198,11 +199,6 @@ def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(
 
 def test_a_serial_line_without_errors_is_healthy(tmp_path: Path) -> None:
     assert main(["doctor", serial_capture(tmp_path / "a.pcapng", *[(READ, b"\x02OK\x03")] * 9)]) == 0
-
-
-def record(kind: int, body: bytes) -> bytes:
-    """Return a record of TLS."""
-    return bytes((kind, 3, 3)) + len(body).to_bytes(2, "big") + body
 
 
 @pytest.mark.parametrize("plc_calls", [False, True])

@@ -26,26 +26,6 @@ def judged(scenario: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> l
     return found
 
 
-@pytest.mark.parametrize(
-    ("scenario", "cause"),
-    [
-        ("stories/byte-order-swapped.toml", "byte-order"),
-        ("stories/four-bytes-short.toml", "frame-short"),
-        ("stories/en-r-dropped.toml", "shifted"),
-        ("stories/udt-mismatch.toml", "padding"),
-        ("baosky/80a0-refused.toml", "refused"),
-        ("baosky/second-client.toml", "second-client"),
-        ("baosky/note-req-during-7005.toml", "request-too-fast"),
-        ("baosky/80a1-en-r-rises-during-7002.toml", "not-connected-request"),
-    ],
-)
-def test_the_story_of_a_recording_is_told(
-    scenario: str, cause: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    causes = [one["findings"][0]["cause"] for one in judged(scenario, tmp_path, capsys) if one["findings"]]
-    assert cause in causes
-
-
 @pytest.mark.parametrize("scenario", ["baosky/7006-7008-static.toml", "baosky/7000-no-job.toml"])
 def test_a_recording_of_a_good_run_is_healthy(
     scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver, sender, udp_receiver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
@@ -30,48 +31,8 @@ from trcvtui.replay.doctor_process import DoctorInput, found_in_run
 from trcvtui.replay.driver import SLICE_NS, opened
 from trcvtui.scenario.scenario import load_bench
 
-RECEIVER = """
-dialect = "baosky"
-[[data]]
-name = "rx"
-type = "ARRAY[0..{last}] OF BYTE"
-[[connect]]
-name = "C1"
-LocalAddress = "127.0.0.1"
-LocalPort = 2000
-[[instance]]
-name = "R"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-{pins}
-[[peer]]
-name = "P1"
-active = true
-remote = "@C1"
-reconnect = "T#200ms"
-{peer}
-"""
-SENDER = """
-[[data]]
-name = "tx"
-type = "ARRAY[0..{last}] OF BYTE"
-[[connect]]
-name = "C1"
-ActiveEstablished = true
-LocalAddress = "127.0.0.1"
-RemoteAddress = "127.0.0.1"
-RemotePort = 2000
-[[instance]]
-name = "S"
-block = "TSEND_C"
-connect = "C1"
-data = "tx"
-CONT = true
-{pins}
-"""
+ENDS = 'LocalAddress = "127.0.0.1"\n', "LocalPort = 2000\n"
+CALLS = f'ActiveEstablished = true\n{ENDS[0]}RemoteAddress = "127.0.0.1"\nRemotePort = 2000\n'
 EIGHT = 'every = "T#100ms"\nsays = ["hex 01 02 03 04 05 06 07 08"]'
 # A length field, and four REALs.
 REALS = """every = "T#200ms"
@@ -81,71 +42,20 @@ says = [
     "hex 00 10 00 00 AC 41 00 00 A0 3F 00 00 97 43 00 00 00 3F",
 ]"""
 STREAM = (CONFIGS / "twincat-stream.toml").read_text(encoding="utf-8")  # cut at LF
-LISTENER = '[[peer]]\nname = "P1"\nlocal = "127.0.0.1:2000"\n'
+LISTENER = 'local = "127.0.0.1:2000"\n'
 
 
-def received(last: int, peer: str, pins: str = "") -> str:
-    return RECEIVER.format(last=last, peer=peer, pins=pins)
+def received(last: int, peer: str, **inputs: object) -> str:
+    own = receiver("TRCV_C", last + 1, pins(CONT=True, EN_R=True, **inputs))
+    return plc("".join(ENDS), own, 'active = true\nremote = "@C1"\nreconnect = "T#200ms"\n' + peer)
 
 
-def sent(last: int, pins: str = "", peer: str = "") -> str:
-    return 'dialect = "baosky"\n' + SENDER.format(last=last, pins=pins) + peer
+def sent(last: int, peer: str = "") -> str:
+    return plc(CALLS, sender(last + 1), peer)
 
 
-ISO = """
-dialect = "s7-1500"
-[[data]]
-name = "rx"
-type = "ARRAY[0..7] OF BYTE"
-[[connect]]
-name = "C1"
-type = "TCON_IP_RFC"
-ActiveEstablished = false
-LocalTSelector = "16#E002"
-RemoteTSelector = "16#E001"
-IsoPort = 10200
-[[instance]]
-name = "R"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-[[peer]]
-name = "P1"
-iso = true
-active = true
-remote = "@C1"
-reconnect = "T#500ms"
-local_tsap = "16#E001"
-remote_tsap = "16#E077"
-"""
-UDP = """
-dialect = "baosky"
-[[data]]
-name = "rx"
-type = "ARRAY[0..3] OF BYTE"
-[[udp_config]]
-name = "U1"
-LocalAddress = "127.0.0.1"
-LocalPort = 2000
-[[addr]]
-name = "FROM"
-[[instance]]
-name = "R"
-block = "URECV_C"
-config = "U1"
-addr = "FROM"
-data = "rx"
-CONT = true
-EN_R = true
-[[peer]]
-name = "P1"
-udp = true
-remote = "@U1"
-every = "T#200ms"
-says = ["hex 01 02 03 04 05 06 07 08"]
-"""
+OTHER_TSAP = ISO_PEER.replace("E0.01", "E0.77")
+UDP_PEER = 'udp = true\nremote = "@U1"\nevery = "T#200ms"\nsays = ["hex 01 02 03 04 05 06 07 08"]'
 
 
 def each(times: int, *steps: tuple[int, str]) -> list[tuple[int, str]]:
@@ -164,14 +74,12 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
     ),
     (
         "adhoc-splits",
-        received(39, 'every = "T#300ms"\nsays = ["random 30 seed=1 split=11 gap=T#30ms"]', "ADHOC = true"),
+        received(39, 'every = "T#300ms"\nsays = ["random 30 seed=1 split=11 gap=T#30ms"]', ADHOC=True),
         [],
     ),
     (
         "merged",
-        received(
-            99, 'every = "T#300ms"\nsays = ["hex 0201020304", "hex 0201020304 0201020304"]', "ADHOC = true"
-        ),
+        received(99, 'every = "T#300ms"\nsays = ["hex 0201020304", "hex 0201020304 0201020304"]', ADHOC=True),
         [],
     ),
     (
@@ -184,12 +92,12 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
     ("filtered", sent(7), [(0, "link C1 down")]),
     (
         "request-too-fast",
-        sent(59999, "", LISTENER).replace("[[data]]", "[options]\nsmall_buffers = true\n[[data]]"),
+        "options.small_buffers = true\n" + sent(59999, LISTENER),
         [(50, "peer P1 stall"), *each(9, (9, "pulse S REQ"))],
     ),
     (
         "not-connected-request",
-        sent(7).replace("ActiveEstablished = true", ""),
+        sent(7).replace("ActiveEstablished = true\n", ""),
         [(50, "pulse S REQ"), (50, "pulse S REQ")],
     ),
     (
@@ -211,10 +119,10 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
     ("plc-not-reading", received(7, EIGHT), [(300, "set R EN_R=0")]),
     (
         "partner-not-reading",
-        sent(59999, "", LISTENER).replace("[[data]]", "[options]\nsmall_buffers = true\n[[data]]"),
+        "options.small_buffers = true\n" + sent(59999, LISTENER),
         [(50, "peer P1 stall"), (9, "pulse S REQ")],
     ),
-    ("dead-link", sent(7, "", LISTENER), [(50, "pulse S REQ"), (50, "link C1 down"), (9, "pulse S REQ")]),
+    ("dead-link", sent(7, LISTENER), [(50, "pulse S REQ"), (50, "link C1 down"), (9, "pulse S REQ")]),
     ("header", received(15, REALS).replace("ARRAY[0..15] OF BYTE", "ARRAY[0..3] OF REAL"), []),
     (
         "framing",
@@ -225,8 +133,8 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
             *each(9, (30, "peer P1 send hex 35363B")),
         ],
     ),
-    ("wrong-tsap", ISO, []),
-    ("datagram-size", UDP, []),
+    ("wrong-tsap", plc(ISO, receiver("TRCV_C", 8, pins(CONT=True, EN_R=True)), OTHER_TSAP, "s7-1500"), []),
+    ("datagram-size", plc("", udp_receiver(4, "baosky", EN_R=True), UDP_PEER), []),
 ]
 
 
@@ -277,14 +185,14 @@ def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pyte
 
 
 def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_path: Path) -> None:
-    peer = '[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\nreconnect = "T#1s"\n'
-    found = after_ten_seconds(sent(7, "", peer), [], tmp_path)["findings"]
+    peer = 'active = true\nremote = "@C1"\nreconnect = "T#1s"\n'
+    found = after_ten_seconds(sent(7, peer), [], tmp_path)["findings"]
     assert {"refused", "address"} <= {one["cause"] for one in found}
 
 
 @pytest.mark.parametrize(
     ("text", "lines"),
-    [(received(7, EIGHT), []), (sent(7, "", LISTENER), [(50, "pulse S REQ")] * 9)],
+    [(received(7, EIGHT), []), (sent(7, LISTENER), [(50, "pulse S REQ")] * 9)],
     ids=["receives", "sends"],
 )
 def test_a_right_line_has_no_finding(text: str, lines: list[tuple[int, str]], tmp_path: Path) -> None:
@@ -295,7 +203,7 @@ def test_a_right_line_has_no_finding(text: str, lines: list[tuple[int, str]], tm
 def test_a_bench_that_runs_is_judged_by_its_pins_of_now(tmp_path: Path) -> None:
     """Its device sends in pieces: two messages after the remedy it accuses nothing any more."""
     says = 'every = "T#300ms"\nsays = ["hex 0100 0200 0300 0400 0500 0600 split=5 gap=T#40ms"]'
-    text = received(5, says, "ADHOC = true").replace("OF BYTE", "OF INT")
+    text = received(5, says, ADHOC=True).replace("OF BYTE", "OF INT")
     (tmp_path / "before").mkdir()
     before = after_ten_seconds(text, [], tmp_path / "before", 500)["findings"]
     assert [one["cause"] for one in before] == ["adhoc-splits"]

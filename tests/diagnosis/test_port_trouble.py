@@ -155,17 +155,13 @@ def test_a_timeout_is_measured_by_the_task_that_calls_the_block(tmp_path: Path) 
     bench.close()
 
 
-def test_what_goes_out_over_a_port_is_no_line_to_feed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("line", "said"), [("feed TX hex 01", "found 'TX', expected RX"), ("feed RX brk", r"found 'brk'.*break")]
+)
+def test_what_cannot_be_fed_is_told_with_what_can(line: str, said: str, tmp_path: Path) -> None:
     bench = bench_on(tmp_path)
-    with pytest.raises(Exception, match="found 'TX', expected RX"):
-        parse_line("feed TX hex 01", bench.project, "w")
-    bench.close()
-
-
-def test_a_word_for_a_fed_line_lists_break(tmp_path: Path) -> None:
-    bench = bench_on(tmp_path)
-    with pytest.raises(Exception, match=r"found 'brk'.*break"):
-        parse_line("feed RX brk", bench.project, "w")
+    with pytest.raises(Exception, match=said):
+        parse_line(line, bench.project, "w")
     bench.close()
 
 

@@ -95,16 +95,6 @@ def test_socat_as_the_device_five_bytes_then_three_then_twenty_five(terminals: l
     terminal.wait("ended with 0")
 
 
-def test_a_wrong_project_is_one_line_and_exit_2(terminals: list[Terminal], tmp_path: Path) -> None:
-    project = tmp_path / "bench.toml"
-    project.write_text('dialect = "baosky"\n\n[[connect]]\nname = "C1"\nLocalAddress = "300.1.1.1"\n')
-    terminal = open_terminal(terminals, 120, 24, "run", str(project))
-    screen = terminal.wait("ended with 2")
-    line = screen.replace("\n", "")  # the terminal has wrapped the one line
-    assert "connect C1: LocalAddress" in line and "300.1.1.1" in line
-    assert "Traceback" not in screen
-
-
 def test_the_program_ends_with_its_terminal_even_where_no_signal_comes(tmp_path: Path) -> None:
     project = tmp_path / "bench.toml"
     project.write_text(PASSIVE.read_text(encoding="utf-8"), encoding="utf-8")

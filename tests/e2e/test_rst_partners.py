@@ -7,7 +7,6 @@ reset before there was room, and a plain accept and recv gets 260 of 300.
 
 from __future__ import annotations
 
-import json
 import random
 import select
 import socket
@@ -21,6 +20,7 @@ from typing import Any, TypeVar
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
+from tests.diagnosis.truth.cases import CALLS, pins, receiver
 from tests.diagnosis.truth.live_plc import LivePlc
 from tests.e2e.tapping import PATIENCE, reset
 from trcvtui.bench.bench import Bench
@@ -142,21 +142,7 @@ ISO: dict[str, Any] = {"type": "TCON_IP_RFC", "LocalTSelector": "PLC", "RemoteTS
 # CR of a partner and the CC of one, ISO 8073 13.3 and 13.4 behind the header of RFC 1006
 REQUEST = bytes.fromhex("03000016 11e0 0000 0001 00") + b"\xc1\4PEER\xc2\3PLC"
 CONFIRM = bytes.fromhex("03000016 11d0 0001 0001 00") + b"\xc1\3PLC\xc2\4PEER"
-RECORDED = f"""dialect = "baosky"
-[[task]]
-name = "MAIN"
-interval = "T#2ms"
-[[data]]
-name = "rx"
-type = "ARRAY[1..{SIZE}] OF BYTE"
-[[instance]]
-name = "R"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-"""
+RECORDED = 'dialect = "baosky"\n[[task]]\nname = "MAIN"\ninterval = "T#2ms"\n'
 
 
 @pytest.fixture
@@ -208,25 +194,13 @@ def ended_by_reset(line: Line) -> bool:
     return walk.count("7004 7006 7008 80AA! 7002") == PARTNERS and not is_refused
 
 
-@pytest.mark.parametrize("adhoc", [False, True], ids=["static", "ad hoc"])
-def test_a_passive_receiver(adhoc: bool, tmp_path: Path) -> None:
-    with Line(PASSIVE, tmp_path, ADHOC=adhoc) as line:
-        come(line, None)
-        line.deliver(f"passive {'ad hoc' if adhoc else 'static'}")
-        assert ended_by_reset(line)
-
-
-def test_an_active_receiver_whose_partners_all_reset(door: socket.socket, tmp_path: Path) -> None:
-    with Line(calls(door, PASSIVE), tmp_path) as line:
-        come(line, door)
-        line.deliver("active")
-        assert ended_by_reset(line)
-
-
-def test_receiver_and_sender_on_one_active_connect(door: socket.socket, tmp_path: Path) -> None:
-    with Line(calls(door, PASSIVE), tmp_path, "TSEND_C") as line:
-        come(line, door)
-        line.deliver("active duplex")
+@pytest.mark.parametrize("name", ["passive static", "passive ad hoc", "active", "active duplex"])
+def test_partners_that_all_reset(name: str, door: socket.socket, tmp_path: Path) -> None:
+    is_active, sends = name.startswith("active"), ("TSEND_C",) * name.endswith("duplex")
+    connect = calls(door, PASSIVE) if is_active else PASSIVE
+    with Line(connect, tmp_path, *sends, ADHOC=name.endswith("ad hoc")) as line:
+        come(line, door if is_active else None)
+        line.deliver(name)
         assert ended_by_reset(line)
 
 
@@ -241,8 +215,9 @@ def test_a_mix_in_which_half_of_the_partners_stay_or_end_by_fin(
 
 
 def test_a_recorded_run_with_such_partners_says_the_same_again(door: socket.socket, tmp_path: Path) -> None:
-    ends = "".join(f"{key} = {json.dumps(value)}\n" for key, value in calls(door, PASSIVE).items())
-    with LivePlc(f'{RECORDED}[[connect]]\nname = "C1"\n{ends}', tmp_path) as plc:
+    connect = '[[connect]]\nname = "C1"\n' + CALLS.replace('"@P1"', str(door.getsockname()[1]))
+    own = receiver("TRCV_C", SIZE, pins(CONT=True, EN_R=True))
+    with LivePlc(RECORDED + connect + own, tmp_path) as plc:
         for number in range(1, 21):
             plc.until(lambda: select.select([door], [], [], 0)[0])
             sock = prompt(door.accept()[0])

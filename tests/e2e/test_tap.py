@@ -28,18 +28,6 @@ def test_a_half_close_passes_and_the_other_direction_goes_on() -> None:
         assert tap.end() == (0, "", "")
 
 
-@pytest.mark.parametrize("resets", [0, 1])
-def test_a_reset_passes_as_a_reset_after_the_bytes_before_it(resets: int) -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        ends = joined(door, tap.port)
-        ends[resets].sendall(bytes(100_000))
-        reset(ends[resets])
-        with ends[1 - resets] as other:
-            size, end = end_of(other)
-        assert (size <= 100_000, end) == (True, "RST")
-
-
 def test_a_reset_shows_at_once_to_an_end_whose_fin_has_passed() -> None:
     door, port = listening()
     with door, Tap(str(port)) as tap:

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,10 +17,9 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost, News, Taken
+from trcvtui.fleet.broker import Broker, BrokerConnection, IncomingMessage
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
-from trcvtui.fleet.publisher import EVENT, FIGURES, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.scenario.scenario import load_bench
@@ -54,84 +52,6 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
     assert [each.name for each in changed] == ["TRCV_C_1"] and [line.name for line in moved] == ["C1"]
     assert seen.lines["C1"].figures(1000.0).errors_an_hour == errors
     assert seen.instances["TRCV_C_1"].recent_message(1000.0).count == errors
-
-
-# -- while the broker is away ----------------------------------------------------------------------------
-
-
-class FakeConnection(BrokerConnection):
-    """A broker that does what a test says."""
-
-    def __init__(self) -> None:
-        self.waiting: list[News] = []
-        self.sent: list[tuple[str, bytes, bool]] = []
-
-    def news(self) -> Iterator[News]:
-        taken, self.waiting = self.waiting, []
-        return iter(taken)
-
-    def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
-        self.sent.append((topic, payload, is_retained))
-        return len(self.sent)
-
-
-def test_after_a_reconnect_retained_topics_go_first_and_queued_events_two_seconds_later() -> None:
-    connection, queue = FakeConnection(), DiskQueue(None)
-    publisher = Publisher(connection, queue, lambda line: None)
-    publisher.event("e", b"1")
-    publisher.retain("s", b"old")
-    publisher.retain("s", b"new")
-    publisher.turn(0)
-    assert connection.sent == []
-    connection.waiting = [Connected()]
-    publisher.turn(SECOND)
-    publisher.turn(SECOND + HOLD_NS - 1)
-    assert connection.sent == [("s", b"new", True)]
-    publisher.turn(SECOND + HOLD_NS)
-    assert connection.sent[1:] == [("e", b"1", False)] and queue.size == 1
-    connection.waiting = [Lost("away"), Connected()]  # before the event was acknowledged
-    publisher.turn(10 * SECOND)
-    publisher.turn(12 * SECOND)
-    assert connection.sent[2:] == [("s", b"new", True), ("e", b"1", False)]
-    connection.waiting = [Taken(4)]
-    publisher.turn(13 * SECOND)
-    assert queue.size == 0
-
-
-def test_a_topic_that_changes_fast_costs_one_message_a_second_with_the_newest() -> None:
-    connection = FakeConnection()
-    publisher = Publisher(connection, DiskQueue(None), lambda line: None)
-    connection.waiting = [Connected()]
-    for tenth in range(21):
-        publisher.retain("s", b"%d" % tenth)
-        publisher.turn(tenth * LEAST_GAP_NS // 10)
-    assert [payload for _, payload, _ in connection.sent] == [b"0", b"10", b"20"]
-
-
-def test_past_the_bound_old_figures_go_first_events_last_and_it_is_said() -> None:
-    connection, queue, said = FakeConnection(), DiskQueue(None, most=3), list[str]()
-    publisher = Publisher(connection, queue, said.append)
-    for n in range(2):
-        publisher.event("e", b"%d" % n)
-        publisher.figures("f", b"%d" % n)
-    publisher.event("e", b"2")
-    publisher.event("e", b"3")
-    assert queue.dropped == {FIGURES: 2, EVENT: 1}
-    assert [payload for _, _, payload in queue.after(0, 9)] == [b"1", b"2", b"3"]
-    connection.waiting = [Connected()]
-    publisher.turn(0)
-    assert "no room while the broker was away: 2 figures, 1 events" in said
-
-
-def test_a_queue_outlives_the_agent_and_a_file_of_others_is_one_line(
-    tmp_path: Path,
-) -> None:
-    first = DiskQueue(tmp_path / "q")
-    first.put(EVENT, "e", b"1")
-    first.close()
-    again = DiskQueue(tmp_path / "q")
-    assert again.after(0, 9) == [(1, "e", b"1")]
-    again.close()
 
 
 # -- the page and the dashboard --------------------------------------------------------------------------
@@ -176,17 +96,7 @@ def test_a_label_of_the_page_is_none_that_prometheus_takes_for_itself() -> None:
     assert {label for metric in METRICS for label in metric.labels} == {"line", "name"}
 
 
-# -- bad input -------------------------------------------------------------------------------------------
-
-
 # -- on a broker -----------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    made = Mosquitto(tmp_path)
-    yield made
-    made.kill()
 
 
 def started(broker: Mosquitto, folder: Path) -> subprocess.Popen[bytes]:

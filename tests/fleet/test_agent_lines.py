@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.diagnosis.truth.cases import plc, receiver
 from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.cli.main import main
@@ -25,21 +26,7 @@ from trcvtui.line.tap_screen import TapDriver
 from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
-LINE = """
-dialect = "baosky"
-[[data]]
-name = "rx"
-type = "ARRAY[0..3] OF BYTE"
-[[connect]]
-name = "C1"
-LocalAddress = "127.0.0.1"
-LocalPort = 2000
-[[instance]]
-name = "R"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-"""
+LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
 PEER = 'CONT = true\nEN_R = true\n[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\n'
 TAP = '[[tap]]\nname = "T"\nlisten = "127.0.0.1:0"\nto = "127.0.0.1:{port}"\nconnect = "C1"\n'
 WATCH = '[[watch]]\nname = "press"\nplc = "127.0.0.1:2000"\nconnect = "C1"\n'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,13 +24,6 @@ from trcvtui.fleet.broker import (
     Taken,
     broker_of,
 )
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    made = Mosquitto(tmp_path)
-    yield made
-    made.kill()
 
 
 def seen(connection: BrokerConnection, kind: type[News]) -> list[News]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -24,13 +23,6 @@ pytestmark = [needs_mosquitto, pytest.mark.live, pytest.mark.slow]
 SECOND = 1_000_000_000
 
 
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    made = Mosquitto(tmp_path)
-    yield made
-    made.kill()
-
-
 @pytest.fixture(autouse=True)
 def short_times(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait for tenths where the programs wait for seconds."""
@@ -42,10 +34,10 @@ def short_times(monkeypatch: pytest.MonkeyPatch) -> None:
 class OneLine:
     """An agent with one instance, its own code from the event to the broker; and a reader of the fleet."""
 
-    def __init__(self, broker: Mosquitto, most_queued: int = 20_000) -> None:
+    def __init__(self, broker: Mosquitto) -> None:
         place = Broker("127.0.0.1", broker.port, False)
         self.connection = BrokerConnection(place, "s/a", LastWill(self.topic("state"), self.state("offline")))
-        self.publisher = Publisher(self.connection, DiskQueue(None, most_queued), lambda line: None)
+        self.publisher = Publisher(self.connection, DiskQueue(None), lambda line: None)
         self.instance = SeenInstance("L", "T")
         self.publisher.retain(self.topic("state"), self.state("online"))
         self.publisher.retain(self.topic("status", "L", "T"), status().to_json())
@@ -121,21 +113,6 @@ def test_after_a_killed_broker_came_back_no_event_is_missing_and_none_stands_twi
     found = line.line
     assert found is not None and found.missing == 0 and found.errors_an_hour(time.time()) == 63
     assert line.seqs == [*range(1, 64)]
-
-
-def test_beyond_what_the_agent_could_keep_the_reader_says_how_many_are_missing(broker: Mosquitto) -> None:
-    line = OneLine(broker, most_queued=10)
-    try:
-        until(line.has_settled)
-        broker.kill()
-        until(line.is_alone)
-        line.fail(100)
-        assert broker.start()
-        until(lambda: line.seqs == [*range(37, 101)] and not line.publisher.queue.size)
-        found = line.line
-        assert found is not None and found.missing == 36
-    finally:
-        line.close()
 
 
 def test_an_agent_that_dies_without_a_word_makes_its_line_offline_at_once(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import cast
 
 from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, Taken
-from trcvtui.fleet.publisher import EVENT, HOLD_NS, DiskQueue, Publisher
+from trcvtui.fleet.publisher import EVENT, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
 
 SECOND = 1_000_000_000
 
@@ -87,6 +87,15 @@ def test_after_a_reconnect_retained_topics_go_first_and_no_event_is_lost() -> No
     line.acknowledge()
     line.pass_time()
     assert not line.queue.size
+
+
+def test_a_topic_that_changes_fast_costs_one_message_a_second_with_the_newest() -> None:
+    line = Line()
+    line.come()
+    for tenth in range(21):
+        line.publisher.retain("s", b"%d" % tenth)
+        line.pass_time(LEAST_GAP_NS / SECOND / 10 if tenth else 0)
+    assert [payload for _, payload in line.got] == [b"0", b"10", b"20"]
 
 
 def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:

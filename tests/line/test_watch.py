@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import json
 import random
-import shutil
-import subprocess
-import sys
-from collections.abc import Iterator, Sequence
-from itertools import accumulate
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,17 +24,10 @@ from tests.recording.wire import (
     tcp,
     udp,
 )  # fmt: skip
-from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.cli.main import main
-from trcvtui.commands.words import Set
-from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
+from trcvtui.line.capture_player import MISSING
 from trcvtui.line.packet_partners import PlayedEnd
-from trcvtui.plc.ledger import StatusEdge
-from trcvtui.project.file import load_project
-from trcvtui.recording.recorder import RunRecorder
-from trcvtui.recording.recording import RecordingWriter
 
 Record = dict[str, Any]
 STATIC = """
@@ -112,6 +101,15 @@ class Watch:
 @pytest.fixture
 def watch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Watch:
     return Watch(tmp_path, capsys)
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that grows by one with each scan that is run."""
+    scans: list[int] = []
+    usual = Bench.step
+    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
+    return scans
 
 
 def stream(*sizes: int, seq: int = 101) -> Iterator[bytes]:
@@ -278,16 +276,11 @@ def test_a_dialect_says_which_block_would_have_looked_on(
     assert "--dialect: found 's7-1501'" in capsys.readouterr().err
 
 
-def test_hours_of_silence_cost_no_scans_and_change_nothing(
-    watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hours_of_silence_cost_no_scans_and_change_nothing(watch: Watch, steps: list[int]) -> None:
     """Keep-alive is on; the shadow that waits for the next partner waits as well."""
-    scans: list[int] = []
-    usual = Bench.step
-    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
     end = [tcp(seq=125, ack=501, flags=FIN | ACK), answer(seq=501, ack=126, flags=FIN | ACK)]
     seen = watch([*handshake(), *stream(12, 12), *end], step_ms=3_600_000)
-    assert len(scans) < 100
+    assert len(steps) < 100
     dones = [(r["scan"], r["RCVD_LEN"]) for r in seen.of("C1_TO_PLC") if r["DONE"]]
     assert dones == [(3 * 360_000 + 1, 12), (5 * 360_000 + 1, 12)]
 
@@ -360,16 +353,7 @@ def test_a_shadow_that_came_late_still_does_its_first_job(watch: Watch, tmp_path
     assert dones(seen) == [(12, None)]
 
 
-# -- odd and hostile captures ------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list that grows by one with each scan that is run."""
-    scans: list[int] = []
-    usual = Bench.step
-    monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
-    return scans
+# -- odd captures ------------------------------------------------------------------------------
 
 
 def dones(seen: Watched, instance: str = "R1") -> list[tuple[int, str | None]]:
@@ -458,194 +442,3 @@ def test_without_a_format_a_person_reads_it(watch: Watch, capsys: pytest.Capture
     assert any(line.endswith("C1: the PLC end has reset the connection") for line in lines)
     assert [line.split("  ")[2] for line in lines if "the partner reset" in line] == ["C1_FROM_PLC"]
     assert lines[-2:] == ["C1 was played to C1, C1_BACK", "C2 was played to C2, C2_BACK"]
-
-
-def odd_capture(chance: random.Random) -> bytes:
-    """Return a capture of some conversations, with packets lost, doubled, moved, changed, at any time."""
-    packets: list[bytes] = []
-    for _ in range(chance.randrange(1, 4)):
-        source, one, two = (PARTNER[0], PARTNER[1] + chance.randrange(2)), *chance.sample(range(2**32), 2)
-        for flags in (SYN, *chance.choices((ACK, ACK, ACK, ACK, FIN | ACK, RST), k=chance.randrange(12))):
-            data = chance.randbytes(chance.randrange(40)) if flags == ACK else b""
-            packets.append(tcp(data, one, two, flags, source=source))
-            one += len(data) + (flags & (SYN | FIN) > 0)
-            packets.append(tcp(b"", two, one, ACK | flags & (SYN | FIN), source=PLC, target=source))
-            two += flags & (SYN | FIN) > 0
-    for _ in range(chance.randrange(4)):
-        at, other = chance.randrange(len(packets)), chance.randrange(len(packets))
-        match chance.randrange(5):
-            case 0:
-                packets[at], packets[other] = packets[other], packets[at]
-            case 1:
-                packets.insert(at, packets[other])
-            case 2:
-                packets[at] = packets[at][: other + 1]
-            case 3:
-                packets[at] = bytes(byte ^ (chance.random() < 0.02) << 5 for byte in packets[at])
-            case 4:
-                packets[at:] = packets[at + 1 :] or packets[:1]
-    leap = chance.choice((10**6, 10**10, 10**16, 10**17))
-    text = bytearray(capture(packets, step_ns=leap))
-    for _ in range(chance.choice((0, 0, 0, 3))):
-        text[chance.randrange(len(text))] = chance.randrange(256)
-    return bytes(text if chance.random() < 0.8 else text[: chance.randrange(len(text))])
-
-
-def test_odd_captures_end_with_a_last_line_or_with_one_line_of_stderr(
-    watch: Watch, tmp_path: Path, steps: list[int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Whatever they hold: no traceback, and as many scans as there are events, not hours."""
-    benches = tmp_path / "p", tmp_path / "a"
-    for path in benches:
-        path.mkdir()
-    passive = ["--project", str(project(benches[0]))]
-    active = ["--project", str(project(benches[1], active="true", local=0, remote="10.0.0.5", port=2000))]
-    ways = [[], ["--plc", PLC[0]], ["--plc", PARTNER[0], *active], passive, active]
-    for seed in range(60):
-        chance = random.Random(seed)
-        watch.path.write_bytes(odd_capture(chance))
-        del steps[:]
-        code = main(["watch", str(watch.path), *chance.choice(ways), "--format", "jsonl"])
-        printed, told = capsys.readouterr()
-        assert len(steps) < 40_000
-        if code == 0:
-            assert {"assigned", "unassigned", "left_out"} <= json.loads(printed.splitlines()[-1]).keys()
-        else:
-            assert (code, len(told.splitlines())) == (2, 1)
-
-
-# -- real sockets ------------------------------------------------------------------------------------------
-
-SENDER = """
-import socket, sys
-line = socket.create_connection((sys.argv[1], int(sys.argv[2])))
-line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-for word in sys.stdin:
-    line.sendall(bytes.fromhex(word))
-    print("sent", flush=True)
-line.close()
-"""
-PIECES = (5, 7, 12, 24, 3, 4, 17, 7)  # 79 bytes: six jobs of 12, then FIN after 7
-
-
-class Capturing:
-    """dumpcap on loopback, and a sender that is a process of its own."""
-
-    def __init__(self, path: Path, address: str, port: int) -> None:
-        words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", str(path)]
-        self._dump = subprocess.Popen(words, stderr=subprocess.PIPE)
-        assert self._dump.stderr is not None
-        if not any(line.startswith(b"File:") for line in self._dump.stderr):
-            pytest.skip("dumpcap may not capture here")
-        self._path = path
-        self.sender = subprocess.Popen(
-            [sys.executable, "-c", SENDER, address, str(port)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def send(self, data: bytes) -> None:
-        assert self.sender.stdin is not None and self.sender.stdout is not None
-        self.sender.stdin.write(data.hex() + "\n")
-        self.sender.stdin.flush()
-        assert self.sender.stdout.readline() == "sent\n"
-
-    def end(self) -> list[Packet]:
-        """Close the connection; return the packets, FINs of both ends or the RST among them."""
-        self.sender.communicate()
-        while True:
-            packets = self._packets()
-            if sum(bool(packet.data[-1:] and _flags(packet.data) & (FIN | RST)) for packet in packets) >= 1:
-                break
-        self._dump.terminate()
-        self._dump.communicate()
-        return self._packets()
-
-    def _packets(self) -> list[Packet]:
-        if not self._path.exists() or not self._path.stat().st_size:
-            return []
-        with open_capture(str(self._path)) as reader:
-            return list(reader)
-
-
-def _flags(frame: bytes) -> int:
-    return frame[14 + (40 if frame[12:14] == b"\x86\xdd" else 20) + 13]
-
-
-def _is_said(edge: StatusEdge) -> bool:
-    return edge.outputs.status != 0x80A1  # EN_R is 1 before the connection stands: a matter of some scans
-
-
-class Frames:
-    """The jobs of shadows: STATUS and bytes, and what is said of conversations."""
-
-    def __init__(self, path: Path, bench: Path, plc: str) -> None:
-        plan, found, _ = plan_capture([str(path)], bench, plc, None)
-        self.jobs, self.notes = list[tuple[int, bytes]](), list[str]()
-        self._player = CapturePlayer(plan, found.all, found.first_ns or 0, self)
-        self._player.play([str(path)])
-        self._player.close()
-
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        assert not lacking
-        self.jobs += jobs_of(self._player.shadows.bench, changed)
-
-    def note(self, ns: int, number: int, text: str) -> None:
-        self.notes.append(text)
-
-
-def jobs_of(bench: Bench, edges: Sequence[StatusEdge]) -> list[tuple[int, bytes]]:
-    return [
-        (edge.outputs.status, bench.runtime.data("d") if edge.outputs.done else b"")
-        for edge in edges
-        if (edge.outputs.done or edge.outputs.error) and _is_said(edge)
-    ]
-
-
-@pytest.mark.live
-@pytest.mark.parametrize("by_plc", [False, True], ids=["the partner's end", "the PLC's own end"])
-def test_the_recording_and_a_capture_of_one_run_show_the_frames_of_the_run(
-    tmp_path: Path, by_plc: bool
-) -> None:
-    if shutil.which("dumpcap") is None:
-        pytest.skip("dumpcap is not installed")
-    path, jobs, text = tmp_path / "run.pcapng", list[tuple[int, bytes]](), random.Random(5).randbytes(79)
-    bench_file = project(tmp_path, "EN_R = true\nCONT = true", local=0)
-    with RunRecorder(lambda: RecordingWriter(path), path, secrets=False) as recorder:
-        bench = Bench(load_project(bench_file), "live", recorder.seam)
-        recorder.begin(bench, bench_file, (), is_scenario=False)
-        began = due = clock.now_ns()
-
-        def scan() -> None:
-            nonlocal due
-            while clock.now_ns() < due:
-                recorder.gap(bench)
-            due += 10_000_000
-            bench.step(clock.now_ns() - began)
-            jobs.extend(jobs_of(bench, bench.runtime.changed))
-
-        while (port := bench.runtime.listening_port("C1")) is None:
-            scan()
-        wire = Capturing(tmp_path / "real.pcapng", "127.0.0.1", port)
-        for at, size in zip(accumulate(PIECES, initial=0), PIECES, strict=False):
-            wire.send(text[at : at + size])
-            due = max(due, clock.now_ns())  # no scan makes up for the start of those programs
-            scan()
-        while len(bench.runtime.partial("R1")) != 7:  # six jobs of 12 bytes are done, the seventh has begun
-            scan()
-        if by_plc:
-            bench.do(Set("R1", (("COM_RST", True),)))
-        else:
-            wire.sender.communicate()
-        while bench.runtime.outputs("R1").status != 0x7002:
-            scan()
-        bench.close()
-        wire.end()
-    assert [data for _, data in jobs if data] == [text[at : at + 12] for at in range(0, 72, 12)]
-    for seen in (
-        Frames(path, bench_file, f"127.0.0.1:{port}"),
-        Frames(tmp_path / "real.pcapng", bench_file, f"127.0.0.1:{port}"),
-    ):
-        assert seen.jobs == jobs
-        assert seen.notes == ["the PLC end has reset the connection"] * by_plc

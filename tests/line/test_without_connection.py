@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver
 from tests.line.test_on_screen import work
 from tests.line.test_watch import Record, Watch, watch
 from tests.recording.wire import NS, PARTNER, PLC, capture, udp
@@ -115,26 +116,9 @@ def test_a_datagram_above_data_is_the_error_of_the_block(watch: Watch, tmp_path:
     assert second == ("7008", 8)
 
 
-SIEMENS = """
-dialect = "s7-1500"
-[[data]]
-name = "d"
-type = "ARRAY[0..7] OF BYTE"
-[[connect]]
-name = "C1"
-type = "TCON_IP_v4"
-ConnectionType = 19
-LocalPort = 2000
-ListenPort = 0
-[[addr]]
-name = "FROM"
-[[instance]]
-name = "R1"
-block = "TRCV_C"
-connect = "C1"
-addr = "FROM"
-data = "d"
-"""
+OWN = 'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\nListenPort = 0\n'
+FROM = '[[addr]]\nname = "FROM"\n'
+SIEMENS = plc(OWN, FROM + receiver("TRCV_C", 8, 'addr = "FROM"\n'), dialect="s7-1500")
 
 
 @pytest.mark.parametrize(("text", "error", "done"), [(UDP, "80AA", "7008"), (SIEMENS, "80C9", "0000")])
@@ -147,7 +131,7 @@ def test_a_datagram_above_data_is_the_error_also_where_the_capture_has_cut_it_of
         blocks.append(packet_block(0, NS + n * 60_000_000, data[: len(data) - left_out], length=len(data)))
     watch.path.write_bytes(b"".join(blocks))
     seen = watch.file(watch.path, "--project", str(project(tmp_path, text)), "--plc", "10.0.0.5")
-    told = [(r["STATUS"], "note" in r) for r in seen.of("R1") if r["ERROR"] or r["RCVD_LEN"]]
+    told = [(r["STATUS"], "note" in r) for r in seen.records if r.get("ERROR") or r.get("RCVD_LEN")]
     assert told == [(error, True), (error, False), (done, True), (done, False)]
 
 
@@ -237,35 +221,8 @@ def test_the_screen_shows_the_run_of_watch(watch: Watch, tmp_path: Path, kind: s
     assert shown.controller.bench.runtime.snapshot().instances[0].jobs_done == 3
 
 
-ISO = """
-dialect = "s7-1500"
-[[data]]
-name = "rx"
-type = "ARRAY[0..15] OF BYTE"
-[[connect]]
-name = "C1"
-type = "TCON_IP_RFC"
-ActiveEstablished = false
-LocalTSelector = "16#E002"
-RemoteTSelector = "16#E001"
-IsoPort = 0
-[[instance]]
-name = "R1"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-[[peer]]
-name = "P1"
-iso = true
-remote = "@C1"
-local_tsap = "16#E001"
-remote_tsap = "16#E002"
-reconnect = "T#100ms"
-says = ["random 16", "random 9"]
-every = "T#30ms"
-"""
+SAYS = 'says = ["random 16", "random 9"]\nevery = "T#30ms"\n'
+RECEIVES = receiver("TRCV_C", 16, pins(CONT=True, EN_R=True))
 TWO_SENDERS = """
 [[peer]]
 name = "P1"
@@ -296,11 +253,11 @@ def recorded(tmp_path: Path, bench: str, steps: str) -> tuple[Path, list[Record]
 def test_a_partner_of_iso_on_tcp_says_nothing_before_its_shadow_has_answered(
     watch: Watch, tmp_path: Path
 ) -> None:
-    path, run = recorded(tmp_path, ISO, "run T#500ms")
+    path, run = recorded(tmp_path, plc(ISO, RECEIVES, ISO_PEER + SAYS, "s7-1500"), "run T#500ms")
     seen = watch.file(path, "--project", str(tmp_path / "bench.toml"), "--plc", "127.0.0.1:32768")
     jobs = [("0000", r["RCVD_LEN"]) for r in run if r.get("DONE")]
     assert jobs[:3] == [("0000", 16), ("0000", 9), ("0000", 16)]
-    assert seen.jobs("R1")[: len(jobs)] == jobs
+    assert seen.jobs("R")[: len(jobs)] == jobs
     assert seen.last["left_out"] == {}
 
 

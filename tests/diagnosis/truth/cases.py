@@ -46,12 +46,16 @@ def sender(size: int) -> str:
     return f'{tx}[[instance]]\nname = "S"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "tx"\nCONT = true\n'
 
 
-def scenario(dialect: str, connect: str, parts: str, peer: str, steps: list[str], interval: int = 10) -> str:
+def plc(connect: str, parts: str, peer: str = "", dialect: str = "baosky") -> str:
+    """Return a project; `connect` and `peer`: what stands in its CONNECT and its peer."""
     connect = f'[[connect]]\nname = "C1"\n{connect}' if connect else ""
-    return (
-        f'dialect = "{dialect}"\n[[task]]\nname = "MAIN"\ninterval = "T#{interval}ms"\n{connect}{parts}'
-        f'[[peer]]\nname = "P1"\n{peer}[scenario]\nsteps = """\n{chr(10).join(steps)}\n"""\n'
-    )
+    peer = f'[[peer]]\nname = "P1"\n{peer}\n' if peer else ""
+    return f'dialect = "{dialect}"\n{connect}{parts}{peer}'
+
+
+def scenario(dialect: str, connect: str, parts: str, peer: str, steps: list[str], interval: int = 10) -> str:
+    task = f'[[task]]\nname = "MAIN"\ninterval = "T#{interval}ms"\n'
+    return f'{plc(connect, task + parts, peer, dialect)}[scenario]\nsteps = """\n{chr(10).join(steps)}\n"""\n'
 
 
 def says(random: Random, *lengths: int, every: int, cut: bool = True) -> str:

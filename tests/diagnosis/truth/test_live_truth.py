@@ -16,10 +16,8 @@ from tests.bench.test_tls_blocks import CLIENT, CONNECT, HEAD, RECEIVES, SERVER,
 from tests.certificates import NEEDS_OPENSSL
 from tests.diagnosis.truth.cases import CALLS, ISO, TCP, array, pins, receiver, sender, udp_receiver
 from tests.diagnosis.truth.live_plc import LivePlc
-from tests.diagnosis.truth.runs import Case, ask, records, run, shown
+from tests.diagnosis.truth.runs import Case, ask, shown
 from tests.e2e.terminal import need
-from tests.scenario.scenarios import SCENARIOS
-from trcvtui.scenario.scenario import load_scenario
 
 
 def nothing_differs(recording: Path, dialect: str, ran: list[dict[str, Any]]) -> None:
@@ -29,12 +27,6 @@ def nothing_differs(recording: Path, dialect: str, ran: list[dict[str, Any]]) ->
     assert told.sums["what_if"] == told.sums["recorded"]
     was, now, true = ([(one["scan"], shown(one)) for one in side] for side in (*told.both, ran))
     assert (was, now) == (true, true)
-
-
-@pytest.mark.parametrize("path", SCENARIOS[3 :: len(SCENARIOS) // 20][:20], ids=lambda path: path.stem)
-def test_an_unchanged_what_if_of_a_scenario_is_its_run(path: Path, tmp_path: Path) -> None:
-    ran = records(run(path, record=tmp_path / "R.pcapng"))
-    nothing_differs(tmp_path / "R.pcapng", load_scenario(path).project.dialect.name, ran)
 
 
 def plc_text(

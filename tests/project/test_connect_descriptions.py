@@ -76,13 +76,11 @@ def test_without_a_type_local_port_0_takes_a_free_port_and_with_one_it_is_judged
     assert bench.local == Endpoint("127.0.0.1", 0)
 
 
-def test_a_listener_is_on_loopback_unless_the_project_names_an_address() -> None:
-    plain, named = read("", 'LocalAddress = "10.0.0.1"')
-    assert plain.local.address == "127.0.0.1"
-    assert named.local.address == "10.0.0.1"
-
-
-def test_an_active_end_to_another_machine_takes_the_address_that_routing_gives_it() -> None:
+def test_a_listener_is_on_loopback_and_an_active_end_to_another_machine_where_routing_says() -> None:
+    assert [config.local.address for config in read("", 'LocalAddress = "10.0.0.1"')] == [
+        "127.0.0.1",
+        "10.0.0.1",
+    ]
     near, far, named = read(
         'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"',
         'ActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000',

@@ -58,7 +58,7 @@ stress: $(READY)
 # A million random scans on simulated networks: minutes; ten million of self-checking traffic: an hour or two.
 # TRCVTUI_SOAK_SCANS and TRCVTUI_SOAK_TRAFFIC say how many.
 soak: $(READY)
-	TRCVTUI_SOAK=1 TRCVTUI_RANDOM_SCANS=200000 TRCVTUI_SHARED_SCANS=200000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/recording/test_recording.py tests/diagnosis/truth/test_truth.py $(ARGS)
+	TRCVTUI_SOAK=1 TRCVTUI_SHARED_SCANS=400000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/recording/test_recording.py tests/diagnosis/truth/test_truth.py $(ARGS)
 	$(BIN)/pytest -n 2 -m hypothesis --hypothesis-profile searching $(ARGS)
 
 # Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred. Then every type

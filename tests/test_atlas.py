@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import re
-import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -66,23 +65,3 @@ def test_every_scenario_that_the_page_links_is_there(name: str) -> None:
 def test_nothing_of_the_page_is_taken_for_html(name: str) -> None:
     outside_code = re.sub(r"`[^`]*`", "", written(name))
     assert re.findall(r"(?<!\\)<", outside_code) == []
-
-
-def test_80c3_leads_to_the_orphan_lock_of_a_deleted_instance() -> None:
-    card = written("baosky").partition("## 16#80C3")[2].partition("## 16#")[0]
-    assert "(../configs/scenarios/baosky/note-delete-mid-frame.toml)" in card
-
-
-def test_80aa_after_tdiscon_and_t_reset_is_marked_as_unsure() -> None:
-    card = written("siemens").partition("## 16#80AA")[2].partition("## 16#")[0]
-    assert "TDISCON or T_RESET has closed is named nowhere" in card
-
-
-def test_the_abouts_of_scenarios_speak_without_the_rows_of_a_table_that_no_user_has() -> None:
-    files = sorted((DOCS.parent / "configs" / "scenarios").glob("*/*.toml"))
-    said = {path.name: tomllib.loads(path.read_text(encoding="utf-8"))["scenario"] for path in files}
-    assert len(said) > 100
-    numbered = re.compile(r"\brow \d", re.IGNORECASE)
-    assert [
-        name for name, each in said.items() if numbered.search(f"{each.get('name')} {each.get('about')}")
-    ] == []

@@ -16,13 +16,6 @@ from trcvtui.paths import configs_path
 ROOT = Path(__file__).parents[1]
 DECISIONS = (ROOT / "docs" / "decisions.md").read_text(encoding="utf-8")
 
-# Notes that only their writers have: "Row 24", "SR 3.1", "baosky.md 15.3", "design 6", "(A1)", "issue 41".
-PRIVATE = re.compile(
-    r"\b(rows?|decisions?|issue|design|contract|SR)\s(section )?\d|\b[AU]\d{1,2}\b|\b\w+\.md \d"
-    r"|\b(line|baosky|udt|receivedata|competitors|performance|dependencies|status-reproduction)\.md",
-    re.IGNORECASE,
-)
-
 
 def own_projects() -> list[str]:
     """Return the files of configs/ that are projects; a folder of scenarios counts as one."""
@@ -57,9 +50,8 @@ def test_each_switch_of_a_dialect_stands_in_a_decision(dialect: Dialect) -> None
     assert [switch.name for switch in dialect.switches if switch.name not in named] == []
 
 
-def test_the_decisions_fit_and_name_no_private_note() -> None:
+def test_the_decisions_fit() -> None:
     assert len(DECISIONS.encode()) <= 40_000
-    assert [match[0] for match in PRIVATE.finditer(DECISIONS)] == []
 
 
 def test_the_newest_changes_are_dated_and_few() -> None:

@@ -14,8 +14,8 @@ from trcvtui.dialects import DIALECTS
 ROOT = Path(__file__).parents[1]
 PRIVATE = re.compile(
     r"(?<!-)\b(?:design|receivedata|baosky|performance|aesthetics)\.md|\b(?:siemens|udt)\.md \w?\d"
-    r"|status-reproduction|\b(?:design|contract|decision) \d|\bSR \d|\brows? \d+\b(?! of|#)"
-    r"|\([AU]\d+(?:, [AU]\d+)*\)|\[(?:M|mem|DEC|inf)\]|\breference/",
+    r"|status-reproduction|\b(?:design|contract|decision) (?:section )?\d|\bSR \d|\brows? \d+\b(?! of|#)"
+    r"|\bissue \d\d?\b|\([AU]\d+(?:, [AU]\d+)*\)|\[(?:M|mem|DEC|inf)\]|\breference/",
     re.IGNORECASE,
 )
 FILES = (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.blocks.test_udp_blocks import Desk
+from tests.bench.iso_desk import Desk
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
 

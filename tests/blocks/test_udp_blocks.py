@@ -6,39 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.bench.iso_desk import Desk
 from tests.scenario.scenarios import CONFIGS
-from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import RunScans
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
-
-
-class Desk:
-    """A bench that is told lines."""
-
-    def __init__(self, text: str, folder: Path, kernel: str = "sim") -> None:
-        file = folder / "b.toml"
-        file.write_text(text)
-        self.bench = Bench(load_project(file), kernel)
-
-    def say(self, *lines: str) -> None:
-        for line in lines:
-            command = parse_line(line, self.bench.project, "w")
-            assert command is not None
-            if isinstance(command, RunScans):
-                for _ in range(command.scans):
-                    self.bench.step()
-            else:
-                assert self.bench.do(command) == ""
-
-    def status(self, instance: str) -> str:
-        return f"{self.bench.runtime.outputs(instance).status:04X}"
-
-    def close(self) -> None:
-        self.bench.close()
-        assert self.bench.leaks() == ()
-
 
 BENCH = (CONFIGS / "udp.toml").read_text()
 

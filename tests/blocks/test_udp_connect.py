@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.blocks.test_udp_blocks import Desk
+from tests.bench.iso_desk import Desk
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.commands.table import parse_line
 from trcvtui.errors import UserError

@@ -37,6 +37,7 @@ LISTED = {
         0x80A1, 0x80A4, 0x80A5, 0x80A6, 0x80A7, 0x80AA, 0x80AB, 0x80C3, 0x80C5,
     ],
 }
+OF_A_JOB = {0x7005, 0x7006, 0x7008, 0x7009, 0x80A1, 0x80A4, 0x80A5, 0x80A6, 0x80A7, 0x80C3, 0x80C5}
 # fmt: on
 SECTIONS = {"TRCV_C": 1, "TSEND_C": 2, "TCON": 5, "TDISCON": 6, "T_RESET": 7, "TSEND": 8, "TRCV": 9}
 SEND_ONLY = {Condition.SENDING, Condition.SENT, Condition.SEND_BUFFER_FULL, Condition.SEND_FAILED}
@@ -61,19 +62,7 @@ def test_tdiscon_lists_nothing_but_the_complete_list_of_its_page() -> None:
 @pytest.mark.parametrize("block", ["TCON", "TDISCON", "T_RESET"])
 def test_a_block_that_moves_no_bytes_lists_no_code_of_a_job(block: str) -> None:
     codes = {row.code for row in STATUS if block in row.blocks}
-    assert not codes & {
-        0x7005,
-        0x7006,
-        0x7008,
-        0x7009,
-        0x80A1,
-        0x80A4,
-        0x80A5,
-        0x80A6,
-        0x80A7,
-        0x80C3,
-        0x80C5,
-    }
+    assert not codes & OF_A_JOB
 
 
 def test_no_inner_block_lists_what_neither_c_block_does() -> None:

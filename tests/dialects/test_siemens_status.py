@@ -63,72 +63,33 @@ LISTED = {
 }
 # fmt: on
 
-_SET_UP = {
-    Condition.NO_SOCKET,
-    Condition.QUEUE_FULL,
-    Condition.WRONG_LOCAL_ADDRESS,
-    Condition.NOT_NOW,
-    Condition.PORT_IN_USE,
-    Condition.PORT_RESERVED,
-    Condition.REFUSED,
-    Condition.UNREACHABLE,
-    Condition.REMOTE_WRONG,
-    Condition.NO_DESCRIPTION,
-    Condition.DESCRIPTION_LENGTH,
-    Condition.ID_WRONG,
-    Condition.INTERFACE_WRONG,
-    Condition.INTERFACE_BARE,
-    Condition.TYPE_WRONG,
-    Condition.NEEDS_ADDR,
-    Condition.UDP_ACTIVE,
-    Condition.TSAP_WRONG,
-    Condition.PARAMETER_WRONG,
-    Condition.NAME_EMPTY,
-    Condition.NAME_NOT_FULL,
-    Condition.NO_RESOLVER,
-    Condition.NAME_UNKNOWN,
-    Condition.TLS_MESSAGE,
-    Condition.TLS_HANDSHAKE,
-    Condition.TLS_UNSUPPORTED,
-    Condition.TLS_DISCARDED,
-    Condition.TLS_NO_CA,
-    Condition.TLS_EXPIRED,
-    Condition.TLS_INTEGRITY,
-    Condition.TLS_EXTENSION,
-    Condition.TLS_SERVER_BARE,
-    Condition.TLS_DATAGRAMS,
-    Condition.TLS_CLIENT_ASKS,
-    Condition.TLS_SERVER_CHECKS,
-    Condition.TLS_REFERENCE,
-}
-_COURSE = {
-    Condition.NOT_CALLED,
-    Condition.NO_JOB,
-    Condition.CREATING,
-    Condition.CREATED,
-    Condition.ESTABLISHING,
-    Condition.CLOSING,
-    Condition.CONNECTED,
-    Condition.JOB_BEGINS,
-    Condition.ESTABLISHED,
-    Condition.CLOSED,
-    Condition.POLL_DEL_FAILED,
-    Condition.DISCONNECT_FAILED,
-    Condition.RESET_FAILED,
-    Condition.FOUND_CLOSED,
-    Condition.LET_GO,
-}
-_AREA = {
-    Condition.DATA_MISSING,
-    Condition.DATA_EMPTY,
-    Condition.DATA_REFUSED,
-    Condition.DATA_SYMBOLIC,
-    Condition.LENGTH_WRONG,
-    Condition.LEN_OVER_DATA,
-    Condition.AREA_CHANGED,
-    Condition.NO_BUFFER,
-    Condition.CONNECT_IN_USE,
-}
+
+def conditions(names: str) -> set[Condition]:
+    """Return the conditions of these names."""
+    return {Condition[name] for name in names.split()}
+
+
+_SET_UP = conditions(
+    """
+    NO_SOCKET QUEUE_FULL WRONG_LOCAL_ADDRESS NOT_NOW PORT_IN_USE PORT_RESERVED REFUSED UNREACHABLE
+    REMOTE_WRONG NO_DESCRIPTION DESCRIPTION_LENGTH ID_WRONG INTERFACE_WRONG INTERFACE_BARE TYPE_WRONG
+    NEEDS_ADDR UDP_ACTIVE TSAP_WRONG PARAMETER_WRONG NAME_EMPTY NAME_NOT_FULL NO_RESOLVER NAME_UNKNOWN
+    TLS_MESSAGE TLS_HANDSHAKE TLS_UNSUPPORTED TLS_DISCARDED TLS_NO_CA TLS_EXPIRED TLS_INTEGRITY
+    TLS_EXTENSION TLS_SERVER_BARE TLS_DATAGRAMS TLS_CLIENT_ASKS TLS_SERVER_CHECKS TLS_REFERENCE
+    """
+)
+_COURSE = conditions(
+    """
+    NOT_CALLED NO_JOB CREATING CREATED ESTABLISHING CLOSING CONNECTED JOB_BEGINS ESTABLISHED CLOSED
+    POLL_DEL_FAILED DISCONNECT_FAILED RESET_FAILED FOUND_CLOSED LET_GO
+    """
+)
+_AREA = conditions(
+    """
+    DATA_MISSING DATA_EMPTY DATA_REFUSED DATA_SYMBOLIC LENGTH_WRONG LEN_OVER_DATA AREA_CHANGED
+    NO_BUFFER CONNECT_IN_USE
+    """
+)
 _LOSS = {Condition.PARTNER_CLOSED, Condition.LINK_DEAD}
 _SENDS = {Condition.SENT, Condition.SEND_BUFFER_FULL, Condition.SEND_FAILED}
 _RECEIVES = {Condition.RECEIVED, Condition.RECEIVE_FAILED, Condition.MESSAGE_TOO_LONG}

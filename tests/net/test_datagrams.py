@@ -37,18 +37,6 @@ def test_latency_delays_a_datagram_once() -> None:
     assert take(b, there)[0] == b"later"
 
 
-@pytest.mark.parametrize("cut", ["C1", "P1"])
-def test_a_cut_link_swallows_datagrams_and_a_mended_one_brings_only_new_ones(cut: str) -> None:
-    b = SimBench()
-    here, there = owned(b, "C1"), owned(b, "P1")
-    b.sim.set_link(cut, up=False)
-    say(b, here, b"lost", there)
-    b.sim.set_link(cut, up=True)
-    say(b, here, b"new", there)
-    assert take(b, there)[0] == b"new"
-    assert try_take(b, there) is WOULD_BLOCK
-
-
 def test_a_link_that_is_cut_while_a_datagram_is_on_its_way_swallows_it() -> None:
     b = SimBench(SimKernel(latency_ns=5 * MS))
     here, there = owned(b, "C1"), owned(b, "P1")

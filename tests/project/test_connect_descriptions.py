@@ -50,26 +50,16 @@ def read_one(table: str) -> None:
     read(table)
 
 
-def test_fields_become_the_bytes_of_the_example() -> None:
-    (config,) = read(
-        'type = "TCON_IP_v4"\nActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000'
-    )
-    assert packed(config) == EXAMPLE
-    assert (config.active, config.remote_address, config.remote_port) == (True, "192.168.0.10", 2000)
-    assert config.flaw is None
-
-
-def test_bytes_become_the_same_connect_as_fields() -> None:
-    by_bytes, by_fields = read(
-        f'bytes = "{EXAMPLE}"',
+def test_fields_become_the_bytes_of_the_example_and_bytes_the_same_connect() -> None:
+    by_fields, by_bytes = read(
         'ID = 1\nActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000',
+        f'bytes = "{EXAMPLE}"',
     )
-    assert packed(by_bytes) == packed(by_fields)
-    assert (by_bytes.local, by_bytes.remote_address, by_bytes.remote_port) == (
-        by_fields.local,
-        by_fields.remote_address,
-        by_fields.remote_port,
-    )
+    for config in (by_fields, by_bytes):
+        assert packed(config) == EXAMPLE
+        assert (config.active, config.remote_address, config.remote_port) == (True, "192.168.0.10", 2000)
+        assert config.local == by_fields.local
+        assert config.flaw is None
 
 
 def test_without_a_type_it_is_a_tcon_ip_v4_with_an_id_of_its_own() -> None:
@@ -86,13 +76,11 @@ def test_without_a_type_local_port_0_takes_a_free_port_and_with_one_it_is_judged
     assert bench.local == Endpoint("127.0.0.1", 0)
 
 
-def test_a_listener_is_on_loopback_unless_the_project_names_an_address() -> None:
-    plain, named = read("", 'LocalAddress = "10.0.0.1"')
-    assert plain.local.address == "127.0.0.1"
-    assert named.local.address == "10.0.0.1"
-
-
-def test_an_active_end_to_another_machine_takes_the_address_that_routing_gives_it() -> None:
+def test_a_listener_is_on_loopback_and_an_active_end_to_another_machine_where_routing_says() -> None:
+    assert [config.local.address for config in read("", 'LocalAddress = "10.0.0.1"')] == [
+        "127.0.0.1",
+        "10.0.0.1",
+    ]
     near, far, named = read(
         'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"',
         'ActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000',
@@ -338,8 +326,7 @@ def test_an_added_connect_of_iso_on_tcp_and_its_peer_can_be_saved(tmp_path: Path
 
 
 def view(table: str, dialect: str = "s7-1500") -> DescriptionView | None:
-    text = f'dialect = "{dialect}"\n[[connect]]\nname = "C1"\n{table}\n[[peer]]\nname = "P1"\n'
-    return description_view(read_project(tomllib.loads(text), "b.toml", Path()).connects[0])
+    return description_view(read(table, dialect=dialect)[0])
 
 
 def remarks(seen: DescriptionView) -> dict[str, str]:
@@ -379,15 +366,7 @@ def test_bytes_of_no_description_are_shown_with_their_flaw() -> None:
 
 
 def test_a_description_is_written_as_the_initial_values_of_a_db() -> None:
-    text = """
-dialect = "s7-1500"
-[[connect]]
-name = "C1"
-type = "TCON_IP_RFC"
-RemoteAddress = "10.0.0.9"
-LocalTSelector = "16#E002"
-"""
-    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    (config,) = read('type = "TCON_IP_RFC"\nRemoteAddress = "10.0.0.9"\nLocalTSelector = "16#E002"')
     assert config.description is not None
     assert tuple(each.text for each in initial_values(config.description, {})) == (
         "InterfaceId := 64",
@@ -401,8 +380,7 @@ LocalTSelector = "16#E002"
 
 
 def test_a_free_port_says_so_and_where_it_listens_now() -> None:
-    text = 'dialect = "s7-1500"\n[[connect]]\nname = "C1"\nListenPort = 0\n'
-    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    (config,) = read("ListenPort = 0")
     closed, open_ = description_view(config), description_view(config, "127.0.0.1:40001")
     assert closed is not None and open_ is not None
     assert closed.says == "TCP, passive on 127.0.0.1, a free port"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
-from tests.properties.bench_machine import DOCUMENT, INSTANCES
 from tests.properties.drawn_projects import Document
 from tests.properties.shared_machine import SharedMachine
 from trcvtui.bench.bench import Bench
@@ -19,6 +19,26 @@ from trcvtui.project.file import read_project
 
 EXAMPLES = 250 if "TRCVTUI_SOAK" in os.environ else 12
 LEAST_SCANS = 5_000
+IDLE = """
+dialect = "baosky"
+options = { retry = "T#50ms" }
+data = [{ name = "rx", type = "ARRAY[1..64] OF BYTE" }]
+instance = [
+    { name = "A", block = "TRCV_C", connect = "C1", data = "rx" },
+    { name = "B", block = "TRCV_C", connect = "C1", data = "rx" },
+    { name = "C", block = "TRCV_C", connect = "C2", data = "rx" },
+]
+peer = [{ name = "P2", active = false }]
+[[connect]]
+name = "C1"
+LocalAddress = "127.0.0.1"
+[[connect]]
+name = "C2"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+RemoteAddress = "127.0.0.1"
+RemotePort = "@P2"
+"""
 
 
 class TwinMachine(SharedMachine):
@@ -67,7 +87,7 @@ def test_letting_idle_instances_sleep_changes_no_scan() -> None:
 
 
 def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(read_project(DOCUMENT, "idle", Path()), "sim")
+    bench = Bench(read_project(tomllib.loads(IDLE), "idle", Path()), "sim")
     for line in ("set A CONT=1", "set C CONT=1 EN_R=1"):  # A listens, B has no job, C receives
         assert say(bench, line) == ""
     called: list[str] = []
@@ -80,7 +100,7 @@ def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(Instance, "scan", counted)
     for _ in range(10):
         bench.step()
-    assert [bench.runtime.outputs(name).status for name in INSTANCES] == [0x7002, 0x7000, 0x7006]
+    assert [bench.runtime.outputs(name).status for name in "ABC"] == [0x7002, 0x7000, 0x7006]
     called.clear()
     for _ in range(10):
         bench.step()
@@ -88,7 +108,7 @@ def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None
     assert say(bench, "peer P2 send hex 01 02 03") == ""
     bench.step()
     assert called == ["C"]
-    assert [out.instance for out in bench.runtime.called] == list(INSTANCES)
+    assert [out.instance for out in bench.runtime.called] == list("ABC")
 
 
 def say(bench: Bench, line: str) -> str:

@@ -10,7 +10,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from tests.properties.shared_machine import SharedMachine
 
-LEAST_SCANS = int(os.environ.get("TRCVTUI_SHARED_SCANS", "6000"))
+LEAST_SCANS = int(os.environ.get("TRCVTUI_SHARED_SCANS", "12000"))
 SCANS_AN_EXAMPLE = 250  # what one example runs through on average, cautiously
 
 

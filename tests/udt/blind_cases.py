@@ -30,7 +30,6 @@ from trcvtui.udt.types import (
     Struct,
     Subrange,
     Type,
-    Union,
     ValueKind,
 )
 
@@ -389,6 +388,3 @@ def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = Fal
         if best.fits_best and not right:
             wrong.append(seed)
     return Tally(cases, first, among, said, len(wrong), tuple(wrong), tuple(missed))
-
-
-__all__ = ["CAUSES", "FILLS", "Case", "Tally", "Union", "make", "measure"]

@@ -103,19 +103,12 @@ def written(form: str, content: bytes = EVERY_BYTE) -> str:
     return BYTE_FORMS[form](content, NAME)
 
 
-def test_hex_is_one_line_and_comes_back() -> None:
-    assert parse_hex(written("hex")) == EVERY_BYTE
+def test_hex_in_one_line_base64_and_the_iec_list_come_back() -> None:
+    assert base64.b64decode(written("base64"), validate=True) == EVERY_BYTE
+    assert parse_hex(written("hex")) == parse_hex(written("iec")) == EVERY_BYTE
     assert "\n" not in written("hex")
-
-
-def test_the_iec_list_comes_back() -> None:
-    assert parse_hex(written("iec")) == EVERY_BYTE
     *lines, last = written("iec").splitlines()
     assert lines and all(line.endswith(",") for line in lines) and not last.endswith(",")
-
-
-def test_base64_comes_back() -> None:
-    assert base64.b64decode(written("base64"), validate=True) == EVERY_BYTE
 
 
 def test_python_reads_the_literal_as_the_same_bytes() -> None:

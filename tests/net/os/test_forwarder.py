@@ -24,16 +24,20 @@ class Stand:
     """A loop with one TCP tap, a door of the far end, one who looks on and gives orders."""
 
     def __init__(self, poll: object = None) -> None:
-        self.said: list[str] = []
-        self.loop = Forwarder(self.said.append, poll)
         self.door = socket.create_server(("127.0.0.1", 0))
         self.door.setblocking(False)
-        to = f"127.0.0.1:{self.door.getsockname()[1]}"
-        self.loop.add_route(route_of("T", "127.0.0.1:0", to, ("LISTEN", "CONNECT")))
+        self.begin("", self.door, poll)
+
+    def begin(self, scheme: str, far: socket.socket, poll: object = None) -> None:
+        """Make the loop with a tap in front of a far end, and who looks on."""
+        self.said: list[str] = []
+        self.loop = Forwarder(self.said.append, poll)
+        to = f"{scheme}127.0.0.1:{far.getsockname()[1]}"
+        self.loop.add_route(route_of("T", f"{scheme}127.0.0.1:0", to, ("LISTEN", "CONNECT")))
         ours, self.looks = socket.socketpair()
         self.looks.setblocking(False)
         self.loop.add_looker(ours, "who looks on", gives_orders=True)
-        self._sockets = [self.door, self.looks]
+        self._sockets = [far, self.looks]
 
     def until(self, is_done: Callable[[], object]) -> None:
         """Let the loop turn until something is so."""
@@ -381,18 +385,12 @@ class Datagrams(Stand):
     """A loop with one UDP tap, a client and a far end that know each other."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
-        self.loop = Forwarder(self.said.append)
         self.near, self.far = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         for sock in (self.near, self.far):
             sock.bind(("127.0.0.1", 0))
             sock.setblocking(False)
-        to = f"udp:127.0.0.1:{self.far.getsockname()[1]}"
-        self.loop.add_route(route_of("T", "udp:127.0.0.1:0", to, ("LISTEN", "CONNECT")))
-        ours, self.looks = socket.socketpair()
-        self.looks.setblocking(False)
-        self.loop.add_looker(ours, "who looks on", gives_orders=True)
-        self._sockets = [self.near, self.far, self.looks]
+        self.begin("udp:", self.far)
+        self._sockets.append(self.near)
         self.near.connect(self.loop.routes[0].address or ("", 0))
         self.near.send(b"first")
         self.until(lambda: select.select((self.far,), (), (), 0)[0])

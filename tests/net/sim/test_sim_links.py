@@ -135,19 +135,6 @@ def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst() ->
     assert b.sim.loss(one.client) == KernelLoss(Fault("recv", "ECONNRESET"), 0)
 
 
-def test_either_partner_s_link_silences_both_directions() -> None:
-    b = SimBench()
-    one = b.partners()
-    b.sim.set_link("P1", up=False)
-    b.send(one.client, b"there")
-    b.send(one.server, b"back")
-    b.time.pass_ms(100)
-    assert (b.sim.unread(one.client), b.sim.unread(one.server)) == (0, 0)
-    b.sim.set_link("P1", up=True)
-    b.time.pass_ms(1000)
-    assert (b.sim.unread(one.client), b.sim.unread(one.server)) == (4, 5)
-
-
 # -- a closed window (3.2, the remedy; 2.3, 80A8) ------------------------------------------------------------
 
 
@@ -242,17 +229,6 @@ def test_swallowed_syns_end_in_etimedout(user_timeout: int, expected: int) -> No
     assert (
         b.ms_until(lambda: b.sim.connect_result(client) == Fault("connect", "ETIMEDOUT"), 140_000) == expected
     )
-
-
-def test_the_listener_s_cut_link_swallows_syns_too() -> None:
-    b = SimBench()
-    one = b.partners()
-    b.sim.set_link("P1", up=False)
-    client = b.owned("C1")
-    assert b.sim.connect(client, one.end) is None
-    b.time.pass_ms(500)
-    assert b.sim.connect_result(client) is WOULD_BLOCK
-    assert not b.sim.readable(one.listener)
 
 
 def test_a_new_connection_with_the_same_ends_ends_the_partner_s_old_one() -> None:

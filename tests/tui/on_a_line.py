@@ -21,25 +21,20 @@ STX_CR_LF = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
 
 
 class LineBench:
-    """A simulated line; nothing moves but by `do`."""
-
     def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
         self.driver, self.app, self.pilot = driver, app, pilot
 
     async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
         await follow(self.app, self.pilot)
 
     async def do(self, *lines: str, scans: int = 1) -> None:
-        """Send bench commands, let scans pass, and let the screen see them."""
         for line in lines:
             self.driver.submit(line)
         self.driver.scan(scans)
         await follow(self.app, self.pilot)
 
     async def until(self, needle: str, most: int = 50) -> None:
-        """Let the screen follow until words stand there: what was asked for comes with a later picture."""
         for _ in range(most):
             if needle in self.words:
                 return
@@ -48,22 +43,18 @@ class LineBench:
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
     @property
     def words(self) -> str:
-        """Return it as words, without frames."""
         return " ".join(re.sub("[│┃▄▅▆▇▁▂▃]", " ", self.text).split())
 
     def line(self, needle: str) -> str:
-        """Return the first line that holds `needle`."""
         found = [line for line in self.text.splitlines() if needle in line]
         assert found, f"{needle!r} is not there:\n{self.text}"
         return found[0]
 
     def style_at(self, needle: str, offset: int = 0) -> Style:
-        """Return the style of the character `offset` after the beginning of `needle`."""
         for strip in self.app.screen._compositor.render_strips():
             place = strip.text.find(needle)
             if place >= 0:
@@ -78,7 +69,6 @@ class LineBench:
 async def on_a_line(
     size: tuple[int, int] = SMALL, project: str = LINE, lines: tuple[str, ...] = STX_CR_LF, select: str = "RD"
 ) -> AsyncIterator[LineBench]:
-    """Open the screen on a project with a ReceiveData."""
     declared = load_project(CONFIGS / project)
     driver = LocalDriver(fresh_bench(declared, "sim"))
     app = BenchApp(driver, declared)

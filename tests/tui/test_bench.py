@@ -18,35 +18,28 @@ EIGHT = Path(__file__).parent / "eight.toml"
 
 
 class Stepped:
-    """A bench under a screen; nothing moves but by `scan`."""
-
     def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
         self.driver, self.app, self.pilot = driver, app, pilot
 
     async def scan(self, scans: int = 1) -> None:
-        """Let scans pass, then let the screen see them."""
         self.driver.scan(scans)
         await follow(self.app, self.pilot)
 
     async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
         await follow(self.app, self.pilot)
 
     async def send(self, payload: str) -> None:
-        """Type a payload into the composer, send it, and let it arrive."""
         await self.press("7", "i", "ctrl+a", "ctrl+k", *payload, "enter", "escape")
         await self.scan(6)
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
 
 @asynccontextmanager
 async def stepped(size: tuple[int, int]) -> AsyncIterator[Stepped]:
-    """Open the screen on the simulated bench, TRCV_C_1 connected to P1 and armed."""
     project = load_project(EIGHT)
     driver = LocalDriver(Bench(project, "sim"))
     app = BenchApp(driver, project)

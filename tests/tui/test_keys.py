@@ -155,7 +155,6 @@ async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
 
 
 def ending(echo: EchoLine) -> Any:
-    """Return the timer that ends a message."""
     return echo._end
 
 
@@ -296,7 +295,6 @@ async def test_keys_that_waited_for_an_engine_are_obeyed_where_it_ends_at_once()
 
 
 def lamp_colour(looker: Looker) -> Color | None:
-    """Return the colour of the BUSY lamp in the first line of the list."""
     strip = looker.app.main.instances.render_line(0)
     segments = [each for each in strip if "B■" in each.text]
     assert len(segments) == 1 and segments[0].style is not None

@@ -19,7 +19,6 @@ LONG = "GVL_Receive_fbTrcvConveyorLine"
 
 @asynccontextmanager
 async def opened(project: Path, size: tuple[int, int] = WIDE) -> AsyncIterator[Stepped]:
-    """Open the screen on a project in the simulation; nothing moves but by `scan`."""
     loaded = load_project(project)
     driver = LocalDriver(Bench(loaded, "sim"))
     app = BenchApp(driver, loaded)
@@ -33,7 +32,6 @@ async def opened(project: Path, size: tuple[int, int] = WIDE) -> AsyncIterator[S
 
 
 async def says(bench: Stepped, *lines: str) -> None:
-    """Type bench commands at the prompt, each followed by a few scans."""
     for line in lines:
         await bench.press("colon", *line, "enter")
         await bench.scan(4)

@@ -27,7 +27,6 @@ SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), LARGE], ids=["80x24",
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    """Return the folder of the user's settings."""
     folder = tmp_path / "config" / "trcvtui"
     folder.mkdir(parents=True)
     return folder
@@ -38,7 +37,6 @@ def settings(theme: str | None = None) -> ScreenSettings:
 
 
 def colours(looker: Looker) -> set[str]:
-    """Return the names of all colours on the screen."""
     found = set()
     for strip in looker.app.screen._compositor.render_strips():
         for segment in strip:

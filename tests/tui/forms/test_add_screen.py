@@ -208,12 +208,10 @@ def test_the_prompt_completes_it(project: Project, typed: str, completed: str) -
 
 
 def keys_of(shown: LineBench) -> list[str]:
-    """Return the fields of the open form, from the name on."""
     return [field.key for field in shown.app.screen.query(ChoiceField)][1:]
 
 
 async def choose(shown: LineBench, key: str, value: str) -> None:
-    """Put a value into a field of the open form."""
     next(field for field in shown.app.screen.query(ChoiceField) if field.key == key).value = value
     await shown.press()
 

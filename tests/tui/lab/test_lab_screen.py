@@ -61,40 +61,32 @@ TYPE Bad : STRUCT x : NOBODY; END_STRUCT END_TYPE
 
 
 class Stage:
-    """The lab on a simulated bench; nothing moves but by `scan`."""
-
     def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
         self.driver, self.app, self.pilot = driver, app, pilot
 
     async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
         await follow(self.app, self.pilot)
 
     async def line(self, text: str) -> None:
-        """Type a line on the lab's prompt."""
         await self.press("colon")
         self.lab.ask._input.value = text
         await self.press("enter")
 
     @property
     def lab(self) -> LabScreen:
-        """Return the lab."""
         assert self.app.lab is not None
         return self.app.lab
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
     @property
     def words(self) -> str:
-        """Return it as words, without frames."""
         return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
 
     def row(self, needle: str) -> str:
-        """Return the first line that holds `needle`."""
         found = [line for line in self.text.splitlines() if needle in line]
         assert found, f"{needle!r} is not there:\n{self.text}"
         return found[0].replace("┃", " ").replace("│", " ")
@@ -102,7 +94,6 @@ class Stage:
 
 @asynccontextmanager
 async def lab(path: Path, size: tuple[int, int] = WIDE, scans: int = 20) -> AsyncIterator[Stage]:
-    """Open the lab on a project."""
     project = load_project(path)
     driver = LocalDriver(fresh_bench(project, "sim"))
     app = BenchApp(driver, project)
@@ -118,14 +109,12 @@ async def lab(path: Path, size: tuple[int, int] = WIDE, scans: int = 20) -> Asyn
 
 
 def project(folder: Path, types: str = TELEGRAM) -> Path:
-    """Write a project with its types; return its file."""
     save(folder / "types.st", types, 1)
     (folder / "p.toml").write_text(PROJECT, encoding="utf-8")
     return folder / "p.toml"
 
 
 def save(path: Path, text: str, at: int) -> None:
-    """Save a file at a time of its own."""
     path.write_text(text, encoding="utf-8")
     os.utime(path, (at, at))
 
@@ -401,7 +390,6 @@ async def test_on_a_bench_the_lab_opens_on_what_has_come_until_data_is_written(
 
 
 def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
-    """Return the lab's bytes on a bench of one receiver in this state."""
     receiver = SimpleNamespace(name="R", data="rx", sends=False, jobs_done=jobs_done)
     snapshot, declared = SimpleNamespace(instances=[receiver]), SimpleNamespace(name="rx")
     view_model = SimpleNamespace(

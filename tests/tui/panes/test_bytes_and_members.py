@@ -203,7 +203,6 @@ async def test_a_large_variable_is_drawn_from_any_place() -> None:
 
 
 def _outside_bytes(text: str) -> list[str]:
-    """Return the screen without what bytes may change: hex rows, values of members."""
     lines = text.splitlines()
     first = next((n for n, line in enumerate(lines) if "5 Received ·" in line), len(lines))
     last = next((n for n, line in enumerate(lines) if "7 Peer P1" in line), first)

@@ -31,13 +31,11 @@ RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
 
 
 def with_rules() -> BenchUpdate:
-    """Return a picture in which P1 has a rule and a wire that can be cut."""
     one, two = peers()
     return replace(picture(), peers=(replace(one, replies=(RULE,), link="C1"), replace(two, link="C1")))
 
 
 async def compose(looker: Looker, payload: str) -> None:
-    """Type a payload and go to its cuts."""
     await looker.press("7", "i")
     await looker.type(payload)
     await looker.press("escape", "x")
@@ -139,7 +137,6 @@ def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, da
 
 @asynccontextmanager
 async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[tuple[Looker, LocalDriver]]:
-    """Open the screen on TRCV_C_1, connected and armed, on the simulated network."""
     project = load_project(CONFIGS / "passive.toml")
     driver = LocalDriver(fresh_bench(project, "sim"))
     for line in ("set TRCV_C_1 CONT=1 EN_R=1", *lines):
@@ -156,7 +153,6 @@ async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[tuple[Looke
 
 
 async def frames(looker: Looker) -> None:
-    """Let a few pictures come and be shown."""
     await follow(looker.app, looker.pilot)
     await follow(looker.app, looker.pilot)
 

@@ -15,7 +15,6 @@ HALF = "feed RX hex 02 55"
 
 
 async def typed(shown: LineBench, text: str) -> None:
-    """Type the rest of a line into the open prompt and send it."""
     for key in typed_keys(f"{text}\r"):
         shown.app.post_message(key)
     await shown.do()

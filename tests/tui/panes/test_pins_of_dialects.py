@@ -27,53 +27,43 @@ SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-rec
 
 
 class Bench:
-    """The screen on a simulated bench; nothing moves but by `scan`."""
-
     def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
         self.driver, self.app, self.pilot = driver, app, pilot
 
     async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
         await follow(self.app, self.pilot)
 
     async def do(self, *lines: str, scans: int = 1) -> None:
-        """Send bench commands, let scans pass, and let the screen see them."""
         for line in lines:
             self.driver.submit(line)
         self.driver.scan(scans)
         await follow(self.app, self.pilot)
 
     async def select(self, name: str) -> None:
-        """Look at the block of another instance."""
         self.app.view_model.selected = name
         self.app.main.follow_selected()
         await self.press("2")
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
     @property
     def words(self) -> str:
-        """Return it as words, without frames."""
         return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
 
     def line(self, needle: str) -> str:
-        """Return the first line that holds `needle`."""
         found = [line for line in self.text.splitlines() if needle in line]
         assert found, f"{needle!r} is not there:\n{self.text}"
         return found[0]
 
     def cells(self, field: str) -> list[str]:
-        """Return the words of the line of a field."""
         found = re.search(rf"\d+ +{field} [^│]*", self.text)
         assert found is not None, self.text
         return found[0].split()
 
     def offset_of(self, connect: str, field: str) -> int:
-        """Return where a field of a description begins."""
         config = self.app.view_model.project.connect(connect)
         assert config is not None and config.description is not None
         found = config.description.structure.field(field)
@@ -82,13 +72,11 @@ class Bench:
 
 
 def project_of(scenario: str) -> Project:
-    """Return the project of a scenario that came with the program."""
     return load_scenario(SCENARIOS / scenario).project
 
 
 @asynccontextmanager
 async def bench(scenario: str, size: tuple[int, int] = SMALL) -> AsyncIterator[Bench]:
-    """Open the screen on the project of a scenario."""
     project = project_of(scenario)
     driver = LocalDriver(fresh_bench(project, "sim"))
     app = BenchApp(driver, project)

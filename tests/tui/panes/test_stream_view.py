@@ -15,7 +15,6 @@ FRAME = bytes(range(0x40, 0x58))  # 24 bytes: as many as a Telegram has
 
 
 async def connected(looker: BenchLooker) -> None:
-    """Let P1 be connected and TRCV_C_1 receive."""
     looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
     looker.bench.scan(5)
     looker.bench.do("peer P1 connect")
@@ -40,7 +39,6 @@ async def shifted(looker: BenchLooker) -> None:
 
 
 async def press(looker: BenchLooker, *keys: str) -> None:
-    """Press keys, each after the picture that the one before has asked for."""
     for key in keys:
         await looker.press(key)
         await looker.pictures(2)

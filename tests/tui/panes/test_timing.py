@@ -23,8 +23,6 @@ SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
 
 
 class Analyser:
-    """The screen on a bench that scans only when it is told to."""
-
     def __init__(self, app: BenchApp, driver: LocalDriver, pilot: Pilot[None]) -> None:
         self.app = app
         self.driver = driver
@@ -52,7 +50,6 @@ class Analyser:
         return screen_text(self.app)
 
     def row(self, name: str) -> str:
-        """Return what is drawn after the label of a row."""
         region = self.pane.content_region
         lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
         found = [line[LABEL:].rstrip() for line in lines if line[1:].startswith(f"{name:<12}")]
@@ -60,7 +57,6 @@ class Analyser:
         return found[0]
 
     def value(self, name: str) -> str:
-        """Return the value beside the name of a row."""
         region = self.pane.content_region
         lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
         return next(line[13:LABEL].strip() for line in lines if line[1:].startswith(f"{name:<12}"))

@@ -12,7 +12,6 @@ LOAD = f"scenario load {HERE / 'scenarios' / 'frame.toml'} sim"
 
 
 async def some_steps(stage: Stage) -> None:
-    """Play the frame scenario until a frame is half here."""
     await stage.choose("frame")
     await stage.press("enter")
     await stage.scan(2)
@@ -97,5 +96,4 @@ async def test_escape_keeps_the_live_bench() -> None:
 
 
 async def filtered(looker: Looker) -> None:
-    """Open the scenarios and choose the frame scenario."""
     await looker.type("S/frame\r")

@@ -227,7 +227,6 @@ async def test_an_engine_that_ends_is_told_on_the_bench() -> None:
 async def looking_at_scenarios(
     size: tuple[int, int] = WIDE,
 ) -> AsyncIterator[tuple[BenchApp, FakeDriver, Pilot[None]]]:
-    """Open the scenarios over a driver that only remembers."""
     driver = FakeDriver(picture())
     app = BenchApp(driver, load_project(Path("eight.toml")))
     async with app.run_test(size=size) as pilot:

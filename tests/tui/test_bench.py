@@ -6,54 +6,28 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from textual.pilot import Pilot
-
-from tests.local_driver import LocalDriver
-from tests.tui.looking import BOTH, WIDE, follow, screen_text
-from trcvtui.bench.bench import Bench
+from tests.tui.looking import BOTH, WIDE
+from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
 
 EIGHT = Path(__file__).parent / "eight.toml"
 
 
-class Stepped:
-    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
-        self.driver, self.app, self.pilot = driver, app, pilot
-
-    async def scan(self, scans: int = 1) -> None:
-        self.driver.scan(scans)
-        await follow(self.app, self.pilot)
-
-    async def press(self, *keys: str) -> None:
-        await self.pilot.press(*keys)
-        await follow(self.app, self.pilot)
-
+class Stepped(Stage):
     async def send(self, payload: str) -> None:
         await self.press("7", "i", "ctrl+a", "ctrl+k", *payload, "enter", "escape")
         await self.scan(6)
 
-    @property
-    def text(self) -> str:
-        return screen_text(self.app)
-
 
 @asynccontextmanager
 async def stepped(size: tuple[int, int]) -> AsyncIterator[Stepped]:
-    project = load_project(EIGHT)
-    driver = LocalDriver(Bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            bench = Stepped(driver, app, pilot)
-            await bench.scan(1)
-            await bench.press("t", "n")
-            await bench.scan(4)
-            await bench.press("7", "c")
-            await bench.scan(120)
-            yield bench
-    finally:
-        driver.close()
+    async with on_stage(Stepped, load_project(EIGHT), size) as bench:
+        await bench.scan(1)
+        await bench.press("t", "n")
+        await bench.scan(4)
+        await bench.press("7", "c")
+        await bench.scan(120)
+        yield bench
 
 
 @BOTH

@@ -9,55 +9,21 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from textual.pilot import Pilot
 
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.engine.controller import fresh_bench
+from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
+from tests.tui.stage import Stage, on_stage
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_call
 from trcvtui.scenario.scenario import load_scenario
-from trcvtui.tui.app import BenchApp
 from trcvtui.tui.forms.description import DescriptionScreen
 
 SCENARIOS = CONFIGS / "scenarios"
 SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"
 
 
-class Bench:
-    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
-        self.driver, self.app, self.pilot = driver, app, pilot
-
-    async def press(self, *keys: str) -> None:
-        await self.pilot.press(*keys)
-        await follow(self.app, self.pilot)
-
-    async def do(self, *lines: str, scans: int = 1) -> None:
-        for line in lines:
-            self.driver.submit(line)
-        self.driver.scan(scans)
-        await follow(self.app, self.pilot)
-
-    async def select(self, name: str) -> None:
-        self.app.view_model.selected = name
-        self.app.main.follow_selected()
-        await self.press("2")
-
-    @property
-    def text(self) -> str:
-        return screen_text(self.app)
-
-    @property
-    def words(self) -> str:
-        return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
-
-    def line(self, needle: str) -> str:
-        found = [line for line in self.text.splitlines() if needle in line]
-        assert found, f"{needle!r} is not there:\n{self.text}"
-        return found[0]
-
+class Bench(Stage):
     def cells(self, field: str) -> list[str]:
         found = re.search(rf"\d+ +{field} [^│]*", self.text)
         assert found is not None, self.text
@@ -77,16 +43,9 @@ def project_of(scenario: str) -> Project:
 
 @asynccontextmanager
 async def bench(scenario: str, size: tuple[int, int] = SMALL) -> AsyncIterator[Bench]:
-    project = project_of(scenario)
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            shown = Bench(driver, app, pilot)
-            await shown.do()
-            yield shown
-    finally:
-        driver.close()
+    async with on_stage(Bench, project_of(scenario), size) as shown:
+        await shown.do()
+        yield shown
 
 
 # -- the pins of the dialect ---------------------------------------------------------------------------------

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from tests.tui.scenario_stage import HERE, Stage, scenarios
+from tests.tui.scenario_stage import HERE, ScenarioStage, scenarios
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")
 LOAD = f"scenario load {HERE / 'scenarios' / 'frame.toml'} sim"
 
 
-async def some_steps(stage: Stage) -> None:
+async def some_steps(stage: ScenarioStage) -> None:
     await stage.choose("frame")
     await stage.press("enter")
     await stage.scan(2)

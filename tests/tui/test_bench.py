@@ -91,13 +91,6 @@ async def test_hold_and_single_scans_are_the_benchs_own() -> None:
         assert "‖ HOLD" in bench.text
 
 
-async def test_a_wrong_command_is_answered_by_the_engine() -> None:
-    async with stepped(WIDE) as bench:
-        await bench.press("colon", *"set TRCV_C_7 EN_R=1", "enter")
-        assert "✗" in bench.text
-        assert "TRCV_C_7" in bench.text
-
-
 async def test_a_byte_tells_the_recv_call_and_the_message_it_came_with() -> None:
     async with stepped(WIDE) as bench:
         await bench.send("01 02 03 04 05")

@@ -37,8 +37,6 @@ KEPT: Final = {
 }
 WORDS_ONLY: Final = frozenset(("palette",))  # its colours are Textual's
 
-Pair = tuple[str, str]
-
 
 # -- every pane ------------------------------------------------------------------------------------------
 

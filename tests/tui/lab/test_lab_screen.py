@@ -13,7 +13,7 @@ from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
 from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.lab.lab import DATA, JOB, LabBytes
+from trcvtui.tui.lab.lab import DATA, LabBytes
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.layout.layout import lay_out, rules_for
@@ -142,13 +142,6 @@ async def test_branches_fold_and_open(tmp_path: Path, size: tuple[int, int]) -> 
         assert "▾ spots" in stage.text and "[2]" in stage.text
 
 
-async def test_padding_stands_in_the_tree_and_among_the_bytes(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        cells = stage.row("(padding)").split("(padding)")[1].split()[:6]
-        assert cells == ["1", "3", "░░░", "1", "7", "░░░░"], "after kind: offset and size on either side"
-        assert "⋄░░░▒▒▒▒" in stage.row("0000 "), "ours and what only theirs has"
-
-
 async def test_the_byte_under_the_cursor_finds_its_row_and_back(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
         await stage.press("2", "home", *["right"] * 5)
@@ -207,8 +200,10 @@ async def test_the_cure_is_yanked_into_a_file(state: Path, tmp_path: Path) -> No
         assert "yanked the cure in ST" in stage.words
 
 
-async def test_a_wrong_line_says_what_was_expected(tmp_path: Path) -> None:
+async def test_a_wrong_line_or_a_file_that_is_none_is_told_in_one_line(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
+        await stage.say("udt open nowhere.st")
+        assert "✗" in stage.words and "nowhere.st" in stage.words and "Telegram of types.st" in stage.text
         await stage.say("udt theirs naturl8")
         assert "✗ udt theirs: found 'naturl8', expected one of baosky" in stage.words
 
@@ -230,15 +225,6 @@ async def test_a_changed_file_is_shown_at_once_and_comes_into_data_by_r(tmp_path
         await stage.press()
         assert stage.driver.console.bench.project.data[0].size == 32
         assert "DATA rx, 32 B" in stage.text
-
-
-async def test_a_broken_save_keeps_what_is_shown(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        save(tmp_path / "types.st", TELEGRAM.replace("LREAL", "LREEL"), 2)
-        stage.lab.look()
-        await stage.press()
-        assert "LREAL" in stage.row(" value ")
-        assert "'LREEL'" in stage.words and "the last good types stay" in stage.words
 
 
 async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_path: Path) -> None:
@@ -277,12 +263,6 @@ async def test_a_file_of_any_format_is_opened_by_a_line_of_the_bench(tmp_path: P
         assert "Report of device.scl" in stage.text
         await stage.say("udt project")
         assert "Telegram of types.st" in stage.text
-
-
-async def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        await stage.say("udt open nowhere.st")
-        assert "✗" in stage.words and "nowhere.st" in stage.words and "Telegram of types.st" in stage.text
 
 
 async def test_everything_is_in_the_palette(tmp_path: Path) -> None:
@@ -355,12 +335,6 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
         data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
     )
     return LabBytes(cast(ViewModel, view_model))
-
-
-def test_the_lab_opens_on_the_running_job_where_data_has_never_been_written() -> None:
-    found = looked_at(bytes(8), b"\1\2\3", 0)
-    assert found.begin() == "DATA rx has never been written: these are the bytes of the running job"
-    assert (found.source, found.content) == (JOB, b"\1\2\3")
 
 
 def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> None:

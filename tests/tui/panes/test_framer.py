@@ -101,15 +101,6 @@ async def test_marks_noise_and_warnings_can_be_read_in_dark_and_in_light() -> No
             assert [style for style in found if contrast(style) < READABLE] == [], theme
 
 
-async def test_an_unfinished_frame_is_shown_as_such() -> None:
-    async with on_a_line() as shown:
-        await shown.do(FRAME)
-        await shown.do(HALF)
-        await shown.press("5")
-        assert "── unfinished" in shown.text and "2 of ≤16 B" in shown.words
-        assert "02›55 ··" in shown.text
-
-
 async def test_earlier_frames_are_reached_as_jobs_are() -> None:
     async with on_a_line() as shown:
         for byte in ("31", "32"):

@@ -101,18 +101,6 @@ async def test_a_letter_of_a_pin_that_the_block_lacks_says_so() -> None:
         assert "T_DIAG has no LEN" in shown.words
 
 
-def test_rcvd_len_is_valid_in_the_scan_of_the_lamp_that_the_block_has() -> None:
-    project = project_of(SINGLE)
-    text = {
-        block: pin.text
-        for block in ("TRCV", "TRCV_C")
-        for pin in project.pins(block)
-        if pin.name == "RCVD_LEN"
-    }
-    assert text["TRCV"] == "bytes received; valid in the NDR scan only"
-    assert text["TRCV_C"] == "bytes received; valid in the DONE (NDR) scan only"
-
-
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
         await shown.select("TRCV_C_1")

@@ -109,15 +109,6 @@ def _shown(look: Analyser) -> set[str | None]:
     return {pane.id for pane in (look.pane, look.app.main.history) if pane.display}
 
 
-@pytest.mark.parametrize("theme", ["bench-dark", "bench-light", "textual-dark"])
-async def test_the_signs_are_the_same_in_every_theme(theme: str) -> None:
-    async with analysing(WIDE) as look:
-        before = look.row("DONE"), look.row("STATUS")
-        look.app.theme = theme
-        await follow(look.app, look.pilot)
-        assert (look.row("DONE"), look.row("STATUS")) == before
-
-
 # -- cursor, markers, searches ------------------------------------------------------------------------------
 
 

@@ -20,22 +20,6 @@ async def some_steps(stage: ScenarioStage) -> None:
         await stage.scan(20)
 
 
-async def test_a_play_shows_its_status_card_history_and_timing() -> None:
-    async with scenarios(WIDE) as stage:
-        assert "5 STATUS" not in stage.text, "nothing plays yet"
-        await some_steps(stage)
-        for words in (
-            "5 STATUS",
-            "why ",
-            "next ",
-            "6 History",
-            "the partner is connected",
-            "7 Timing",
-            "EN_R",
-        ):
-            assert words in stage.text, stage.text
-
-
 async def test_on_a_small_screen_they_are_tabs() -> None:
     async with scenarios(SMALL) as stage:
         await some_steps(stage)

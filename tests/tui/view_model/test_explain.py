@@ -238,10 +238,3 @@ async def test_a_fresh_bench_is_not_frozen() -> None:
         assert looker.app.view_model.is_frozen
         await looker.show(replace(picture(), bench=1))
         assert not looker.app.view_model.is_frozen
-
-
-@pytest.mark.parametrize("name", ["Freeze the view", "Trigger", "Trigger off"])
-async def test_the_palette_reaches_it(name: str) -> None:
-    async with looking(WIDE) as looker:
-        titles = [command.title for command in looker.app.get_system_commands(looker.app.screen)]
-        assert name in titles

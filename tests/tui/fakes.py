@@ -25,12 +25,10 @@ TELEGRAM = struct.pack("<ihBxf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00
 
 
 def bench_project() -> Project:
-    """Return the project of the screen's tests."""
     return load_project(HERE / "bench.toml")
 
 
 def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
-    """Return TRCV_C_1 in the middle of a job."""
     return InstanceSnapshot(
         name="TRCV_C_1",
         block="TRCV_C",
@@ -57,12 +55,10 @@ def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
 def showing(
     instance: InstanceSnapshot, status: int, busy: bool = False, done: bool = False, error: bool = False
 ) -> InstanceSnapshot:
-    """Return an instance with these outputs."""
     return replace(instance, outputs=Outputs(status, busy, done, error, instance.outputs.rcvd_len))
 
 
 def connecting() -> InstanceSnapshot:
-    """Return TRCV_C_2, whose partner does not answer."""
     return replace(
         receiving(),
         name="TRCV_C_2",
@@ -82,7 +78,6 @@ def connecting() -> InstanceSnapshot:
 
 
 def connections() -> tuple[ConnectionSnapshot, ...]:
-    """Return C1 connected, C2 between two attempts."""
     up = ConnectionSnapshot(
         name="C1",
         active=False,
@@ -114,7 +109,6 @@ def connections() -> tuple[ConnectionSnapshot, ...]:
 
 
 def peers() -> tuple[PeerSnapshot, ...]:
-    """Return P1 connected to C1, P2 listening."""
     one = PeerSnapshot(
         name="P1",
         active=True,
@@ -155,7 +149,6 @@ def picture(
     selected: str = "TRCV_C_1",
     skipped: int = 0,
 ) -> BenchUpdate:
-    """Return a picture of the bench; without instances, TRCV_C_1 receives and TRCV_C_2 connects."""
     shown = instances or (receiving(), connecting())
     name = next((i.data for i in shown if i.name == selected), None) or "rx"
     return BenchUpdate(
@@ -198,19 +191,16 @@ def edge(
     error: bool = False,
     rcvd_len: int | None = 0,
 ) -> StatusEdge:
-    """Return a STATUS edge of TRCV_C_1."""
     outputs = Outputs(status, busy, done, error, rcvd_len)
     return StatusEdge("TRCV_C_1", "TRCV_C", outputs, str(condition), cause)
 
 
 def received(size: int) -> StatusEdge:
-    """Return the one-scan 7008 of a complete frame."""
     cause = Cause(Why.BYTES, "the frame is complete", have=size, need=size)
     return edge(0x7008, Condition.RECEIVED, done=True, rcvd_len=size, cause=cause)
 
 
 def armed() -> StatusEdge:
-    """Return the 7006 of a job that waits."""
     cause = Cause(Why.BYTES, "nothing received yet")
     return edge(0x7006, Condition.RECEIVING, busy=True, cause=cause)
 
@@ -221,7 +211,6 @@ def written(*events: tuple[int, StatusEdge], first: int = 1) -> tuple[Line, ...]
 
 
 def story() -> tuple[Line, ...]:
-    """Return how TRCV_C_1 came to where it is."""
     start = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
     waits = Cause(Why.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000")
     up = Cause(Why.PARTNER, "the partner is connected", peer="127.0.0.1:51322")
@@ -245,8 +234,6 @@ def story() -> tuple[Line, ...]:
 
 
 class FakeDriver:
-    """Shows the pictures it is given and remembers the lines it is sent."""
-
     def __init__(self, *pictures: BenchUpdate) -> None:
         self.waiting = list(pictures)
         self.lines: list[str] = []
@@ -256,25 +243,20 @@ class FakeDriver:
         self.restarts = 0
 
     def restart(self) -> None:
-        """Run again."""
         self.stopped = ""
         self.restarts += 1
 
     def submit(self, line: str) -> int:
-        """Remember a line."""
         self.lines.append(line)
         return len(self.lines)
 
     def request(self, request: UpdateRequest) -> None:
-        """Remember what was asked for."""
         self.requests.append(request)
 
     def picture(self) -> BenchUpdate | None:
-        """Return the next picture."""
         if self.stopped:
             raise EngineStopped(self.stopped)
         return self.waiting.pop(0) if self.waiting else None
 
     def close(self) -> None:
-        """Remember the end."""
         self.closed = True

@@ -26,7 +26,6 @@ UPDATE = "UPDATE_SNAPSHOTS"  # UPDATE_SNAPSHOTS=1 writes the pictures anew: look
 
 
 async def follow(app: BenchApp, pilot: Pilot[None]) -> None:
-    """Let the screen follow the bench: a few frames without waiting for the clock that calls them."""
     for _ in range(FRAMES_TO_FOLLOW):
         await pilot.pause()
         app._frame()
@@ -34,31 +33,25 @@ async def follow(app: BenchApp, pilot: Pilot[None]) -> None:
 
 
 class Looker:
-    """A running screen: its driver, its keys, its text."""
-
     def __init__(self, app: BenchApp, driver: FakeDriver, pilot: Pilot[None]) -> None:
         self.app = app
         self.driver = driver
         self.pilot = pilot
 
     async def press(self, *keys: str) -> None:
-        """Press keys, one after the other."""
         for key in keys:
             await self.pilot.press(key)
         await self.settle()
 
     async def type(self, text: str) -> None:
-        """Type a text."""
         await self.at_once(text)
 
     async def at_once(self, text: str) -> None:
-        """Let keys arrive in one batch, as a terminal passes them on that was busy."""
         for key in typed(text):
             self.app.post_message(key)
         await self.settle()
 
     async def show(self, *pictures: BenchUpdate) -> None:
-        """Let the engine send pictures, and wait until the last one is shown."""
         self.driver.waiting.extend(pictures)
         while self.driver.waiting:
             self.app._frame()
@@ -66,36 +59,30 @@ class Looker:
         await self.settle()
 
     async def settle(self) -> None:
-        """Let messages and repaints come to an end."""
         await self.pilot.pause()
         self.app._frame()
         await self.pilot.pause()
 
     @property
     def lines(self) -> list[str]:
-        """Return the bench commands that were sent."""
         return self.driver.lines
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
     def line(self, needle: str, pane: str = "") -> str:
-        """Return the first line of the screen, or of a pane, that holds `needle`."""
         text = self.pane(pane) if pane else self.text
         found = [line for line in text.splitlines() if needle in line]
         assert found, f"{needle!r} is not there:\n{text}"
         return found[0]
 
     def pane(self, id: str) -> str:
-        """Return what stands inside one pane."""
         region = self.app.main.query_one(f"#{id}").region
         lines = self.text.splitlines()[region.y : region.bottom]
         return "\n".join(line[region.x : region.right].strip(" │┃") for line in lines)
 
     def words(self, id: str) -> str:
-        """Return what stands inside one pane, its lines put together."""
         return " ".join(self.pane(id).split())
 
 
@@ -106,7 +93,6 @@ def typed(text: str) -> list[events.Key]:
 
 
 def screen_text(app: App[None]) -> str:
-    """Return the screen as plain text, blanks at the ends of lines cut off."""
     strips = app.screen._compositor.render_strips()
     return "\n".join(strip.text.rstrip() for strip in strips) + "\n"
 
@@ -115,7 +101,6 @@ def screen_text(app: App[None]) -> str:
 async def looking(
     size: tuple[int, int] = WIDE, *pictures: BenchUpdate, theme: str | None = None
 ) -> AsyncIterator[Looker]:
-    """Open the screen as the user has set it; without pictures the usual one is shown."""
     driver = FakeDriver()
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     app = BenchApp(driver, bench_project(), settings)
@@ -126,12 +111,10 @@ async def looking(
 
 
 def same_as_snapshot(looker: Looker, name: str, kept: Path) -> None:
-    """Compare the screen with its picture in words; a difference keeps the screen as SVG in `kept`."""
     same_screen(looker.app, name, kept)
 
 
 def same_screen(app: App[None], name: str, kept: Path) -> None:
-    """Compare an app's screen with its picture in words."""
     path, found = SNAPSHOTS / f"{name}.txt", screen_text(app)
     if os.environ.get(UPDATE):
         path.parent.mkdir(exist_ok=True)

@@ -18,38 +18,31 @@ MOST_PAUSES = 500
 
 
 class BenchDriver(FakeDriver):
-    """Drives a simulated bench; every request is answered at once."""
-
     def __init__(self) -> None:
         super().__init__()
         self.console = Controller(fresh_bench(bench_project(), "sim"))
         self._request: UpdateRequest | None = None
 
     def do(self, *lines: str) -> None:
-        """Carry out bench commands; none may be refused."""
         for number, line in enumerate(lines):
             self.console.take(number, line)
             answer = self.console._answers[-1]
             assert answer.error == "", answer
 
     def scan(self, times: int = 1) -> None:
-        """Let scans pass."""
         for _ in range(times):
             assert self.console.scan()
 
     def submit(self, line: str) -> int:
-        """Carry out a line of the screen."""
         number = super().submit(line)
         self.console.take(number, line)
         return number
 
     def request(self, request: UpdateRequest) -> None:
-        """Remember what was asked for."""
         super().request(request)
         self._request = request
 
     def picture(self) -> BenchUpdate | None:
-        """Return a picture of now."""
         if self._request is None:
             return None
         request, self._request = self._request, None
@@ -57,14 +50,18 @@ class BenchDriver(FakeDriver):
 
 
 class BenchLooker(Looker):
-    """A running screen on a bench."""
-
     def __init__(self, app: BenchApp, driver: BenchDriver, pilot: Pilot[None]) -> None:
         super().__init__(app, driver, pilot)
         self.bench = driver
 
+    def connect(self) -> None:
+        """Let P1 be connected and TRCV_C_1 receive: scan 12 is the next one."""
+        self.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
+        self.bench.scan(5)
+        self.bench.do("peer P1 connect")
+        self.bench.scan(6)
+
     async def pictures(self, count: int = 3) -> None:
-        """Let so many requests be answered and shown."""
         wanted = len(self.driver.requests) + count
         for _ in range(MOST_PAUSES):
             if len(self.driver.requests) >= wanted:
@@ -77,7 +74,6 @@ class BenchLooker(Looker):
 
 @asynccontextmanager
 async def on_a_bench(size: tuple[int, int] = WIDE) -> AsyncIterator[BenchLooker]:
-    """Open the screen on the simulated bench."""
     driver = BenchDriver()
     app = BenchApp(driver, bench_project())
     async with app.run_test(size=size) as pilot:

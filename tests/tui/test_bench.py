@@ -6,61 +6,28 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from textual.pilot import Pilot
-
-from tests.local_driver import LocalDriver
-from tests.tui.looking import BOTH, WIDE, follow, screen_text
-from trcvtui.bench.bench import Bench
+from tests.tui.looking import BOTH, WIDE
+from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
 
 EIGHT = Path(__file__).parent / "eight.toml"
 
 
-class Stepped:
-    """A bench under a screen; nothing moves but by `scan`."""
-
-    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
-        self.driver, self.app, self.pilot = driver, app, pilot
-
-    async def scan(self, scans: int = 1) -> None:
-        """Let scans pass, then let the screen see them."""
-        self.driver.scan(scans)
-        await follow(self.app, self.pilot)
-
-    async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
-        await self.pilot.press(*keys)
-        await follow(self.app, self.pilot)
-
+class Stepped(Stage):
     async def send(self, payload: str) -> None:
-        """Type a payload into the composer, send it, and let it arrive."""
         await self.press("7", "i", "ctrl+a", "ctrl+k", *payload, "enter", "escape")
         await self.scan(6)
-
-    @property
-    def text(self) -> str:
-        """Return what stands on the screen."""
-        return screen_text(self.app)
 
 
 @asynccontextmanager
 async def stepped(size: tuple[int, int]) -> AsyncIterator[Stepped]:
-    """Open the screen on the simulated bench, TRCV_C_1 connected to P1 and armed."""
-    project = load_project(EIGHT)
-    driver = LocalDriver(Bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            bench = Stepped(driver, app, pilot)
-            await bench.scan(1)
-            await bench.press("t", "n")
-            await bench.scan(4)
-            await bench.press("7", "c")
-            await bench.scan(120)
-            yield bench
-    finally:
-        driver.close()
+    async with on_stage(Stepped, load_project(EIGHT), size) as bench:
+        await bench.scan(1)
+        await bench.press("t", "n")
+        await bench.scan(4)
+        await bench.press("7", "c")
+        await bench.scan(120)
+        yield bench
 
 
 @BOTH
@@ -122,13 +89,6 @@ async def test_hold_and_single_scans_are_the_benchs_own() -> None:
         assert before and held and after
         assert (held.scan, after.scan) == (before.scan, before.scan + 1)
         assert "‖ HOLD" in bench.text
-
-
-async def test_a_wrong_command_is_answered_by_the_engine() -> None:
-    async with stepped(WIDE) as bench:
-        await bench.press("colon", *"set TRCV_C_7 EN_R=1", "enter")
-        assert "✗" in bench.text
-        assert "TRCV_C_7" in bench.text
 
 
 async def test_a_byte_tells_the_recv_call_and_the_message_it_came_with() -> None:

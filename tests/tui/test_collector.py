@@ -17,7 +17,6 @@ LOOKS = ("j", "k", "tab", "H", "H", "escape")
 
 @contextmanager
 def generations() -> Iterator[list[int]]:
-    """Collect which generations the collector looks at meanwhile."""
     seen: list[int] = []
 
     def note(phase: str, about: dict[str, int]) -> None:

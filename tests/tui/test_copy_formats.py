@@ -105,13 +105,6 @@ async def test_y_twice_takes_what_the_pane_is_about(state: Path, pane: str, begi
         assert (await _yanked(looker, pane, "y", "y")).startswith(begins)
 
 
-async def test_keys_that_come_in_one_batch_are_all_obeyed(state: Path) -> None:
-    async with looking(SMALL) as looker:
-        await looker.at_once("5yh")
-        await looker.app.workers.wait_for_complete()
-        assert bytes.fromhex(looker.app.clipboard) == TELEGRAM
-
-
 async def test_the_menu_can_be_walked_clicked_and_left(state: Path) -> None:
     async with looking(WIDE) as looker:
         await looker.press("5", "y", "escape")
@@ -137,10 +130,7 @@ JOBS = bytes(range(1, 25)), bytes(range(101, 125))
 
 async def two_jobs(looker: BenchLooker) -> None:
     """Let TRCV_C_1 have two jobs, and drop half of a third; the stream is open."""
-    looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
-    looker.bench.scan(5)
-    looker.bench.do("peer P1 connect")
-    looker.bench.scan(6)
+    looker.connect()
     for content in (*JOBS, JOBS[0][:9]):
         looker.bench.do(f"peer P1 send hex {content.hex()}")
         looker.bench.scan(5)
@@ -236,15 +226,6 @@ def test_a_clipboard_program_that_hangs_or_fails_is_left(
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("DISPLAY", ":0")
     assert to_clipboard("x") == ""
-
-
-async def test_a_state_folder_that_cannot_be_written_is_told(
-    state: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (state / "trcvtui").write_text("a file stands where the folder should be")
-    async with looking(WIDE) as looker:
-        assert (await _yanked(looker, "y", "h")).startswith("29 00")
-        assert "no file was written: " in looker.text
 
 
 # -- picture, mark ---------------------------------------------------------------------------------------

@@ -48,15 +48,12 @@ FOUND = [
 
 
 def read(newcomer: Newcomer) -> str:
-    """Return the words of the card."""
     view = newcomer.app.screen.query_one(FindingList)
     rows = ("".join(text for text, _ in view.row_at(y).parts) for y in range(view.row_count()))
     return " ".join(" ".join(rows).split())
 
 
 class Told:
-    """A judge that has looked already."""
-
     looks_again = True
     is_judging = is_recording = False
     progress = ""
@@ -74,8 +71,6 @@ class Told:
 
 
 class PatternSearch(Told):
-    """A judge that looks until it is let go."""
-
     progress = "runs it again, scan 3000 of 12000: 25%"
 
     def judge(self) -> None:
@@ -87,7 +82,6 @@ class PatternSearch(Told):
 async def card(
     judge: Told | None, size: tuple[int, int] = (100, 30)
 ) -> AsyncIterator[tuple[Newcomer, DoctorScreen]]:
-    """Open the card on the first story."""
     async with opened("four_bytes_short", size, 80) as newcomer:
         newcomer.bench.console.black_box = judge  # type: ignore[assignment]
         await newcomer.press("J")

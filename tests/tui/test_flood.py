@@ -11,7 +11,6 @@ PICTURES = 12
 
 
 def flooded(number: int) -> BenchUpdate:
-    """Return a picture in the middle of a job, at every other number one between two jobs."""
     between = showing(receiving(0, 0), 0x7006, busy=True, done=True)
     running = receiving(number * 1000, SIZE) if number % 2 else between
     partial = bytes(number * 1000) if number % 2 else b""

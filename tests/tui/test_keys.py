@@ -106,46 +106,10 @@ async def test_a_typed_command_is_sent_and_answered(size: tuple[int, int]) -> No
         assert looker.app.focused.id == "history", "the pane has the focus again"
 
 
-@BOTH
-async def test_an_error_is_shown_whole(size: tuple[int, int]) -> None:
-    error = "prompt: found 'TRCV_C_9', expected an instance of this project: one of TRCV_C_1, TRCV_C_2"
-    async with looking(size) as looker:
-        await looker.press("colon")
-        await looker.type("set TRCV_C_9 EN_R=1")
-        await looker.press("enter")
-        await looker.show(picture(answers=[Answer(1, "set TRCV_C_9 EN_R=1", error)]))
-        words = " ".join(looker.text.split())
-        assert f"✗ {error}" in words
-
-
 async def test_up_and_down_walk_the_commands_of_toggles_too() -> None:
     async with looking(SMALL) as looker:
         await looker.press("n", "a", "colon", "up", "up", "down", "enter")
         assert looker.lines == ["set TRCV_C_1 EN_R=0", "set TRCV_C_1 ADHOC=1", "set TRCV_C_1 ADHOC=1"]
-
-
-async def test_tab_completes_verbs_instances_and_pins() -> None:
-    async with looking(SMALL) as looker:
-        await looker.press("colon")
-        await looker.type("se")
-        await looker.press("tab")
-        await looker.type(" TR")
-        await looker.press("tab")
-        await looker.type(" AD")
-        await looker.press("tab")
-        await looker.type("1")
-        await looker.press("enter")
-        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
-
-
-async def test_escape_closes_the_prompt_without_a_word() -> None:
-    async with looking(SMALL) as looker:
-        await looker.press("6", "colon")
-        await looker.type("plc stop")
-        await looker.press("escape")
-        assert looker.lines == []
-        assert looker.app.focused is not None
-        assert looker.app.focused.id == "udt"
 
 
 async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
@@ -155,7 +119,6 @@ async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
 
 
 def ending(echo: EchoLine) -> Any:
-    """Return the timer that ends a message."""
     return echo._end
 
 
@@ -205,15 +168,6 @@ async def test_the_palette_reaches_everything() -> None:
         "Save the session as a scenario", "Yank STATUS history as text",
     ):  # fmt: skip
         assert title in titles
-
-
-async def test_a_command_of_the_palette_is_carried_out() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("ctrl+p")
-        await looker.type("toggle adhoc")
-        await looker.app.workers.wait_for_complete()  # it searches
-        await looker.press("enter")
-        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
 
 
 async def test_a_key_named_in_the_last_line_can_be_clicked() -> None:
@@ -296,7 +250,6 @@ async def test_keys_that_waited_for_an_engine_are_obeyed_where_it_ends_at_once()
 
 
 def lamp_colour(looker: Looker) -> Color | None:
-    """Return the colour of the BUSY lamp in the first line of the list."""
     strip = looker.app.main.instances.render_line(0)
     segments = [each for each in strip if "B■" in each.text]
     assert len(segments) == 1 and segments[0].style is not None

@@ -6,34 +6,22 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from tests.local_driver import LocalDriver
 from tests.tui.looking import BOTH, SMALL, WIDE
-from tests.tui.test_bench import Stepped
-from trcvtui.bench.bench import Bench
+from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 LONG = "GVL_Receive_fbTrcvConveyorLine"
 
 
 @asynccontextmanager
-async def opened(project: Path, size: tuple[int, int] = WIDE) -> AsyncIterator[Stepped]:
-    """Open the screen on a project in the simulation; nothing moves but by `scan`."""
-    loaded = load_project(project)
-    driver = LocalDriver(Bench(loaded, "sim"))
-    app = BenchApp(driver, loaded)
-    try:
-        async with app.run_test(size=size) as pilot:
-            bench = Stepped(driver, app, pilot)
-            await bench.scan(1)
-            yield bench
-    finally:
-        driver.close()
+async def opened(project: Path, size: tuple[int, int] = WIDE) -> AsyncIterator[Stage]:
+    async with on_stage(Stage, load_project(project), size) as bench:
+        await bench.scan(1)
+        yield bench
 
 
-async def says(bench: Stepped, *lines: str) -> None:
-    """Type bench commands at the prompt, each followed by a few scans."""
+async def says(bench: Stage, *lines: str) -> None:
     for line in lines:
         await bench.press("colon", *line, "enter")
         await bench.scan(4)

@@ -27,26 +27,21 @@ MARK = "a recording cannot be changed"
 
 
 class TimeLineDriver(FakeDriver):
-    """Drives a replay in this process; all work is done before a picture."""
-
     def __init__(self, stood: Stood | None = None) -> None:
         super().__init__()
         self.stood = stood or Stood()
         self._request: UpdateRequest | None = None
 
     def submit(self, line: str) -> int:
-        """Carry out a line of the screen."""
         number = super().submit(line)
         self.stood.line.take(number, line)
         return number
 
     def request(self, request: UpdateRequest) -> None:
-        """Remember what was asked for."""
         super().request(request)
         self._request = request
 
     def picture(self) -> BenchUpdate | None:
-        """Return a picture of the scan where it stands."""
         if self._request is None:
             return None
         request, self._request = self._request, None
@@ -57,12 +52,9 @@ class TimeLineDriver(FakeDriver):
 
 
 class ReplayLooker(Looker):
-    """A running screen on a recording."""
-
     stood: Stood
 
     async def go(self, *keys: str) -> None:
-        """Press keys, and let the screen follow."""
         await self.press(*keys)
         for _ in range(3):
             self.app._frame()
@@ -70,7 +62,6 @@ class ReplayLooker(Looker):
 
     @property
     def scan(self) -> int:
-        """Return the scan that all panes show."""
         picture = self.app.view_model.picture
         assert picture is not None and picture.position is not None
         assert picture.snapshot.scan == picture.position.scan
@@ -78,7 +69,6 @@ class ReplayLooker(Looker):
 
     @property
     def position(self) -> str:
-        """Return the line of the position."""
         return self.line("scan ", "position")
 
 

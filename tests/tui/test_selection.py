@@ -14,14 +14,12 @@ from trcvtui.tui import clipboard_and_files
 
 @pytest.fixture(autouse=True)
 def programs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return what clipboard programs were given."""
     given: list[str] = []
     monkeypatch.setattr(clipboard_and_files, "to_clipboard", given.append)
     return given
 
 
 async def drag(looker: Looker, start: tuple[int, int], end: tuple[int, int]) -> None:
-    """Press the button at one place of the screen, let it go at another one, as a terminal does."""
     for kind, (x, y) in ((MouseDown, start), (MouseMove, end), (MouseUp, end)):
         looker.app.post_message(kind(None, x, y, 0, 0, 1, False, False, False, screen_x=x, screen_y=y))
         await looker.settle()
@@ -32,7 +30,6 @@ async def click(looker: Looker, at: tuple[int, int]) -> None:
 
 
 def place(looker: Looker, words: str, pane: str = "") -> tuple[int, int]:
-    """Return the column and the row at which words stand on the screen, or below the top of a pane."""
     top = looker.app.main.query_one(f"#{pane}").region.y if pane else 0
     lines = looker.text.splitlines()
     row = next(y for y, line in enumerate(lines) if y >= top and words in line)
@@ -40,7 +37,6 @@ def place(looker: Looker, words: str, pane: str = "") -> tuple[int, int]:
 
 
 def reversed_text(looker: Looker) -> str:
-    """Return what is shown as selected, scrollbars left out."""
     strips = looker.app.screen._compositor.render_strips()
     words = (s.text for strip in strips for s in strip if s.style and s.style.reverse)
     return "".join(words).strip(" ▁▂▃▄▅▆▇█")

@@ -27,7 +27,6 @@ SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), LARGE], ids=["80x24",
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    """Return the folder of the user's settings."""
     folder = tmp_path / "config" / "trcvtui"
     folder.mkdir(parents=True)
     return folder
@@ -38,7 +37,6 @@ def settings(theme: str | None = None) -> ScreenSettings:
 
 
 def colours(looker: Looker) -> set[str]:
-    """Return the names of all colours on the screen."""
     found = set()
     for strip in looker.app.screen._compositor.render_strips():
         for segment in strip:
@@ -125,25 +123,7 @@ def test_two_actions_can_change_places(config: Path) -> None:
     assert settings().problems == ()
 
 
-async def test_a_mistake_in_the_settings_is_shown_on_the_screen(config: Path) -> None:
-    (config / "keys.toml").write_text('hold = "n"\nnothing = "f6"\n')
-    async with looking(WIDE) as looker:
-        words = " ".join(looker.text.split())
-        assert (
-            "hold: found 'n', which pins and panes have, expected another key (and 1 more: ? lists all)"
-            in words
-        )
-        await looker.press("n")
-        assert looker.lines == ["set TRCV_C_1 EN_R=0"]
-
-
 # -- looks ---------------------------------------------------------------------------------------------
-
-
-def test_the_command_line_wins_over_the_config(config: Path) -> None:
-    (config / "config.toml").write_text('theme = "light"\n')
-    assert settings().theme == "light"
-    assert settings("ansi").theme == "ansi"
 
 
 @pytest.mark.parametrize("text", ['theme = "pink"', "theme = 1", 'colour = "red"'])
@@ -184,15 +164,6 @@ def test_a_theme_is_named_in_the_config_or_the_command_line(
     assert main(["--theme", "pink"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert all(f"'{name}'" in line for name in LOOKS)
-
-
-@pytest.mark.parametrize("look", ["light", "ansi", "nord", "ansi-dark"])
-@SIZES
-async def test_another_look_changes_no_word(size: tuple[int, int], look: str) -> None:
-    async with looking(size) as looker:
-        words = looker.text
-    async with looking(size, theme=look) as looker:
-        assert looker.text == words
 
 
 @BOTH

@@ -37,8 +37,6 @@ KEPT: Final = {
 }
 WORDS_ONLY: Final = frozenset(("palette",))  # its colours are Textual's
 
-Pair = tuple[str, str]
-
 
 # -- every pane ------------------------------------------------------------------------------------------
 
@@ -68,13 +66,11 @@ async def test_every_pane_stands_as_drawn_in_dark_and_light(
 
 
 async def walked(size: Size, theme: str) -> list[Seen]:
-    """Return what stands at every stop of the tour."""
     async with tour(size, theme) as walk:
         return [stop async for stop in walk.stops([stop for stop in STOPS if stop.name in KEPT[size]])]
 
 
 def drawn(dark: Seen, light: Seen) -> str:
-    """Return the words, a letter for the style of each character, and what the letters stand for."""
     words = [line.rstrip() for line in dark.lines]
     if dark.name in WORDS_ONLY:
         return "\n".join([*words, ""])
@@ -118,7 +114,6 @@ def test_every_word_can_be_read_on_its_background(size: Size, theme: str) -> Non
 
 
 def words_of(path: Path, theme: int) -> Iterator[tuple[str, str]]:
-    """Return each style of a drawing and what is written in it, frames left out."""
     if path.stem in WORDS_ONLY:
         return
     words, _, rest = path.read_text(encoding="utf-8").partition(f"{STYLES}\n")

@@ -23,21 +23,16 @@ Size = tuple[int, int]
 
 
 class Newcomer(Looker):
-    """Somebody in front of the screen; scans pass while they look."""
-
     bench: LocalDriver
 
     def read(self, pane: str) -> str:
-        """Return the words of a pane without its frame and its scroll bar."""
         return " ".join(re.sub("[─-╿▁-█]", " ", self.words(pane)).split())
 
     def value(self, member: str) -> str:
-        """Return what stands at the end of a member's line."""
         line = re.sub("[─-╿▁-█]", " ", self.line(f" {member} ", "udt"))
         return line.split()[-1]
 
     async def look(self, scans: int) -> None:
-        """Let scans pass, and wait until the screen shows what they have brought."""
         self.bench.scan(scans)
         for _ in range(2):
             before = self.app.view_model.live
@@ -49,7 +44,6 @@ class Newcomer(Looker):
 
 @asynccontextmanager
 async def opened(story: str | Path, size: Size, scans: int) -> AsyncIterator[Newcomer]:
-    """Open a prepared fault, or a project, as `trcvtui run --kernel sim` does."""
     project = load_bench(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
     driver = LocalDriver(fresh_bench(project, "sim"))
     app = BenchApp(driver, project)
@@ -150,7 +144,6 @@ async def test_a_shipped_project_starts_without_an_error_and_its_program_comes_t
 
 @asynccontextmanager
 async def from_nothing(folder: Path, size: Size) -> AsyncIterator[Newcomer]:
-    """Make a bench in an empty folder, as A and enter do, with a CONT that listens."""
     path = folder / "new.toml"
     path.write_text('dialect = "baosky"\n')
     async with opened(path, size, 2) as newcomer:

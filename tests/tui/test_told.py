@@ -9,10 +9,7 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 
 
 async def connected(looker: BenchLooker) -> None:
-    looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
-    looker.bench.scan(5)
-    looker.bench.do("peer P1 connect")
-    looker.bench.scan(20)
+    looker.connect()
     await looker.pictures()
 
 
@@ -40,13 +37,6 @@ async def test_on_the_peers_the_last_line_names_the_keys_of_the_peer_pane() -> N
         line = last_line(looker)
         for key in ("tab payload", "m mode", "x cuts", "e every split", "o form", "w keep"):
             assert key in line
-
-
-async def test_the_first_tab_of_the_peer_pane_goes_to_the_payload() -> None:
-    async with on_a_bench() as looker:
-        await looker.press("7", "tab")
-        await looker.type("0a")
-        assert looker.app.main.peer.composer.text == "0a"
 
 
 async def test_the_help_of_the_peer_pane_names_every_button() -> None:

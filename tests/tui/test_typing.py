@@ -49,7 +49,6 @@ def modules_of_the_screen() -> None:
 
 
 def all_of(base: type[Any]) -> set[type[Any]]:
-    """Return the classes of this package that derive from one."""
     modules_of_the_screen()
     found, waiting = set(), [base]
     while waiting:

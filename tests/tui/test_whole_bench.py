@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from msgspec.structs import replace
 
 from tests.tui.fakes import armed, connecting, edge, picture, received, receiving, written
@@ -30,22 +29,6 @@ async def test_timing_stands_beside_history_from_the_first_frame_on() -> None:
         await looker.press("8")
         assert "codes" in looker.pane("timing"), "with the focus it gets more"
         assert "4 History" in looker.text
-
-
-@pytest.mark.parametrize("size", [WIDE, (160, 50), (200, 60)])
-async def test_all_eight_panes_stand(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        for pane in (
-            "1 Instances",
-            "2 TRCV",
-            "3 STATUS",
-            "4 History",
-            "5 Received",
-            "6 ",
-            "7 Peer",
-            "8 Timing",
-        ):
-            assert pane in looker.text
 
 
 async def test_the_length_of_a_long_job_stands_whole_in_block_and_history() -> None:
@@ -99,18 +82,6 @@ async def test_the_history_goes_to_the_error_before_and_asks_for_a_code() -> Non
         assert "esc now" in looker.text.splitlines()[-1]
         await looker.press("4", "slash")
         assert "find" in looker.pane("open-line")
-
-
-@pytest.mark.parametrize("size", [(80, 24), WIDE])
-async def test_the_header_says_live_or_sim(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        assert " live" in looker.text.splitlines()[0]
-
-
-async def test_the_way_of_writing_a_payload_is_marked_by_a_sign() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("7", "m")
-        assert "[hex] ▸text◂ [udt]" in looker.pane("peer")
 
 
 async def test_what_is_wrong_in_the_settings_stands_in_the_help_one_by_one(tmp_path: Path) -> None:

@@ -98,13 +98,10 @@ class Seen(NamedTuple):
 
 
 class Tour:
-    """The screen on a bench in this process; scans pass only between two stops, in virtual time."""
-
     def __init__(self, app: BenchApp, driver: LocalDriver, pilot: Pilot[None]) -> None:
         self.app, self._driver, self._pilot = app, driver, pilot
 
     async def stops(self, stops: Sequence[Stop] = STOPS) -> AsyncIterator[Seen]:
-        """Walk to each stop and look."""
         for stop in stops:
             await self._press(*stop.keys)
             if stop.name == "palette":
@@ -114,7 +111,6 @@ class Tour:
             await self._press(*stop.back)
 
     async def _press(self, *keys: str) -> None:
-        """Press keys, each as soon as the screen has dealt with the one before."""
         for name in keys:
             key, character = KEYS.get(name, (name, name if len(name) == 1 else None))
             self.app.post_message(events.Key(key, character))
@@ -122,7 +118,6 @@ class Tour:
         await self._follow(FRAMES_TO_FOLLOW)
 
     async def _follow(self, frames: int) -> None:
-        """Let the screen follow the bench, which runs while a scenario is played on it."""
         for _ in range(frames):
             await self._pilot._wait_for_screen()
             if self.app.scenarios is not None:
@@ -133,7 +128,6 @@ class Tour:
         self.app.screen._on_timer_update()
 
     async def _look(self, stop: Stop) -> Seen:
-        """Look when nothing moves any more."""
         self._calm_cursors()
         now = seen(self.app, stop)
         for _ in range(MOST_LOOKS):
@@ -149,7 +143,6 @@ class Tour:
 
 
 def seen(app: App[None], stop: Stop) -> Seen:
-    """Return what stands on the screen, or on the part of it that the stop is about."""
     region = app.screen.query_one(stop.pane).region if stop.pane else app.screen.region
     lines, styles = [], []
     for strip in app.screen._compositor.render_strips()[region.y : region.bottom]:
@@ -161,7 +154,6 @@ def seen(app: App[None], stop: Stop) -> Seen:
 
 @asynccontextmanager
 async def tour(size: Size, theme: str, story: Story = STORY) -> AsyncIterator[Tour]:
-    """Open the screen on a story."""
     monkeypatch = pytest.MonkeyPatch()
     monkeypatch.setattr("trcvtui.tui.app.FRAME_S", 3600.0)  # no picture but those that the tour takes
     project = load_project(Path("bench.toml"))  # as the user who stands beside it opens it

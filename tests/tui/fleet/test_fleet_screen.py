@@ -25,7 +25,6 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 
 @pytest.fixture(autouse=True)
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Let tests call the frames and say what time it is, in UTC."""
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
     monkeypatch.setattr(fleet_app, "ORDER_NS", 0)
     monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
@@ -39,50 +38,41 @@ def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[No
 
 
 class OnFleet:
-    """A running screen on a broker of the test."""
-
     def __init__(self, app: FleetApp, broker: FakeBroker, pilot: Pilot[None]) -> None:
         self.app, self.broker, self.pilot = app, broker, pilot
 
     async def tell(self, *news: Connected | Lost | IncomingMessage) -> None:
-        """Let this come from the broker, and be shown."""
         self.broker.tell(*news)
         self.app.hear(1 << 62)
         await self.pilot.pause()
 
     async def press(self, *keys: str) -> None:
-        """Press keys, one after the other."""
         for key in keys:
             await self.pilot.press(key)
         self.app.hear(1 << 62)
         await self.pilot.pause()
 
     async def type(self, text: str) -> None:
-        """Type a text."""
         for key in typed(text):
             self.app.post_message(key)
         await self.pilot.pause()
 
     @property
     def text(self) -> str:
-        """Return what stands on the screen."""
         return screen_text(self.app)
 
     @property
     def names(self) -> list[str]:
-        """Return the names of the rows, from the top."""
         rows = [line[2:].split() for line in self.text.splitlines() if line[:1] in "┃│"]
         return [next(word for word in words if word[0].isalpha()) for words in rows[1:] if len(words) > 2]
 
     @property
     def chosen(self) -> str:
-        """Return the row under the cursor."""
         return next(line for line in self.text.splitlines() if "▸" in line)
 
 
 @asynccontextmanager
 async def on_fleet(size: tuple[int, int] = WIDE, is_filled: bool = True) -> AsyncIterator[OnFleet]:
-    """Open the screen; two sites, three agents, one of them offline."""
     broker = FakeBroker()
     app = FleetApp(Broker("broker.example", 8883, True), "*", broker.reader)
     async with app.run_test(size=size) as pilot:

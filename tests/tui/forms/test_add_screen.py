@@ -114,34 +114,18 @@ async def test_a_composed_message_is_kept_under_a_name_and_sent_from_the_library
         assert looker.lines[-1] == "peer P1 send message start"
 
 
-async def test_without_a_message_the_key_goes_to_where_one_is_written() -> None:
-    async with on_a_bench(WIDE) as looker:
-        await looker.press("7", "w")
-        assert looker.app.focused is not None and looker.app.focused.id == "payload"
-
-
-async def test_quit_tells_once_what_would_be_lost() -> None:
+async def test_quit_tells_what_would_be_lost_and_again_after_any_other_key_or_addition() -> None:
     async with on_a_bench(SMALL) as looker:
         looker.bench.do("add connect C9")
         await looker.pictures()
-        await looker.press("q")
-        assert "1 addition to the project unsaved" in looker.text
-        assert looker.app.return_code is None and looker.app.is_running
+        for keys in ("q", "2q"):
+            await looker.press(*keys)
+            assert "1 addition to the project unsaved" in looker.text
+            assert looker.app.return_code is None and looker.app.is_running
         looker.bench.do("add connect C10")
         await looker.pictures()
         await looker.press("q")
         assert "2 additions to the project unsaved" in looker.text
-        await looker.press("q")
-        assert not looker.app.is_running
-
-
-async def test_quit_asks_again_after_any_other_key() -> None:
-    async with on_a_bench(SMALL) as looker:
-        looker.bench.do("add connect C9")
-        await looker.pictures()
-        await looker.press("q", "2", "q")
-        assert looker.app.is_running
-        assert "1 addition to the project unsaved" in looker.text
         await looker.press("q")
         assert not looker.app.is_running
 
@@ -208,12 +192,10 @@ def test_the_prompt_completes_it(project: Project, typed: str, completed: str) -
 
 
 def keys_of(shown: LineBench) -> list[str]:
-    """Return the fields of the open form, from the name on."""
     return [field.key for field in shown.app.screen.query(ChoiceField)][1:]
 
 
 async def choose(shown: LineBench, key: str, value: str) -> None:
-    """Put a value into a field of the open form."""
     next(field for field in shown.app.screen.query(ChoiceField) if field.key == key).value = value
     await shown.press()
 

@@ -197,18 +197,6 @@ async def test_a_read_only_screen_changes_nothing_and_reads_no_line() -> None:
         assert looker.lines == []
 
 
-async def test_help_and_key_line_name_the_keys() -> None:
-    async with on_a_bench() as looker:
-        assert "A add  E change" in looker.text
-        await looker.press("question_mark")
-        text = looker.text
-        for _ in range(4):
-            await looker.press("pagedown")
-            text += looker.text
-        for words in ("change or remove a part", "undo: takes the newest", "CONNECT and DATA that it lacks"):
-            assert words in " ".join(text.split())
-
-
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
 def test_each_part_of_each_project_begins_as_it_is(path: Path) -> None:
     project = load_project(path)

@@ -32,7 +32,6 @@ END_TYPE
 
 @pytest.fixture(scope="module")
 def sides(tmp_path_factory: pytest.TempPathFactory) -> tuple[Layout, Layout]:
-    """Return one type under two layouts."""
     path = Path(tmp_path_factory.mktemp("types")) / "all.st"
     path.write_text(SOURCE, encoding="utf-8")
     type_ = read_file(path).named("Everything")

@@ -9,15 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
-from textual.pilot import Pilot
-
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.engine.controller import fresh_bench
+from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
+from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
-from trcvtui.tui.lab.lab import DATA, JOB, LabBytes
+from trcvtui.tui.lab.lab import DATA, LabBytes
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.layout.layout import lay_out, rules_for
@@ -60,72 +56,36 @@ TYPE Bad : STRUCT x : NOBODY; END_STRUCT END_TYPE
 """
 
 
-class Stage:
-    """The lab on a simulated bench; nothing moves but by `scan`."""
-
-    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
-        self.driver, self.app, self.pilot = driver, app, pilot
-
-    async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
-        await self.pilot.press(*keys)
-        await follow(self.app, self.pilot)
-
-    async def line(self, text: str) -> None:
-        """Type a line on the lab's prompt."""
+class LabStage(Stage):
+    async def say(self, text: str) -> None:
         await self.press("colon")
         self.lab.ask._input.value = text
         await self.press("enter")
 
     @property
     def lab(self) -> LabScreen:
-        """Return the lab."""
         assert self.app.lab is not None
         return self.app.lab
 
-    @property
-    def text(self) -> str:
-        """Return what stands on the screen."""
-        return screen_text(self.app)
-
-    @property
-    def words(self) -> str:
-        """Return it as words, without frames."""
-        return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
-
     def row(self, needle: str) -> str:
-        """Return the first line that holds `needle`."""
-        found = [line for line in self.text.splitlines() if needle in line]
-        assert found, f"{needle!r} is not there:\n{self.text}"
-        return found[0].replace("┃", " ").replace("│", " ")
+        return self.line(needle).replace("┃", " ").replace("│", " ")
 
 
 @asynccontextmanager
-async def lab(path: Path, size: tuple[int, int] = WIDE, scans: int = 20) -> AsyncIterator[Stage]:
-    """Open the lab on a project."""
-    project = load_project(path)
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            stage = Stage(driver, app, pilot)
-            driver.scan(scans)
-            await follow(app, pilot)
-            await stage.press("L")
-            yield stage
-    finally:
-        driver.close()
+async def lab(path: Path, size: tuple[int, int] = WIDE, scans: int = 20) -> AsyncIterator[LabStage]:
+    async with on_stage(LabStage, load_project(path), size) as stage:
+        await stage.scan(scans)
+        await stage.press("L")
+        yield stage
 
 
 def project(folder: Path, types: str = TELEGRAM) -> Path:
-    """Write a project with its types; return its file."""
     save(folder / "types.st", types, 1)
     (folder / "p.toml").write_text(PROJECT, encoding="utf-8")
     return folder / "p.toml"
 
 
 def save(path: Path, text: str, at: int) -> None:
-    """Save a file at a time of its own."""
     path.write_text(text, encoding="utf-8")
     os.utime(path, (at, at))
 
@@ -151,7 +111,7 @@ async def test_the_mismatch_is_found_and_cured(size: tuple[int, int]) -> None:
 
 async def test_on_a_message_theirs_reads_what_was_sent() -> None:
     async with lab(MISMATCH, scans=300) as stage:
-        await stage.line("udt bytes message")
+        await stage.say("udt bytes message")
         await stage.press("1")
         assert "Drive message" in stage.text
         row = stage.row(" position ")
@@ -182,13 +142,6 @@ async def test_branches_fold_and_open(tmp_path: Path, size: tuple[int, int]) -> 
         assert "▾ spots" in stage.text and "[2]" in stage.text
 
 
-async def test_padding_stands_in_the_tree_and_among_the_bytes(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        cells = stage.row("(padding)").split("(padding)")[1].split()[:6]
-        assert cells == ["1", "3", "░░░", "1", "7", "░░░░"], "after kind: offset and size on either side"
-        assert "⋄░░░▒▒▒▒" in stage.row("0000 "), "ours and what only theirs has"
-
-
 async def test_the_byte_under_the_cursor_finds_its_row_and_back(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
         await stage.press("2", "home", *["right"] * 5)
@@ -213,7 +166,7 @@ async def test_e_turns_the_byte_order_of_theirs_and_s_its_strings(
     tmp_path: Path, size: tuple[int, int]
 ) -> None:
     async with lab(project(tmp_path), size) as stage:
-        await stage.line("udt hex 01 00 00 00 00 00 00 00 00 00 F0 3F 06 02 68 69")
+        await stage.say("udt hex 01 00 00 00 00 00 00 00 00 00 F0 3F 06 02 68 69")
         await stage.press("1")
         assert "little-endian" in stage.row("p theirs")
         await stage.press("e", "s")
@@ -247,9 +200,11 @@ async def test_the_cure_is_yanked_into_a_file(state: Path, tmp_path: Path) -> No
         assert "yanked the cure in ST" in stage.words
 
 
-async def test_a_wrong_line_says_what_was_expected(tmp_path: Path) -> None:
+async def test_a_wrong_line_or_a_file_that_is_none_is_told_in_one_line(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
-        await stage.line("udt theirs naturl8")
+        await stage.say("udt open nowhere.st")
+        assert "✗" in stage.words and "nowhere.st" in stage.words and "Telegram of types.st" in stage.text
+        await stage.say("udt theirs naturl8")
         assert "✗ udt theirs: found 'naturl8', expected one of baosky" in stage.words
 
 
@@ -272,15 +227,6 @@ async def test_a_changed_file_is_shown_at_once_and_comes_into_data_by_r(tmp_path
         assert "DATA rx, 32 B" in stage.text
 
 
-async def test_a_broken_save_keeps_what_is_shown(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        save(tmp_path / "types.st", TELEGRAM.replace("LREAL", "LREEL"), 2)
-        stage.lab.look()
-        await stage.press()
-        assert "LREAL" in stage.row(" value ")
-        assert "'LREEL'" in stage.words and "the last good types stay" in stage.words
-
-
 async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_path: Path) -> None:
     path = project(tmp_path, TELEGRAM + UNUSED)
     async with lab(path) as stage:
@@ -289,7 +235,7 @@ async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_pa
         assert stage.lab.lab.files.unknown_constants == ()
         await stage.press("t", *"Frame", "enter")
         assert "32 B" in stage.row("o ours"), "12 and 3 of INT, and the gap after"
-        await stage.line("save project")
+        await stage.say("save project")
     assert load_project(path).constants == {"GVL.ROWS": 12, "GVL.COLS": 3}
     assert path.read_text(encoding="utf-8").startswith(PROJECT), "the rest stands as it stood"
 
@@ -315,14 +261,8 @@ async def test_a_file_of_any_format_is_opened_by_a_line_of_the_bench(tmp_path: P
         await stage.press()
         await stage.press()
         assert "Report of device.scl" in stage.text
-        await stage.line("udt project")
+        await stage.say("udt project")
         assert "Telegram of types.st" in stage.text
-
-
-async def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path) -> None:
-    async with lab(project(tmp_path)) as stage:
-        await stage.line("udt open nowhere.st")
-        assert "✗" in stage.words and "nowhere.st" in stage.words and "Telegram of types.st" in stage.text
 
 
 async def test_everything_is_in_the_palette(tmp_path: Path) -> None:
@@ -372,48 +312,29 @@ async def test_on_a_bench_the_lab_opens_on_what_has_come_until_data_is_written(
     connect = 'name = "C1"\nLocalAddress = "127.0.0.1"\nLocalPort = 2000\n'
     text = PROJECT.replace(said, said + PARTNER).replace('name = "C1"\n', connect, 1)
     path.write_text(text, encoding="utf-8")
-    driver = LocalDriver(fresh_bench(load_project(path), "sim"))
-    app = BenchApp(driver, load_project(path))
-    try:
-        async with app.run_test(size=size) as pilot:
-            stage = Stage(driver, app, pilot)
-            driver.scan(10)
-            driver.submit("peer P1 connect")
-            driver.scan(10)
-            driver.submit("peer P1 send hex 07 11 22 33 44")
-            driver.scan(10)
-            await follow(app, pilot)
-            await stage.press("L")
-            assert "DATA rx has never been written: these are the bytes of the running job" in stage.words
-            assert stage.lab.lab.bytes.content == bytes.fromhex("0711223344")
-            await stage.press("escape")
-            type_ = load_project(path).types.named("Telegram")
-            rest = lay_out(type_, rules_for("baosky")).size - 5
-            driver.submit("peer P1 send hex " + " ".join(["01"] * rest))
-            driver.scan(20)
-            await follow(app, pilot)
-            await stage.press("L")
-            assert "has never been written" not in stage.words
-            assert stage.lab.lab.bytes.source == DATA
-            assert stage.lab.lab.bytes.content[:6] == bytes.fromhex("071122334401")
-    finally:
-        driver.close()
+    async with on_stage(LabStage, load_project(path), size) as stage:
+        await stage.scan(10)
+        await stage.do("peer P1 connect", scans=10)
+        await stage.do("peer P1 send hex 07 11 22 33 44", scans=10)
+        await stage.press("L")
+        assert "DATA rx has never been written: these are the bytes of the running job" in stage.words
+        assert stage.lab.lab.bytes.content == bytes.fromhex("0711223344")
+        await stage.press("escape")
+        rest = lay_out(load_project(path).types.named("Telegram"), rules_for("baosky")).size - 5
+        await stage.do("peer P1 send hex " + "01" * rest, scans=20)
+        await stage.press("L")
+        assert "has never been written" not in stage.words
+        assert stage.lab.lab.bytes.source == DATA
+        assert stage.lab.lab.bytes.content[:6] == bytes.fromhex("071122334401")
 
 
 def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
-    """Return the lab's bytes on a bench of one receiver in this state."""
     receiver = SimpleNamespace(name="R", data="rx", sends=False, jobs_done=jobs_done)
     snapshot, declared = SimpleNamespace(instances=[receiver]), SimpleNamespace(name="rx")
     view_model = SimpleNamespace(
         data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
     )
     return LabBytes(cast(ViewModel, view_model))
-
-
-def test_the_lab_opens_on_the_running_job_where_data_has_never_been_written() -> None:
-    found = looked_at(bytes(8), b"\1\2\3", 0)
-    assert found.begin() == "DATA rx has never been written: these are the bytes of the running job"
-    assert (found.source, found.content) == (JOB, b"\1\2\3")
 
 
 def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> None:

@@ -15,14 +15,12 @@ BROKEN = "TYPE T : STRUCT a : INTEGERR; END_STRUCT END_TYPE\n"
 
 
 def saved(path: Path, text: str, at: int) -> None:
-    """Save a file at a time of its own."""
     path.write_text(text, encoding="utf-8")
     os.utime(path, (at, at))
 
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return a file with one good type."""
     found = tmp_path / "t.st"
     saved(found, GOOD, 1)
     return found

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
 from tests.tui.fakes import TELEGRAM, connecting, picture, receiving
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from trcvtui.tui.panes.udt_table import UdtTable
@@ -18,38 +16,6 @@ async def test_a_row_drawn_right_after_another_instance_is_chosen_is_of_its_own_
         table = looker.app.main.query_one(UdtTable)
         looker.app.view_model.selected = "TRCV_C_2"  # and nothing has been shown since
         assert "[0]" in str(table.row_at(0))
-
-
-@BOTH
-async def test_data_stands_in_hex_and_as_text(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("5")
-        assert "0000  29 00 00 00 01 00 01 00  00 50 9a 44 08 05 68 65" in looker.text
-        assert ")⋄⋄⋄•⋄•⋄⋄P×D••he" in looker.text
-
-
-@BOTH
-async def test_the_bytes_of_the_running_job_stand_apart_from_data(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("5")
-        assert "17 of 24 B not in DATA yet" in looker.line("job", "received")
-        assert "6c ·· ·· ·· ·· ·· ·· ··" in looker.text
-
-
-@BOTH
-async def test_members_stand_with_offset_type_value_and_padding(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("6")
-        for words in (
-            "E_State",
-            "1 (Running)",
-            "TRUE",
-            "1234.5",
-            "'hello'",
-            "+ 1 B padding",
-            "+ 2 B padding",
-        ):
-            assert words in looker.text
 
 
 @BOTH
@@ -146,52 +112,6 @@ async def test_a_job_without_bytes_is_no_news_for_the_title() -> None:
         assert "v: job" not in looker.text
 
 
-async def test_the_bytes_of_the_job_stand_right_under_those_of_data() -> None:
-    async with looking((140, 60)) as looker:
-        rows = looker.pane("received").splitlines()
-        job = next(n for n, line in enumerate(rows) if "── job" in line)
-        assert rows[job - 1] == ""
-        assert rows[job - 2].startswith("0010")
-        assert rows[job + 1].startswith("0000")
-
-
-async def test_the_selected_byte_tells_its_value() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("5", *["right"] * 11)
-        assert "byte 10 = 16#9A = 154" in looker.text
-
-
-@BOTH
-async def test_no_byte_changes_anything_but_the_bytes(size: tuple[int, int]) -> None:
-    plain = receiving(have=0)
-    nasty = (b"\x1b[31;1m\x1b]0;x\x07[red][/]$x@y\r\n\t" + ALL)[:24]
-    async with looking(size, picture(plain, connecting(), data=bytes(24), partial=b"")) as looker:
-        before = looker.text
-        await looker.show(picture(plain, connecting(), data=nasty, partial=b""))
-        assert _outside_bytes(looker.text) == _outside_bytes(before)
-        assert "\x1b" not in looker.text
-        await looker.press("5")
-        assert "1b 5b 33 31" in looker.text
-
-
-@pytest.mark.parametrize("start", range(0, 256, 64))
-async def test_every_byte_has_one_character(start: int) -> None:
-    piece = ALL[start : start + 64]
-    async with looking((140, 60), picture(data=piece, partial=b"")) as looker:
-        rows = [line for line in looker.text.splitlines() if f" │ {0:04x}"[3:] in line]
-        assert rows
-        for offset in range(0, 64, 16):
-            row = looker.line(f"{offset:04x}  {piece[offset]:02x}")
-            assert " ".join(f"{b:02x}" for b in piece[offset : offset + 8]) in row
-            assert all(c.isprintable() for c in row)
-
-
-async def test_markup_in_a_string_member_stays_text() -> None:
-    red = TELEGRAM[:12] + b"\x08\x07[b]\x1b[1m" + bytes(5)
-    async with looking(WIDE, picture(data=red[:24])) as looker:
-        assert r"'[b]\x1b[1m'" in looker.line("tag", "udt")
-
-
 async def test_a_large_variable_is_drawn_from_any_place() -> None:
     large = ALL * 256
     async with looking(SMALL, picture(data=large, partial=b"")) as looker:
@@ -200,11 +120,3 @@ async def test_a_large_variable_is_drawn_from_any_place() -> None:
         assert "fff0  f0 f1" in looker.text
         await looker.press("g")
         assert "0000  00 01" in looker.text
-
-
-def _outside_bytes(text: str) -> list[str]:
-    """Return the screen without what bytes may change: hex rows, values of members."""
-    lines = text.splitlines()
-    first = next((n for n, line in enumerate(lines) if "5 Received ·" in line), len(lines))
-    last = next((n for n, line in enumerate(lines) if "7 Peer P1" in line), first)
-    return lines[: first + 1] + lines[last:]

@@ -12,17 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
-from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
+from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, looking, screen_text
+from tests.tui.stage import Stage, on_stage
 from trcvtui.commands.snapshots import ReplySnapshot
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
-from trcvtui.engine.controller import fresh_bench
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of
 
@@ -31,13 +29,11 @@ RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
 
 
 def with_rules() -> BenchUpdate:
-    """Return a picture in which P1 has a rule and a wire that can be cut."""
     one, two = peers()
     return replace(picture(), peers=(replace(one, replies=(RULE,), link="C1"), replace(two, link="C1")))
 
 
 async def compose(looker: Looker, payload: str) -> None:
-    """Type a payload and go to its cuts."""
     await looker.press("7", "i")
     await looker.type(payload)
     await looker.press("escape", "x")
@@ -116,13 +112,6 @@ async def test_a_text_and_a_udt_are_drawn_as_their_bytes() -> None:
         assert "05 00 00 00" in looker.text
 
 
-async def test_a_message_that_is_none_has_no_cells() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("7", "i")
-        await looker.type("01 zz")
-        assert "no message yet" in looker.text
-
-
 @given(st.binary(min_size=2, max_size=40), st.data())
 def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, data: st.DataObject) -> None:
     places = data.draw(st.sets(st.integers(1, len(payload) - 1), max_size=6))
@@ -138,66 +127,37 @@ def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, da
 
 
 @asynccontextmanager
-async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[tuple[Looker, LocalDriver]]:
-    """Open the screen on TRCV_C_1, connected and armed, on the simulated network."""
-    project = load_project(CONFIGS / "passive.toml")
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    for line in ("set TRCV_C_1 CONT=1 EN_R=1", *lines):
-        driver.submit(line)
-    driver.scan(3)
-    driver.submit("peer P1 connect")
-    driver.scan(3)
-    app = BenchApp(driver, project)
-    async with app.run_test(size=size) as pilot:
-        looker = Looker(app, driver, pilot)  # type: ignore[arg-type]
-        await frames(looker)
-        yield looker, driver
-    driver.close()
-
-
-async def frames(looker: Looker) -> None:
-    """Let a few pictures come and be shown."""
-    await follow(looker.app, looker.pilot)
-    await follow(looker.app, looker.pilot)
+async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[Stage]:
+    async with on_stage(Stage, load_project(CONFIGS / "passive.toml"), size) as stage:
+        await stage.do("set TRCV_C_1 CONT=1 EN_R=1", *lines, scans=3)
+        await stage.do("peer P1 connect", scans=3)
+        yield stage
 
 
 @SIZES
-async def test_every_split_is_tried_and_tabled(size: tuple[int, int], tmp_path: Path) -> None:
-    async with bench(size, "set TRCV_C_1 ADHOC=1") as (looker, driver):
-        await looker.press("7", "i")
-        await looker.type("01 02 03 04 05 06 07 08")
-        await looker.press("escape", "e")
-        driver.scan(20)
-        await frames(looker)
-        assert "running" in screen_text(looker.app)
-        driver.scan(80)
-        await frames(looker)
-        seen = looker.app.view_model.picture
+async def test_every_split_is_tried_and_tabled(size: tuple[int, int]) -> None:
+    async with bench(size, "set TRCV_C_1 ADHOC=1") as stage:
+        await stage.press("7", "i", *"0102030405060708", "escape", "e")
+        await stage.scan(20)
+        await stage.press()
+        assert "running" in stage.text
+        await stage.scan(80)
+        await stage.press()
+        seen = stage.app.view_model.picture
         trial = seen.trial if seen is not None else None
         assert trial is not None and (trial.state, trial.differing) == ("finished", 7)
-        await looker.press("y")
-        assert looker.app.clipboard.count("DONE") == len(trial.rows)
+        await stage.press("y")
+        assert stage.app.clipboard.count("DONE") == len(trial.rows)
 
 
 async def test_a_trial_can_be_left_and_stopped_by_its_command() -> None:
-    async with bench(SMALL) as (looker, driver):
-        await looker.press("7", "i")
-        await looker.type("01 02 03 04 05 06 07 08")
-        await looker.press("escape", "e")
-        driver.scan(10)
-        await frames(looker)
-        await looker.press("escape")
-        driver.submit("peer P1 try-splits stop")
-        driver.scan(10)
-        await frames(looker)
-        assert "cancelled" in looker.line("every split")
-
-
-async def test_without_a_message_the_key_goes_to_the_payload() -> None:
-    async with looking(WIDE, with_rules()) as looker:
-        await looker.press("7", "e")
-        assert looker.app.focused is looker.app.main.query_one("#payload")
-        assert looker.lines == []
+    async with bench(SMALL) as stage:
+        await stage.press("7", "i", *"0102030405060708", "escape", "e")
+        await stage.scan(10)
+        await stage.press("escape")
+        await stage.do("peer P1 try-splits stop", scans=10)
+        await stage.press()
+        assert "cancelled" in stage.line("every split")
 
 
 # -- the form of a UDT -----------------------------------------------------------------------------------
@@ -243,29 +203,20 @@ async def test_the_form_opens_with_what_the_payload_holds() -> None:
 # -- replies and the wire --------------------------------------------------------------------------------
 
 
-async def test_rules_stand_with_their_hits() -> None:
-    async with looking(SMALL, with_rules()) as looker:
-        await looker.press("7")
-        line = looker.line("reply 1")
-        assert "12×" in line and "missed 3" in line and "contains hex 05 send hex 06 {n:2:big}" in line
-        await looker.press("d")
-        assert looker.lines == ["peer P1 reply off"]
-
-
-async def test_a_rule_is_completed_by_hand() -> None:
+async def test_a_rule_is_completed_by_hand_and_all_end_by_one_key() -> None:
     async with looking(WIDE, with_rules()) as looker:
-        await looker.press("7", "a", "enter")
-        assert looker.lines == ["peer P1 reply on contains hex 05 send hex 06"]
+        await looker.press("7", "a", "enter", "7", "d")
+        assert looker.lines == ["peer P1 reply on contains hex 05 send hex 06", "peer P1 reply off"]
 
 
 async def test_the_wire_of_a_peer_goes_silent_and_speaks_again() -> None:
-    async with bench(SMALL) as (looker, _driver):
-        await looker.press("7", "l")
-        await frames(looker)
-        assert "l Wire up" in looker.text and "SILENT" in looker.line("▸ P1")
-        await looker.press("l")
-        await frames(looker)
-        assert "l Silence" in looker.text and "SILENT" not in looker.line("▸ P1")
+    async with bench(SMALL) as stage:
+        await stage.press("7", "l")
+        await stage.press()
+        assert "l Wire up" in stage.text and "SILENT" in stage.line("▸ P1")
+        await stage.press("l")
+        await stage.press()
+        assert "l Silence" in stage.text and "SILENT" not in stage.line("▸ P1")
 
 
 async def test_the_workbench_stands_as_drawn(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ HALF = "feed RX hex 02 55"
 
 
 async def typed(shown: LineBench, text: str) -> None:
-    """Type the rest of a line into the open prompt and send it."""
     for key in typed_keys(f"{text}\r"):
         shown.app.post_message(key)
     await shown.do()
@@ -100,15 +99,6 @@ async def test_marks_noise_and_warnings_can_be_read_in_dark_and_in_light() -> No
             found.append(shown.style_at("ff ee"))
             await shown.press("H")
             assert [style for style in found if contrast(style) < READABLE] == [], theme
-
-
-async def test_an_unfinished_frame_is_shown_as_such() -> None:
-    async with on_a_line() as shown:
-        await shown.do(FRAME)
-        await shown.do(HALF)
-        await shown.press("5")
-        assert "── unfinished" in shown.text and "2 of ≤16 B" in shown.words
-        assert "02›55 ··" in shown.text
 
 
 async def test_earlier_frames_are_reached_as_jobs_are() -> None:

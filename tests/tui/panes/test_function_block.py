@@ -27,13 +27,6 @@ async def test_one_key_toggles_a_pin(size: tuple[int, int], key: str, line: str)
 
 
 @BOTH
-async def test_the_keys_of_the_pins_work_from_the_list_of_instances(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("1", "a")
-        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
-
-
-@BOTH
 async def test_a_click_on_a_drawn_pin_toggles_it(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("2")
@@ -49,15 +42,6 @@ async def test_a_click_on_an_output_does_nothing(size: tuple[int, int]) -> None:
         await looker.pilot.click("#block", offset=(34, 3))
         await looker.settle()
         assert looker.lines == []
-
-
-@BOTH
-async def test_len_opens_the_prompt_with_its_command(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("2", "l")
-        await looker.type("96")
-        await looker.press("enter")
-        assert looker.lines == ["set TRCV_C_1 LEN=96"]
 
 
 async def test_a_toggle_is_marked_as_pending_until_a_scan_took_it() -> None:

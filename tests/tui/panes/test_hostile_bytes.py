@@ -36,7 +36,6 @@ def telling(frames: list[bytes]) -> Story:
 
 
 def in_tag(text: bytes) -> bytes:
-    """Return a Telegram whose STRING holds this text."""
     return (PLAIN[:TAG] + bytes((8, len(text))) + text).ljust(FRAME, b"\0")
 
 

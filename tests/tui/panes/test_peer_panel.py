@@ -13,15 +13,6 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 
 
 @BOTH
-async def test_the_peers_stand_with_state_and_counters(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("7")
-        for words in ("connected", "→ 127.0.0.1:2000", "sent", "89"):
-            assert words in looker.line("▸ P1")
-        assert "listening" in looker.line("P2")
-
-
-@BOTH
 @pytest.mark.parametrize(
     ("key", "line"),
     [
@@ -145,14 +136,6 @@ async def test_a_text_payload_is_quoted(typed: str, line: str) -> None:
         await looker.type(typed)
         await looker.press("enter")
         assert looker.lines == [line]
-
-
-async def test_a_udt_payload_begins_with_the_type_of_data() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("7", "m", "m", "i")
-        await looker.type("speed=1.5")
-        await looker.press("enter")
-        assert looker.lines == ["peer P1 send udt Telegram {speed=1.5}"]
 
 
 async def test_a_button_shows_its_command_before_it_is_pressed() -> None:

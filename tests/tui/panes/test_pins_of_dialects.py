@@ -9,71 +9,27 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from textual.pilot import Pilot
 
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.engine.controller import fresh_bench
+from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
+from tests.tui.stage import Stage, on_stage
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
 from trcvtui.project.st_call import st_call
 from trcvtui.scenario.scenario import load_scenario
-from trcvtui.tui.app import BenchApp
 from trcvtui.tui.forms.description import DescriptionScreen
 
 SCENARIOS = CONFIGS / "scenarios"
 SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"
 
 
-class Bench:
-    """The screen on a simulated bench; nothing moves but by `scan`."""
-
-    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
-        self.driver, self.app, self.pilot = driver, app, pilot
-
-    async def press(self, *keys: str) -> None:
-        """Press keys and let the screen follow."""
-        await self.pilot.press(*keys)
-        await follow(self.app, self.pilot)
-
-    async def do(self, *lines: str, scans: int = 1) -> None:
-        """Send bench commands, let scans pass, and let the screen see them."""
-        for line in lines:
-            self.driver.submit(line)
-        self.driver.scan(scans)
-        await follow(self.app, self.pilot)
-
-    async def select(self, name: str) -> None:
-        """Look at the block of another instance."""
-        self.app.view_model.selected = name
-        self.app.main.follow_selected()
-        await self.press("2")
-
-    @property
-    def text(self) -> str:
-        """Return what stands on the screen."""
-        return screen_text(self.app)
-
-    @property
-    def words(self) -> str:
-        """Return it as words, without frames."""
-        return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
-
-    def line(self, needle: str) -> str:
-        """Return the first line that holds `needle`."""
-        found = [line for line in self.text.splitlines() if needle in line]
-        assert found, f"{needle!r} is not there:\n{self.text}"
-        return found[0]
-
+class Bench(Stage):
     def cells(self, field: str) -> list[str]:
-        """Return the words of the line of a field."""
         found = re.search(rf"\d+ +{field} [^│]*", self.text)
         assert found is not None, self.text
         return found[0].split()
 
     def offset_of(self, connect: str, field: str) -> int:
-        """Return where a field of a description begins."""
         config = self.app.view_model.project.connect(connect)
         assert config is not None and config.description is not None
         found = config.description.structure.field(field)
@@ -82,23 +38,14 @@ class Bench:
 
 
 def project_of(scenario: str) -> Project:
-    """Return the project of a scenario that came with the program."""
     return load_scenario(SCENARIOS / scenario).project
 
 
 @asynccontextmanager
 async def bench(scenario: str, size: tuple[int, int] = SMALL) -> AsyncIterator[Bench]:
-    """Open the screen on the project of a scenario."""
-    project = project_of(scenario)
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            shown = Bench(driver, app, pilot)
-            await shown.do()
-            yield shown
-    finally:
-        driver.close()
+    async with on_stage(Bench, project_of(scenario), size) as shown:
+        await shown.do()
+        yield shown
 
 
 # -- the pins of the dialect ---------------------------------------------------------------------------------
@@ -152,18 +99,6 @@ async def test_a_letter_of_a_pin_that_the_block_lacks_says_so() -> None:
         await shown.select("T_DIAG_1")
         await shown.press("l")
         assert "T_DIAG has no LEN" in shown.words
-
-
-def test_rcvd_len_is_valid_in_the_scan_of_the_lamp_that_the_block_has() -> None:
-    project = project_of(SINGLE)
-    text = {
-        block: pin.text
-        for block in ("TRCV", "TRCV_C")
-        for pin in project.pins(block)
-        if pin.name == "RCVD_LEN"
-    }
-    assert text["TRCV"] == "bytes received; valid in the NDR scan only"
-    assert text["TRCV_C"] == "bytes received; valid in the DONE (NDR) scan only"
 
 
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:

@@ -9,28 +9,18 @@ from pathlib import Path
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL
-from tests.local_driver import LocalDriver
 from tests.tui.looking import BOTH
-from tests.tui.panes.test_pins_of_dialects import Bench
-from trcvtui.engine.controller import fresh_bench
+from tests.tui.stage import Stage, on_stage
 from trcvtui.scenario.scenario import load_scenario
-from trcvtui.tui.app import BenchApp
 
 pytestmark = NEEDS_OPENSSL
 
 
 @asynccontextmanager
-async def opened(file: Path, size: tuple[int, int]) -> AsyncIterator[Bench]:
-    project = load_scenario(file).project
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    app = BenchApp(driver, project)
-    try:
-        async with app.run_test(size=size) as pilot:
-            shown = Bench(driver, app, pilot)
-            await shown.do()
-            yield shown
-    finally:
-        driver.close()
+async def opened(file: Path, size: tuple[int, int]) -> AsyncIterator[Stage]:
+    async with on_stage(Stage, load_scenario(file).project, size) as shown:
+        await shown.do()
+        yield shown
 
 
 @pytest.fixture

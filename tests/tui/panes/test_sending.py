@@ -18,7 +18,6 @@ from trcvtui.tui.panes.function_block import LATE_S
 
 
 def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> BenchUpdate:
-    """Return an instance of TSEND_C on C1, whose partner is the peer P1."""
     block = replace(
         receiving(),
         block="TSEND_C",

@@ -25,16 +25,6 @@ from trcvtui.plc.ledger import BenchNote, Line
 
 
 @BOTH
-async def test_the_list_names_partner_status_lamps_and_bytes(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        first, second = looker.line("TRCV_C_1 "), looker.line("TRCV_C_2 ")
-    for words in ("▸", "← 127.0.0.1:51322", "7006 receiving", "B■ D□ E□", "17/24"):
-        assert words in first
-    for words in ("→ 10.0.0.7:2001", "7002 connecting", "B□ D□ E□"):
-        assert words in second
-
-
-@BOTH
 async def test_j_selects_the_next_instance_for_all_panes(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("1", "j", "2")
@@ -49,14 +39,6 @@ async def test_a_click_selects_an_instance() -> None:
         await looker.pilot.click("#instances", offset=(8, 2))
         await looker.settle()
         assert "▸ TRCV_C_2" in looker.text
-
-
-@BOTH
-async def test_why_is_told_with_the_actual_numbers(size: tuple[int, int]) -> None:
-    async with looking(size) as looker:
-        await looker.press("3")
-        assert "17 of 24 bytes received, the last one 1.1 s ago" in looker.line("why")
-        assert "check" in looker.text
 
 
 @BOTH
@@ -156,15 +138,6 @@ async def test_a_new_instance_does_not_glow_where_the_end_of_the_old_one_was_ski
 
 
 # -- the past ------------------------------------------------------------------------------------------
-
-
-@BOTH
-async def test_the_history_shows_each_edge_newest_first(size: tuple[int, int]) -> None:
-    async with looking(size, picture(lines=story())) as looker:
-        await looker.press("4")
-        text = looker.text
-        assert text.index("8.110  16#7006 receiving") < text.index("8.100  16#7008 received")
-        assert "■ DONE 24 B" in looker.line("8.100")
 
 
 @BOTH

@@ -21,7 +21,6 @@ def heights(looker: Looker) -> dict[str, int]:
 
 
 def marked(looker: Looker) -> list[str]:
-    """Return the digits of the tabs that are marked."""
     parts = looker.app.main.tabs.line().parts
     return [text.strip() for text, style in parts if style == "key cursor strong"]
 
@@ -76,7 +75,6 @@ async def test_long_advice_moves_no_pane_and_all_of_it_can_be_read(size: tuple[i
 
 
 async def fail_four_times(looker: BenchLooker) -> None:
-    """Let four attempts of TRCV_C_2 fail, each in another way."""
     failures = ("socket EMFILE", "bind EADDRINUSE", "poll_add ENOSPC", "connect ENETUNREACH")
     looker.bench.do("set TRCV_C_2 CONT=1")
     for failure in failures:

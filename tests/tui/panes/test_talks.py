@@ -18,8 +18,6 @@ SECOND = 1_000_000_000
 
 
 class Told:
-    """Figures of one conversation that is told event by event."""
-
     def __init__(self) -> None:
         self.talks = ConversationFigures()
         self.talk = Conversation(1, "tcp", NS)

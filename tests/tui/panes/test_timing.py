@@ -9,32 +9,17 @@ from pathlib import Path
 import pytest
 from textual import events
 from textual.app import App
-from textual.pilot import Pilot
 
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.looking import SMALL, WIDE, follow, screen_text
-from trcvtui.bench.bench import Bench
+from tests.tui.looking import SMALL, WIDE, follow
+from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
-from trcvtui.tui.app import BenchApp
 from trcvtui.tui.panes.timing import LABEL, Timing
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
 
 
-class Analyser:
-    """The screen on a bench that scans only when it is told to."""
-
-    def __init__(self, app: BenchApp, driver: LocalDriver, pilot: Pilot[None]) -> None:
-        self.app = app
-        self.driver = driver
-        self.pilot = pilot
-
-    async def press(self, *keys: str) -> None:
-        for key in keys:
-            await self.pilot.press(key)
-        await follow(self.app, self.pilot)
-
+class Analyser(Stage):
     async def type(self, text: str) -> None:
         await self.press(*[{" ": "space", ".": "full_stop", "/": "slash"}.get(c, c) for c in text])
 
@@ -47,46 +32,35 @@ class Analyser:
     def pane(self) -> Timing:
         return self.app.main.timing
 
-    @property
-    def text(self) -> str:
-        return screen_text(self.app)
-
     def row(self, name: str) -> str:
-        """Return what is drawn after the label of a row."""
-        region = self.pane.content_region
-        lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
-        found = [line[LABEL:].rstrip() for line in lines if line[1:].startswith(f"{name:<12}")]
-        assert found, f"{name} is not there:\n{self.text}"
-        return found[0]
+        return self._drawn(name)[LABEL:].rstrip()
 
     def value(self, name: str) -> str:
-        """Return the value beside the name of a row."""
+        return self._drawn(name)[13:LABEL].strip()
+
+    def _drawn(self, name: str) -> str:
         region = self.pane.content_region
         lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
-        return next(line[13:LABEL].strip() for line in lines if line[1:].startswith(f"{name:<12}"))
+        found = [line for line in lines if line[1:].startswith(f"{name:<12}")]
+        assert found, f"{name} is not there:\n{self.text}"
+        return found[0]
 
 
 @asynccontextmanager
 async def analysing(size: tuple[int, int] = WIDE, jobs: int = 3) -> AsyncIterator[Analyser]:
     """Open pane 8 on duplex.toml: connected in scan 7, a DONE of one scan every 23 scans."""
-    project = load_project(CONFIGS / "duplex.toml")
-    driver = LocalDriver(Bench(project, "sim"))
-    app = BenchApp(driver, project)
-    driver.submit("set TRCV_C_1 CONT=1")
-    driver.scan(6)
-    driver.submit("peer P1 connect")
-    driver.scan(4)
-    driver.submit("set TRCV_C_1 EN_R=1")
-    for _ in range(jobs):
-        driver.scan(10)
-        driver.submit("peer P1 send random 8 seed=1")
-        driver.scan(13)
-    async with app.run_test(size=size) as pilot:
-        await follow(app, pilot)
-        look = Analyser(app, driver, pilot)
+    async with on_stage(Analyser, load_project(CONFIGS / "duplex.toml"), size) as look:
+        look.driver.submit("set TRCV_C_1 CONT=1")
+        look.driver.scan(6)
+        look.driver.submit("peer P1 connect")
+        look.driver.scan(4)
+        look.driver.submit("set TRCV_C_1 EN_R=1")
+        for _ in range(jobs):
+            look.driver.scan(10)
+            look.driver.submit("peer P1 send random 8 seed=1")
+            look.driver.scan(13)
         await look.press("8")
         yield look
-    driver.close()
 
 
 # -- what is drawn ------------------------------------------------------------------------------------------
@@ -133,15 +107,6 @@ async def test_history_and_timing_share_one_place_and_both_stand_where_there_is_
 
 def _shown(look: Analyser) -> set[str | None]:
     return {pane.id for pane in (look.pane, look.app.main.history) if pane.display}
-
-
-@pytest.mark.parametrize("theme", ["bench-dark", "bench-light", "textual-dark"])
-async def test_the_signs_are_the_same_in_every_theme(theme: str) -> None:
-    async with analysing(WIDE) as look:
-        before = look.row("DONE"), look.row("STATUS")
-        look.app.theme = theme
-        await follow(look.app, look.pilot)
-        assert (look.row("DONE"), look.row("STATUS")) == before
 
 
 # -- cursor, markers, searches ------------------------------------------------------------------------------
@@ -319,13 +284,7 @@ async def test_every_key_is_harmless_before_the_first_scan_and_without_instances
     path = tmp_path / "empty.toml"
     path.write_text('dialect = "baosky"\n', encoding="utf-8")
     for project in (load_project(CONFIGS / "duplex.toml"), load_project(path)):
-        driver = LocalDriver(Bench(project, "sim"))
-        app = BenchApp(driver, project)
-        async with app.run_test(size=SMALL) as pilot:
-            await follow(app, pilot)
+        async with on_stage(Analyser, project, SMALL) as look:
             moves = "8 left right shift+left shift+right n N exclamation_mark home end pageup pagedown"
-            for key in f"{moves} plus minus f m m m c up down e escape e v f".split():
-                await pilot.press(key)
-            await follow(app, pilot)
-            assert "8 Timing" in screen_text(app)
-        driver.close()
+            await look.press(*f"{moves} plus minus f m m m c up down e escape e v f".split())
+            assert "8 Timing" in look.text

@@ -5,36 +5,19 @@ from __future__ import annotations
 import pytest
 
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from tests.tui.scenario_stage import HERE, Stage, scenarios
+from tests.tui.scenario_stage import HERE, ScenarioStage, scenarios
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")
 LOAD = f"scenario load {HERE / 'scenarios' / 'frame.toml'} sim"
 
 
-async def some_steps(stage: Stage) -> None:
-    """Play the frame scenario until a frame is half here."""
+async def some_steps(stage: ScenarioStage) -> None:
     await stage.choose("frame")
     await stage.press("enter")
     await stage.scan(2)
     for _ in range(4):
         await stage.press("n")
         await stage.scan(20)
-
-
-async def test_a_play_shows_its_status_card_history_and_timing() -> None:
-    async with scenarios(WIDE) as stage:
-        assert "5 STATUS" not in stage.text, "nothing plays yet"
-        await some_steps(stage)
-        for words in (
-            "5 STATUS",
-            "why ",
-            "next ",
-            "6 History",
-            "the partner is connected",
-            "7 Timing",
-            "EN_R",
-        ):
-            assert words in stage.text, stage.text
 
 
 async def test_on_a_small_screen_they_are_tabs() -> None:
@@ -97,5 +80,4 @@ async def test_escape_keeps_the_live_bench() -> None:
 
 
 async def filtered(looker: Looker) -> None:
-    """Open the scenarios and choose the frame scenario."""
     await looker.type("S/frame\r")

@@ -23,25 +23,6 @@ pytestmark = pytest.mark.usefixtures("own_scenarios_only")
 
 
 @BOTH
-async def test_the_files_stand_there_by_name_and_a_broken_one_too(size: tuple[int, int]) -> None:
-    async with scenarios(size) as stage:
-        assert "1 Scenarios · 3" in stage.text
-        assert stage.line("A frame in two parts").partition("parts")[2].split()[:2] == ["TRCV_C", "baosky"]
-        assert "Two wrong hopes" in stage.text
-        assert "! broken.toml is wrong" in stage.text
-        assert "eight.toml" not in stage.text.split("Scenarios", 1)[1], "a project is no scenario"
-
-
-async def test_the_text_keeps_its_comments_and_the_numbers_of_its_lines() -> None:
-    async with scenarios() as stage:
-        await stage.choose("frame")
-        assert "7   # CONT first: the block builds its side of the connection." in stage.text
-        assert "13   # A partner may cut a frame wherever it likes." in stage.text
-        about = " ".join(line.split("│")[1].strip() for line in stage.text.splitlines() if "│" in line)
-        assert "EN_R is still 1, so the next job begins at once." in about
-
-
-@BOTH
 async def test_a_broken_file_says_its_first_problem_and_is_not_loaded(size: tuple[int, int]) -> None:
     async with scenarios(size) as stage:
         await stage.choose("broken")
@@ -131,22 +112,6 @@ async def test_a_run_to_the_end_says_that_all_has_held(size: tuple[int, int]) ->
         assert "▸ ✓ A frame in two parts" in stage.text
 
 
-@BOTH
-async def test_what_was_found_stands_below_the_line_that_failed(size: tuple[int, int]) -> None:
-    async with scenarios(size) as stage:
-        await stage.choose("hopes")
-        await stage.press("enter", "r")
-        await stage.scan(30)
-        lines = stage.text.splitlines()
-        for line in ("✗ expect TRCV_C_1 STATUS=7004", "✗ wait TRCV_C_1 STATUS=7004 within T#50ms"):
-            below = next(number for number, text in enumerate(lines) if line in text) + 1
-            assert "found STATUS=7002" in lines[below]
-        assert "✗ FAILED: 2 of 5 steps; a wait that fails ends it" in stage.text
-        assert "wrong-hope.toml · sim · over" in stage.text
-        await stage.press("1")
-        assert "▸ ✗ Two wrong hopes" in stage.text
-
-
 async def test_enter_begins_anew() -> None:
     async with scenarios() as stage:
         await stage.choose("frame")
@@ -227,7 +192,6 @@ async def test_an_engine_that_ends_is_told_on_the_bench() -> None:
 async def looking_at_scenarios(
     size: tuple[int, int] = WIDE,
 ) -> AsyncIterator[tuple[BenchApp, FakeDriver, Pilot[None]]]:
-    """Open the scenarios over a driver that only remembers."""
     driver = FakeDriver(picture())
     app = BenchApp(driver, load_project(Path("eight.toml")))
     async with app.run_test(size=size) as pilot:

@@ -24,8 +24,6 @@ SWAPPED = struct.pack(">ihBxf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00\
 
 
 class Desk(Looker):
-    """The screen on a bench in this process; scans pass when they are asked for."""
-
     bench: LocalDriver
 
     async def do(self, *lines: str) -> None:
@@ -38,7 +36,6 @@ class Desk(Looker):
         await self.see()
 
     async def see(self) -> None:
-        """Wait until a picture of now has been shown."""
         for _ in range(2):
             before = self.app.view_model.live
             while self.app.view_model.live is before:
@@ -48,18 +45,15 @@ class Desk(Looker):
 
     @property
     def header(self) -> str:
-        """Return the first line."""
         return self.text.splitlines()[0]
 
     @property
     def scan(self) -> int:
-        """Return how many scans have passed."""
         return self.bench.console.bench.runtime.scans
 
 
 @asynccontextmanager
 async def at_the_desk(size: tuple[int, int], *lines: str) -> AsyncIterator[Desk]:
-    """Open the screen on the simulated network."""
     project = bench_project()
     driver = LocalDriver(Bench(project, "sim"))
     app = BenchApp(driver, project)
@@ -244,10 +238,3 @@ async def test_a_fresh_bench_is_not_frozen() -> None:
         assert looker.app.view_model.is_frozen
         await looker.show(replace(picture(), bench=1))
         assert not looker.app.view_model.is_frozen
-
-
-@pytest.mark.parametrize("name", ["Freeze the view", "Trigger", "Trigger off"])
-async def test_the_palette_reaches_it(name: str) -> None:
-    async with looking(WIDE) as looker:
-        titles = [command.title for command in looker.app.get_system_commands(looker.app.screen)]
-        assert name in titles

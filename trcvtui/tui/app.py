@@ -315,7 +315,6 @@ class BenchApp(TerminalApp):
             self.on_description_wanted()
 
     def on_description_wanted(self) -> None:
-        """Show the connection description of the selected instance, where there is any."""
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
         configs = [each for each in self.view_model.project.connects if each.description is not None]
@@ -328,13 +327,11 @@ class BenchApp(TerminalApp):
     # -- frames -------------------------------------------------------------------------------------
 
     def action_dropped(self) -> None:
-        """Show the bytes that no frame and no job has: the newest, then the ones before."""
         if self.screen is self.main:
             self.main.action_pane(5)
             self.main.received.action_dropped()
 
     def action_framings(self) -> None:
-        """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
         from trcvtui.tui.framings import FramingScreen  # read when first asked for
 
         if self.screen is not self.main or self.refuses():
@@ -351,7 +348,6 @@ class BenchApp(TerminalApp):
             self.submit(line)
 
     def action_doctor(self) -> None:
-        """Open the Doctor card: what is wrong with the selected instance."""
         from trcvtui.tui.doctor import DoctorScreen  # read when first asked for
 
         if self.screen is self.main and not self.refuses():

@@ -203,7 +203,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
         self.action_take(LETTERS[self._list.cursor])
 
     def action_take(self, letter: str) -> None:
-        """Yank in the format of a letter, where it has something to write."""
         form = FORMATS[LETTERS.index(letter)]
         text = self._list.texts[letter]
         if text:

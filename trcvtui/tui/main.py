@@ -261,7 +261,6 @@ class MainScreen(FullScreen[None]):
             self._owed = self.set_timer(BELOW_DIALOG_S, self._show_owed)
 
     def on_screen_resume(self) -> None:
-        """Show what came meanwhile as soon as the dialog is left."""
         if self._owed is not None:
             self._owed.stop()
             self._show_owed()
@@ -451,7 +450,6 @@ class MainScreen(FullScreen[None]):
             await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
-        """Decode the running job's bytes instead of DATA, or DATA again."""
         self.table.of_job = not self.table.of_job
         self._link_decoded(self.table.chosen_field())
         self.table.show()
@@ -469,7 +467,6 @@ class MainScreen(FullScreen[None]):
             self.prompt.did("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
-        """Open the menu of what can be yanked, the focused pane's first."""
         from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
@@ -477,7 +474,6 @@ class MainScreen(FullScreen[None]):
             self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
 
     def yank(self, letter: str) -> None:
-        """Yank in the format of a letter, without the menu."""
         from trcvtui.tui.copy_formats import FORMATS
 
         form = next(form for form in FORMATS if form.letter == letter)
@@ -522,7 +518,6 @@ class MainScreen(FullScreen[None]):
         return bool(refuses and refuses())
 
     def action_change(self) -> None:
-        """Choose a part of the project: to change it in a form, or to remove it."""
         from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
         from trcvtui.tui.widgets.dialogs import ChoiceScreen
 
@@ -564,7 +559,6 @@ class MainScreen(FullScreen[None]):
             self.action_prompt(f"remove {part.kind} {part.name}")
 
     def action_undo(self) -> None:
-        """Open the prompt to take the newest edit of the project back; there stands which one that is."""
         if self.prompt.is_open or self._is_refused():
             return
         if self._view_model.project.undoable:
@@ -593,7 +587,6 @@ class MainScreen(FullScreen[None]):
             self._view_model.thaw()
 
     def action_freeze(self) -> None:
-        """Keep what is shown while the PLC runs on; or show again what is now."""
         self._view_model.thaw() if self._view_model.is_frozen else self._view_model.freeze()
         self.show()
 
@@ -604,7 +597,6 @@ class MainScreen(FullScreen[None]):
         self.prompt.open(text)
 
     def action_calm(self) -> None:
-        """Leave what was opened: the zoom, the past."""
         if self.has_class(ZOOM) or self.has_class(LIST):
             self.action_zoom()
         elif self.focused is self.instances and self.instances.is_filtered:
@@ -612,7 +604,6 @@ class MainScreen(FullScreen[None]):
         self.history.action_now()
 
     def action_filter(self) -> None:
-        """Let the words be typed that an instance has to have to be listed."""
         self.action_pane(1)
         self.filter.open()
 

@@ -51,7 +51,6 @@ class PaneKey(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Return what the screen calls the key."""
         return format_key(self.binding.key).replace("left", "←").replace("right", "→")
 
 
@@ -81,7 +80,6 @@ def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
 
 
 def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
-    """Yield an entry for each key of a pane."""
     for key in pane_keys(main):
         if key.action != BY_HAND:
             about = f"pane {key.digit}, key {key.key}"

@@ -51,7 +51,6 @@ class ChoiceField(TypedField):
         await cast("AddScreen", self.screen).follow(self)
 
     def action_choose(self, step: int) -> None:
-        """Take the next known value, the first one where something else stands."""
         if not self._choices:
             return
         known = self.value in self._choices
@@ -84,7 +83,6 @@ class AddScreen(FormDialog[str]):
         self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose the kind, a line a field, and the command below."""
         with Vertical(id="form") as form:
             form.border_subtitle = f"tab field · ↑↓ choose · enter {self.TAKES} · esc leave"
             yield from self._first_rows()
@@ -95,7 +93,6 @@ class AddScreen(FormDialog[str]):
         yield _row("add", self._kind_field, "↑↓ another kind")
 
     async def on_mount(self) -> None:
-        """Begin with the first field of the kind."""
         await self._lay_out()
         self.set_focus(self._fields[0])
 
@@ -139,7 +136,6 @@ class AddScreen(FormDialog[str]):
         return [f"▸ {self.line}{made and f' · {made}'}"]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         if isinstance(event.input, ChoiceField) and event.input.is_attached:
             await self.follow(event.input)

@@ -64,7 +64,6 @@ class MessageList(LineView):
         self.cursor = 0
 
     def row_count(self) -> int:
-        """Return the number of entries."""
         return max(1, len(self._entries))
 
     def row_at(self, y: int) -> Row:
@@ -80,13 +79,11 @@ class MessageList(LineView):
         )
 
     def action_move(self, rows: int) -> None:
-        """Go to another entry."""
         self.cursor = max(0, min(len(self._entries) - 1, self.cursor + rows))
         self.scroll_to(y=max(0, self.cursor - self.size.height + 1), animate=False)
         self.show()
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the entry under the mouse; a second click gives it."""
         place = self.place_of(event)
         if place is not None and place[1] < len(self._entries):
             again = place[1] == self.cursor
@@ -95,7 +92,6 @@ class MessageList(LineView):
                 self.action_choose()
 
     def action_choose(self) -> None:
-        """Give the command of the entry."""
         if self._entries:
             self._choose(self._entries[self.cursor].line)
 
@@ -166,7 +162,6 @@ class UdtForm(FormDialog[str]):
         self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose a line a member, and the payload below."""
         with Vertical(id="form") as form:
             form.border_title = f"{self._name}: {len(self._fields)} members"
             form.border_subtitle = KEYS_LINE
@@ -181,7 +176,6 @@ class UdtForm(FormDialog[str]):
             yield self._line
 
     def on_mount(self) -> None:
-        """Begin in the first member."""
         self._judge()
         if self._fields:
             self.set_focus(self._fields[0])
@@ -207,7 +201,6 @@ class UdtForm(FormDialog[str]):
         self._line.set_class(bool(first), "-bad")
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         self._judge()
 

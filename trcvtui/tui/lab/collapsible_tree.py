@@ -76,7 +76,6 @@ class FoldTree:
         return not self.rows[0].moved
 
     def toggle(self, key: Key) -> None:
-        """Open or close one branch."""
         self._flipped ^= {key}
         self._list()
 

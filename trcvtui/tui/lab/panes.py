@@ -90,7 +90,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
             yield self._line
 
     def on_mount(self) -> None:
-        """Begin in the first field."""
         self.set_focus(self._fields[0])
         self._judge()
 
@@ -104,7 +103,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
         self._line.update(f"✗ {said}, such as 10 or 16#0A" if bad else said)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         self._judge()
 
@@ -140,7 +138,6 @@ class LabHex(HexView):
         self._revision = -1
 
     def show(self) -> None:
-        """Repaint the lines that differ."""
         if self._revision != self._lab.revision:
             self._revision = self._lab.revision
             self._gaps.clear()
@@ -158,7 +155,6 @@ class LabHex(HexView):
 
     @property
     def linked(self) -> str:
-        """Return in words which bytes are marked."""
         sides = (("", self.link), ("theirs ", self.their_link))
         return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
 
@@ -211,12 +207,10 @@ class FitList(LineView):
         self._drawn: tuple[object, ...] = ()
 
     def show(self) -> None:
-        """Repaint what changed."""
         self._draw()
         super().show()
 
     def on_resize(self) -> None:
-        """Break the lines anew."""
         self.show()
 
     def _draw(self) -> None:
@@ -259,7 +253,6 @@ class FitList(LineView):
         return self._rows[y][0] if y < len(self._rows) else EMPTY
 
     def action_move(self, rows: int) -> None:
-        """Choose another profile."""
         self.cursor = max(0, min(len(self._lab.fits) - 1, self.cursor + rows))
         self.show()
         mine = [y for y, (_, number) in enumerate(self._rows) if number == self.cursor]
@@ -267,12 +260,10 @@ class FitList(LineView):
             self.keep_in_view(y)
 
     def action_apply(self) -> None:
-        """Take the profile as theirs."""
         if self._lab.fits:
             self.post_message(FitWanted(self.cursor))
 
     def on_click(self, event: events.Click) -> None:
-        """Choose a profile; the chosen one is taken."""
         place = self.place_of(event)
         number = self._rows[place[1]][1] if place is not None and place[1] < len(self._rows) else None
         if number is None:
@@ -306,7 +297,6 @@ class CureText(TextView):
         self._known: tuple[object, ...] = ()
 
     def show(self) -> None:
-        """Write it anew where something has changed, and repaint."""
         known = self._lab.revision, self.kind, self.language, self.asked, self.line_width
         if known != self._known and self.size.height:
             self._known = known
@@ -340,7 +330,6 @@ class CureText(TextView):
         self.show()
 
     def next_language(self) -> None:
-        """Write it in the other language."""
         self.language = LANGUAGES[1 - LANGUAGES.index(self.language)]
         self.asked = True
         self.show()

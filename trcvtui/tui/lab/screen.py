@@ -123,7 +123,6 @@ class Choice(NamedTuple):
 
 
 def types_of(lab: Lab) -> Choice:
-    """Return the types that can be looked at."""
     rows = [(name, "") for name in lab.type_names()]
     return Choice(f"Types of {lab.files.name}", rows, lab.type_name, f"{UDT} type {{}}")
 
@@ -184,7 +183,6 @@ class LabScreen(SideScreen[None]):
         self._side = Vertical(id="lab-side")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose header, the tree beside bytes, fit and cure, outcome, keys."""
         yield self.header
         yield self.tabs
         yield self.head
@@ -201,7 +199,6 @@ class LabScreen(SideScreen[None]):
         yield self.key_line
 
     def on_mount(self) -> None:
-        """Begin in the tree; look at the files once a second."""
         self.fit.set_title(FIT, "Which profile fits?", "enter: as theirs")
         self.set_focus(self.tree_view)
         self.set_interval(LOOK_S, self.look)
@@ -210,7 +207,6 @@ class LabScreen(SideScreen[None]):
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         self.lab.follow()
         self._view_model.past_wanted = self.lab.bytes.request()
         self._hear_answers()
@@ -237,7 +233,6 @@ class LabScreen(SideScreen[None]):
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
 
     def look(self) -> None:
-        """Look whether a file has changed."""
         if self.lab.look():
             self._trouble = self._told = ""
             self._ask_constants()
@@ -266,14 +261,12 @@ class LabScreen(SideScreen[None]):
     # -- what the panes say -------------------------------------------------------------------------
 
     def on_row_selected(self) -> None:
-        """Show the bytes of a row."""
         found = self.tree_view.chosen
         if found is not None and found.key:
             self.hex.go_to(found.ours.offset)
         self.show()
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
-        """Show the row of a byte."""
         ours = self.lab.layout(OURS)
         leaf = ours.leaf_at(message.offset) if ours is not None and message.offset >= 0 else None
         if leaf is not None:
@@ -281,7 +274,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def on_fit_wanted(self, message: messages.FitWanted) -> None:
-        """Take a profile of the ranking as theirs."""
         found = self.lab.fits[message.number]
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
@@ -291,7 +283,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Open the tab that has the focus."""
         for digit, pane in self._panes().items():
             if event.widget is pane:
                 self._open = digit
@@ -302,7 +293,6 @@ class LabScreen(SideScreen[None]):
         return {TREE: self.tree_view, BYTES: self.hex, FIT: self.fit, CURE: self.cure}
 
     def arrange_panes(self) -> None:
-        """Show everything, or the open tab alone."""
         alone = self.has_class(TABS)
         self._members.display = not alone or self._open == TREE
         self._side.display = not alone or self._open != TREE
@@ -318,15 +308,12 @@ class LabScreen(SideScreen[None]):
         self.set_focus(self._panes()[digit])
 
     def action_type(self) -> None:
-        """Choose another type."""
         self._choose(types_of(self.lab))
 
     def action_profile(self, side: str) -> None:
-        """Choose the layout of one side."""
         self._choose(layouts_of(self.lab, side))
 
     def action_bytes(self) -> None:
-        """Choose the bytes to look at."""
         self._choose(bytes_of(self.lab))
 
     def _choose(self, choice: Choice) -> None:
@@ -341,19 +328,15 @@ class LabScreen(SideScreen[None]):
         self.app.push_screen(ChoiceScreen(choice.title, choice.rows, choice.now), take)
 
     def action_order(self, side: str) -> None:
-        """Read one side in the other byte order."""
         self._do(lambda: self.lab.swap_order(side))
 
     def action_text(self, side: str) -> None:
-        """Read the STRINGs of one side in the next form."""
         self._do(lambda: self.lab.next_text(side))
 
     def action_exchange(self) -> None:
-        """Let ours be theirs."""
         self._do(self.lab.exchange)
 
     def action_message(self, step: int) -> None:
-        """Look at an older or newer message."""
         self._do(lambda: self.lab.bytes.step(step))
 
     def _do(self, change: Callable[[], None]) -> None:
@@ -362,12 +345,10 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_fit(self) -> None:
-        """Rank the profiles."""
         self.fit.cursor = 0
         self.obey("udt fit")
 
     def action_cure(self) -> None:
-        """Show the cure; there, the next kind of it."""
         if self.focused is self.cure:
             self.cure.next_kind()
         self.cure.asked = True
@@ -375,11 +356,9 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_language(self) -> None:
-        """Write the cure in the other language."""
         self.cure.next_language()
 
     def action_difference(self, step: int) -> None:
-        """Go to the next row that differs."""
         found = self.tree_view.chosen
         at = found.leaf if found is not None and found.key else -1
         leaf = self.lab.next_difference(at, step) if step > 0 or at >= 0 else None
@@ -391,15 +370,12 @@ class LabScreen(SideScreen[None]):
         self.tree_view.show_leaf(leaf, opens=True)
 
     def action_fold_all(self) -> None:
-        """Fold everything, open everything."""
         self.tree_view.action_fold_all()
 
     def action_ask(self, text: str) -> None:
-        """Open the command line."""
         self.ask.open(text or "udt ")
 
     def action_constants(self) -> None:
-        """Ask for the constants that no file declares."""
         self.lab.asked_for = ()
         if self.lab.files.unknown_constants:
             self._ask_constants()
@@ -420,7 +396,6 @@ class LabScreen(SideScreen[None]):
             self.obey(f"{UDT} {CONSTANT} {pairs}")
 
     def action_problems(self) -> None:
-        """Show what is wrong in the files."""
         lines = [str(problem) for problem in self.lab.files.problems]
         self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
 
@@ -449,7 +424,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_yank(self) -> None:
-        """Yank what the pane shows: to the clipboard, and always into a file."""
         from trcvtui.tui.clipboard_and_files import take
 
         found = text_of(PANES_BY_DIGIT[self._open], self.lab, self.cure)
@@ -460,7 +434,6 @@ class LabScreen(SideScreen[None]):
         self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
 
     def action_export(self, name: str) -> None:
-        """Take our layout in the language of another tool."""
         from trcvtui.tui.clipboard_and_files import take
 
         layout, text = self.lab.layout(OURS), ""

@@ -75,7 +75,6 @@ class LabHead(LineView, can_focus=False):
         return "= the same places" if tree.is_same else "≠ places differ"
 
     def on_click(self, event: events.Click) -> None:
-        """Open the list for what was clicked."""
         place = self.place_of(event)
         if place is not None and place[1] < len(ACTIONS):
             is_bytes = place[1] == 0 and place[0] > self._half
@@ -158,7 +157,6 @@ class LabTree(LineView):
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Decode the leaves in view and repaint the rows that changed."""
         if self._revision != self._lab.revision:
             self._revision = self._lab.revision
             self._all_open = None
@@ -260,16 +258,13 @@ class LabTree(LineView):
 
     @property
     def chosen(self) -> TreeRow | None:
-        """Return the row under the cursor."""
         tree = self._lab.tree
         return tree.rows[self.cursor] if tree is not None and self.cursor < len(tree.rows) else None
 
     def action_move(self, rows: int) -> None:
-        """Choose another row."""
         self.go_to(max(0, min(self.row_count() - 1, self.cursor + rows)))
 
     def go_to(self, y: int, tells: bool = True) -> None:
-        """Put the cursor on a row."""
         self.cursor = y
         self.resize_rows()
         self.keep_in_view(y)
@@ -286,7 +281,6 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_toggle_branch(self) -> None:
-        """Open or close the branch under the cursor."""
         self._fold(None)
 
     def action_fold(self, is_open: bool) -> None:
@@ -305,7 +299,6 @@ class LabTree(LineView):
             self.go_to(tree.row_of_key(_owner(found.key)))
 
     def action_fold_all(self) -> None:
-        """Close every branch, open every branch, or as it was at first."""
         tree = self._lab.tree
         if tree is None:
             return
@@ -315,7 +308,6 @@ class LabTree(LineView):
         self.go_to(0)
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the row under the mouse; a second time, or on its sign, fold it."""
         place = self.place_of(event)
         if place is None or place[1] >= self.row_count():
             return

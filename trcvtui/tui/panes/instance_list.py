@@ -60,13 +60,11 @@ class InstanceList(LineView):
         self._columns = self._measure()
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        """Return the keys; those for many instances where there are many."""
         many = self._words or len(self._view_model.instances) > MANY
         return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
 
     @property
     def is_filtered(self) -> bool:
-        """Return whether some may be left out."""
         return bool(self._words)
 
     def narrow(self, words: str) -> None:
@@ -220,7 +218,6 @@ class InstanceList(LineView):
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Select another instance of those that are listed."""
         names = [instance.name for instance in self._listed]
         if not names:
             return
@@ -242,7 +239,6 @@ class InstanceList(LineView):
                     return
 
     def on_click(self, event: events.Click) -> None:
-        """Select the instance under the mouse."""
         place = self.place_of(event)
         if place is not None and place[1] < len(self._listed):
             self._choose(place[1])

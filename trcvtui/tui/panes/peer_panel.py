@@ -112,13 +112,11 @@ class PeerList(LineView):
         self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 
     def action_move(self, rows: int) -> None:
-        """Select another peer."""
         names = [peer.name for peer in self._view_model.peers]
         if self._view_model.peer in names:
             self._choose(max(0, min(len(names) - 1, names.index(self._view_model.peer) + rows)))
 
     def on_click(self, event: events.Click) -> None:
-        """Select the peer under the mouse."""
         place = self.place_of(event)
         if place is not None and place[1] < len(self._view_model.peers):
             self._choose(place[1])
@@ -245,7 +243,6 @@ class PeerPanel(Vertical):
             yield self._notes
 
     async def prepare(self) -> None:
-        """Make the fields of the composer."""
         if self._speaks:
             await self.composer.prepare()
 
@@ -261,7 +258,6 @@ class PeerPanel(Vertical):
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
     def show(self) -> None:
-        """Show the lines, the peers and what the buttons would do."""
         name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.chosen
         kind = "Peer" if self.first is self.peers else "Line"
         title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
@@ -371,7 +367,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("split")
 
     def open_trial(self, line: str = "") -> None:
-        """Open the table of the trial that this line has begun."""
         self._trial_line = line
         self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
         self.app.push_screen(self._trial, self._trial_left)
@@ -390,12 +385,10 @@ class PeerPanel(Vertical):
         self._trial = None
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Show the command that the fields make now."""
         event.stop()
         self._show_preview()
 
     def on_button_pointed(self) -> None:
-        """Show the command of that button."""
         self._show_preview()
 
     def _nobody(self) -> bool:
@@ -419,13 +412,11 @@ class PeerPanel(Vertical):
             self._do(button)
 
     def action_mode(self) -> None:
-        """Write the payload in another way."""
         if self._nobody():
             return
         self.composer.next_mode()
 
     def action_cuts(self) -> None:
-        """Go to the message drawn with its cuts."""
         if self._nobody():
             return
         if len(self.composer.split_row.payload) > 1:
@@ -436,7 +427,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("cut")
 
     def action_library(self) -> None:
-        """Open the named messages and sequences of the project."""
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
         if not self._nobody():
@@ -463,7 +453,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        """Open the members of a UDT as fields."""
         if self._nobody():
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for

@@ -123,7 +123,6 @@ class ConversationList(LineView):
         self.show()
 
     def action_shadow(self) -> None:
-        """Give the newest conversation that has no shadow one of its own; `watch C7` names another."""
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:

@@ -39,7 +39,6 @@ class ScenarioListModel:
 
     @property
     def is_read(self) -> bool:
-        """Return whether every file has been read."""
         return not self._unread
 
     def read_some(self) -> None:
@@ -49,7 +48,6 @@ class ScenarioListModel:
         self._keep_a_choice()
 
     def read(self, path: Path) -> ScenarioFile | None:
-        """Read a file anew, as it is on the disk now."""
         said = read_scenario_file(path)
         if said is None:
             self._read.pop(path, None)
@@ -77,7 +75,6 @@ class ScenarioListModel:
     # -- what is listed -----------------------------------------------------------------------------
 
     def listed(self) -> list[Path]:
-        """Return the files that the filter lets through."""
         words = self.filter.casefold().split()
         return [path for path in self._paths if all(word in self._spoken(path) for word in words)]
 
@@ -110,7 +107,6 @@ class ScenarioListModel:
         self._keep_a_choice()
 
     def move(self, files: int) -> None:
-        """Choose another file of the list."""
         listed = self.listed()
         if listed:
             here = listed.index(self.chosen) if self.chosen in listed else 0
@@ -169,7 +165,6 @@ class ScenarioList(LineView, inherit_bindings=False):
         return " · ".join(words)
 
     def follow(self) -> None:
-        """Keep the choice in view, and the name of its folder where it is the first one."""
         if self._model.chosen in self._rows:
             y = self._rows.index(self._model.chosen)
             self.keep_in_view(y - 1 if y == 1 else y)
@@ -178,7 +173,6 @@ class ScenarioList(LineView, inherit_bindings=False):
         return max(1, len(self._rows))
 
     def row_at(self, y: int) -> Row:
-        """Return a folder or a file."""
         if not self._rows:
             what = "no scenario has these words" if self._model.filter else "no scenario file"
             return row((what, "dim")) if y == 0 else EMPTY
@@ -209,12 +203,10 @@ class ScenarioList(LineView, inherit_bindings=False):
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Choose another file."""
         self._model.move(rows)
         self._chosen()
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the file under the mouse; a click on the chosen one loads it."""
         place = self.place_of(event)
         each = self._rows[place[1]] if place is not None and place[1] < len(self._rows) else ""
         if not isinstance(each, Path):
@@ -250,7 +242,6 @@ class TraceList(TextView):
         self.tail = 4
 
     def follow(self, player: PlayerSnapshot) -> None:
-        """Show the instances of the scenario that is played."""
         self.set_title(4, "STATUS, scan by scan")
         pins = {instance.name: _inputs(instance) for instance in self._view_model.instances}
         self._rows = []
@@ -308,7 +299,6 @@ class ScenarioText(TextView, inherit_bindings=False):
         self._followed: tuple[str, int] | None = None
 
     def follow(self, player: PlayerSnapshot | None, kernel: str) -> None:
-        """Show the chosen scenario, and how far it has been played where it is the one that is."""
         said = self._model.chosen_file
         played = player if player is not None and said is not None and player.path == str(said.path) else None
         self._show_title(said, played, kernel)

@@ -268,7 +268,6 @@ class ViewModel:
         self._project_number = NO_BENCH
 
     def freeze(self) -> None:
-        """Keep what is shown; the PLC runs on."""
         self.is_frozen = self.picture is not None
 
     def thaw(self) -> None:
@@ -320,7 +319,6 @@ class ViewModel:
 
     @property
     def unsaved_word(self) -> str:
-        """Return what these are: additions, or changes."""
         return self.live.unsaved_word if self.live else ""
 
     @property
@@ -403,7 +401,6 @@ class ViewModel:
 
     @property
     def partial(self) -> bytes:
-        """Return the bytes that the running job of the selected instance has collected."""
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
 
     @property

@@ -172,7 +172,6 @@ class HexView(LineView):
         return self.scroll_offset.y // self.lines * self.per_row, rows * self.per_row
 
     def show_link(self, link: range) -> None:
-        """Mark the bytes of a field."""
         self.link = link
         self.show()
 
@@ -190,12 +189,10 @@ class HexView(LineView):
 
     @property
     def lines(self) -> int:
-        """Return how many lines a row of bytes takes."""
         return 2 if self.shows_before else 1
 
     @property
     def digits(self) -> int:
-        """Return how many digits an offset has."""
         return max(LEAST_DIGITS, len(f"{max(0, self.need - 1):x}"))
 
     # -- drawing ------------------------------------------------------------------------------------
@@ -204,7 +201,6 @@ class HexView(LineView):
         return max(self.rows_kept, -(-self.need // self.per_row) * self.lines)
 
     def row_at(self, y: int) -> Row:
-        """Return the bytes of one line."""
         start = y // self.lines * self.per_row
         stop = min(start + self.per_row, self.need)
         if start >= stop:
@@ -299,7 +295,6 @@ class HexView(LineView):
     # -- the cursor ---------------------------------------------------------------------------------
 
     def action_step(self, count: int) -> None:
-        """Move the cursor by bytes."""
         if self.need:
             here = self.cursor if self.cursor is not None else -count if count > 0 else 0
             self._select(max(0, min(self.need - 1, here + count)))
@@ -311,12 +306,10 @@ class HexView(LineView):
             self._select(target if self.cursor is not None else here)
 
     def action_page(self, pages: int) -> None:
-        """Move the cursor by pages."""
         step = pages * max(1, (self.size.height - 1) // self.lines) * self.per_row
         self.action_step(step)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the first or the last byte."""
         if self.need:
             self._select(0 if direction < 0 else self.need - 1)
 
@@ -338,7 +331,6 @@ class HexView(LineView):
         return place is not None
 
     def on_click(self, event: events.Click) -> None:
-        """Select the byte under the mouse, in either column."""
         place = self.place_of(event)
         offset = None if place is None else self._offset_at(*place)
         if offset is not None:

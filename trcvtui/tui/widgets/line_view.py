@@ -141,7 +141,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
     ) -> Self:
-        """Paint anew, the whole pane or some of its lines."""
         self._strips_in_view = None
         if not regions:
             self._fresh.clear()
@@ -247,7 +246,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._strips_in_view = None
 
     def on_mount(self) -> None:
-        """Know the rows before the first paint."""
         self.resize_rows()
 
     def on_resize(self) -> None:
@@ -262,7 +260,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.show()
 
     def on_blur(self) -> None:
-        """Show the cursor as a mark, or not at all."""
         self.show()
 
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:

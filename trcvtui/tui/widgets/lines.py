@@ -45,7 +45,6 @@ class ButtonLine(LineView):
         self._told: int | None = None
 
     def show(self) -> None:
-        """Repaint what changed, and tell when another button is pointed at."""
         if (pointed := self.pointed_at()) != self._told:
             self._told = pointed
             self.post_message(ButtonPointed())
@@ -225,7 +224,6 @@ class KeyLine(OneLine):
         return row(*parts[:-1])
 
     def on_click(self, event: events.Click) -> None:
-        """Act as if the key had been pressed."""
         place, left = self.place_of(event), 0
         old = {name: key for key, name in self._names.items()}
         for key, label in self._keys():
@@ -255,7 +253,6 @@ class TabLine(OneLine):
         self._tabs = tabs
 
     def mark(self, *digits: int) -> None:
-        """Mark the tabs of all panes that are shown."""
         self._open = {*digits}
         self.show()
 

@@ -293,7 +293,6 @@ class Waveform:
         return self.lanes[pin]
 
     def polled(self, pin: str) -> PolledWaveform:
-        """Return what a watch table shows of a pin."""
         if pin not in self._polled:
             self._polled[pin] = PolledWaveform(self.lane(pin))
         return self._polled[pin]

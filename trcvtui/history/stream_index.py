@@ -375,7 +375,6 @@ class StreamIndex:
                 before += size
 
     def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
-        """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
         return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
 
     def holes(self, instance: str, of_job: bool) -> tuple[range, ...]:

@@ -44,7 +44,6 @@ READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they comp
 
 
 def may_say(line: str) -> bool:
-    """Return whether a read-only screen may say a line of the prompt, of a key or of a button."""
     return line.strip().partition(" ")[0] in READ_ONLY_LINES
 
 
@@ -115,7 +114,6 @@ class BenchApp(TerminalApp):
             self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
 
     def end_children(self, is_dead: bool) -> None:
-        """End the engine where the terminal is dead."""
         if is_dead:
             self._engine.close()
 

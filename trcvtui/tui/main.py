@@ -87,9 +87,6 @@ def grid_rows(
     return block + strip - beside, beside, history, REST, peer
 
 
-if TYPE_CHECKING:
-    from trcvtui.tui.panes.timing import Timing
-
 BELOW_DIALOG_S: Final = 0.5
 EXPORT, FIND = "export", "find"
 EXPORT_LINES: Final = "export timing vcd, perhaps a FILE"
@@ -211,7 +208,8 @@ class MainScreen(FullScreen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.first}
+        decoded = self.received.stream if self.received.is_past else self._decoded_view()
+        inner: dict[int, Widget] = {1: self.instances, 5: decoded, 7: self.peer.first}
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:
@@ -274,7 +272,6 @@ class MainScreen(FullScreen[None]):
         self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
-        """Another bench stands here now: nothing that was pointed at is there any more."""
         self.block.forget()
         self.follow_selected()
         self.on_peer_selected()
@@ -354,9 +351,6 @@ class MainScreen(FullScreen[None]):
         self._link_decoded(message.field)
         self._decoded_view().go_to(message.field.start)
         self.received.show()
-
-    def _bytes_view(self) -> Widget:
-        return self.received.stream if self.received.is_past else self._decoded_view()
 
     def _decoded_view(self) -> HexView:
         of_job = self.table.of_job and self.received.job.display

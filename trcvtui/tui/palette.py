@@ -55,7 +55,6 @@ class PaneKey(NamedTuple):
 
 
 def pane_keys(main: MainScreen) -> Iterator[PaneKey]:
-    """Yield every binding of every pane that is no mere movement of a cursor."""
     for digit, widget in _places(main):
         for binding in own_bindings(type(widget)):
             key = PaneKey(digit, widget, binding)
@@ -74,7 +73,6 @@ def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
 
 
 def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
-    """Yield what a class of this program binds by itself, each with its first key."""
     for declared in vars(kind).get("BINDINGS", ()):
         yield next(iter(Binding.make_bindings([declared])))
 
@@ -163,7 +161,8 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
         ("PLC to RUN", "", "plc run"),
         ("Clear all faults", "", "fault clear"),
     ):
-        yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
+        about = f"{line} · key {key}" if key else line
+        yield SystemCommand(title, about, partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
     frozen = bench.view_model.is_frozen
     about = "the PLC runs on, the screen keeps what it shows · key F"
@@ -281,10 +280,6 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
-
-
-def _said(line: str, key: str) -> str:
-    return f"{line} · key {key}" if key else line
 
 
 def _select(bench: PaletteReach, name: str) -> None:

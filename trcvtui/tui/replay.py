@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.widget import Widget
 from textual.widgets import Input
@@ -91,11 +90,11 @@ class PositionLine(LineView, inherit_bindings=False):
         signs = groupby(bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
-    def on_click(self, event: events.Click) -> None:
-        place, picture = self.place_of(event), self._view_model.live
-        if place is not None and place[1] == 1 and picture is not None and picture.position is not None:
+    def click(self, x: int, y: int) -> None:
+        picture = self._view_model.live
+        if y == 1 and picture is not None and picture.position is not None:
             first, last = picture.position.first, picture.position.last_scan
-            scan = first + place[0] * (last - first) // max(1, self.line_width) + 1
+            scan = first + x * (last - first) // max(1, self.line_width) + 1
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
 
 

@@ -180,7 +180,6 @@ class FleetScreen(Screen[None]):
         self._frame.border_title = pane_title(None, "Lines", " · ".join([*told, "the worst first"]))
 
     def tell(self) -> None:
-        """Say what the broker does, and which keys there are."""
         reader = self._reader
         words, style = reader.told, "warn"
         if not reader.is_up:
@@ -269,14 +268,12 @@ class FleetApp(TerminalApp):
         self.hear(LOOK_NS)
 
     def hear(self, most_ns: int) -> None:
-        """Hear for at most so long what has come, and show it."""
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
             self.screen.draw()
 
     def tell_first(self) -> None:
-        """Say what is wrong with the settings."""
         if self.problems:
             self.notify(self.problems[0], markup=False)
 

@@ -44,7 +44,6 @@ def spark_parts(errors: Sequence[int]) -> list[Part]:
 
 
 def since_text(t: float | None, wall: float) -> str:
-    """Return how long something has been so, "" where that is unknown."""
     return "" if t is None else age(int((wall - t) * SECOND))
 
 

@@ -114,7 +114,6 @@ class AddScreen(FormDialog[str]):
 
     @property
     def name_of_part(self) -> str:
-        """Return the name of what the command is about."""
         return self._fields[0].value.strip()
 
     @property
@@ -166,7 +165,6 @@ class AddScreen(FormDialog[str]):
         return keys != [shown.key for shown in self._fields]
 
     def take(self) -> None:
-        """Give the command, where it would be taken."""
         if not self.line or not fault_of(self.line, self._project()):
             self.dismiss(self.line)
 

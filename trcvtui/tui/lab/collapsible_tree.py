@@ -72,7 +72,6 @@ class FoldTree:
 
     @property
     def is_same(self) -> bool:
-        """Return whether every leaf lies at the same place on both sides."""
         return not self.rows[0].moved
 
     def toggle(self, key: Key) -> None:

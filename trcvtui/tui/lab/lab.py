@@ -55,7 +55,6 @@ class TypeFiles:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is wrong in the files, also in types that nobody uses."""
         return self.types.problems
 
     @property
@@ -304,7 +303,6 @@ class Lab:
         return self._view_model.project.base
 
     def type_names(self) -> list[str]:
-        """Return what can be chosen: DATA first, as it is declared, then the types of the files."""
         declared = self._view_model.declaration
         names = self.files.types.names()
         if declared is None or self.opened is not None:

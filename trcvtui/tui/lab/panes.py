@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, Final, cast
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
@@ -144,7 +143,6 @@ class LabHex(HexView):
         super().show()
 
     def show_row(self, found: TreeRow | None) -> None:
-        """Show the bytes, those of a row of the tree marked on either side."""
         lab = self._lab
         sizes = [layout.size for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
         row = found if found is not None and found.key else None
@@ -210,9 +208,6 @@ class FitList(LineView):
         self._draw()
         super().show()
 
-    def on_resize(self) -> None:
-        self.show()
-
     def _draw(self) -> None:
         fits, width = self._lab.fits, max(20, self.line_width)
         known = id(fits), self._lab.fitted, self.cursor, self.has_focus, width, len(fits)
@@ -263,9 +258,8 @@ class FitList(LineView):
         if self._lab.fits:
             self.post_message(FitWanted(self.cursor))
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        number = self._rows[place[1]][1] if place is not None and place[1] < len(self._rows) else None
+    def click(self, x: int, y: int) -> None:
+        number = self._rows[y][1]
         if number is None:
             return
         if number == self.cursor:

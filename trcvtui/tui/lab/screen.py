@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -112,34 +112,6 @@ def _ranking(lab: Lab) -> str:
     return "\n".join(lines) + "\n" if lines else ""
 
 
-class Choice(NamedTuple):
-    """Names with what is to be known of them; `line` takes the name in place of {}."""
-
-    title: str
-    rows: list[tuple[str, str]]
-    now: str
-    line: str
-    is_bytes: bool = False
-
-
-def types_of(lab: Lab) -> Choice:
-    rows = [(name, "") for name in lab.type_names()]
-    return Choice(f"Types of {lab.files.name}", rows, lab.type_name, f"{UDT} type {{}}")
-
-
-def layouts_of(lab: Lab, side: str) -> Choice:
-    rows = [
-        (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
-        for name, rules in LAYOUTS.items()
-    ]
-    return Choice(f"Layout of {side}", rows, lab.profiles[side].layout, f"{UDT} {side} {{}}")
-
-
-def bytes_of(lab: Lab) -> Choice:
-    rows = [(name, ABOUT[name]) for name in SOURCES]
-    return Choice("Bytes", rows, lab.bytes.source, f"{UDT} bytes {{}}", is_bytes=True)
-
-
 LOOK_S: Final = 1.0  # between two looks at the files
 TREE, BYTES, FIT, CURE = 1, 2, 3, 4
 NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
@@ -209,7 +181,8 @@ class LabScreen(SideScreen[None]):
     def show(self) -> None:
         self.lab.follow()
         self._view_model.past_wanted = self.lab.bytes.request()
-        self._hear_answers()
+        for answer in self.answers():
+            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
         self.header.show()
         self.head.show()
         self.columns.show()
@@ -217,20 +190,10 @@ class LabScreen(SideScreen[None]):
         self.hex.show_row(self.tree_view.chosen)
         self.fit.show()
         self.cure.show()
-        self._titles()
-        self._say_what_is()
-        self.show_keys()
-
-    def _titles(self) -> None:
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
-
-    def _hear_answers(self) -> None:
-        for answer in self.answers():
-            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
-
-    def _say_what_is(self) -> None:
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
+        self.show_keys()
 
     def look(self) -> None:
         if self.lab.look():
@@ -308,24 +271,30 @@ class LabScreen(SideScreen[None]):
         self.set_focus(self._panes()[digit])
 
     def action_type(self) -> None:
-        self._choose(types_of(self.lab))
+        rows = [(name, "") for name in self.lab.type_names()]
+        self._choose(f"Types of {self.lab.files.name}", rows, self.lab.type_name, "type")
 
     def action_profile(self, side: str) -> None:
-        self._choose(layouts_of(self.lab, side))
+        rows = [
+            (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
+            for name, rules in LAYOUTS.items()
+        ]
+        self._choose(f"Layout of {side}", rows, self.lab.profiles[side].layout, side)
 
     def action_bytes(self) -> None:
-        self._choose(bytes_of(self.lab))
+        rows = [(name, ABOUT[name]) for name in SOURCES]
+        self._choose("Bytes", rows, self.lab.bytes.source, "bytes")
 
-    def _choose(self, choice: Choice) -> None:
+    def _choose(self, title: str, rows: list[tuple[str, str]], now: str, word: str) -> None:
         from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
         def take(name: str | None) -> None:
-            if choice.is_bytes and name == HEX:
+            if name == HEX and word == "bytes":
                 self.action_ask(f"{UDT} {HEX} ")
             elif name is not None:
-                self.obey(choice.line.format(name))
+                self.obey(f"{UDT} {word} {name}")
 
-        self.app.push_screen(ChoiceScreen(choice.title, choice.rows, choice.now), take)
+        self.app.push_screen(ChoiceScreen(title, rows, now), take)
 
     def action_order(self, side: str) -> None:
         self._do(lambda: self.lab.swap_order(side))
@@ -457,7 +426,6 @@ class LabScreen(SideScreen[None]):
         self.dismiss()
 
     def palette_rows(self) -> Iterator[Command]:
-        """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
             yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
         for name, title in LANGUAGES.items():

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
@@ -179,12 +178,9 @@ class SplitsLine(OneLine, can_focus=True):
     def action_send(self) -> None:
         self._send()
 
-    def on_click(self, event: events.Click) -> None:
+    def click(self, x: int, y: int) -> None:
         """Cut or join where the mouse points between two bytes; on a byte: before it."""
-        found = self.place_of(event)
-        if found is None or not self.payload:
-            return
-        place = self._first + found[0] // CELL
+        place = self._first + x // CELL
         if 0 < place < len(self.payload) and place < self._first + self._room():
             self.place = place
             self.action_cut()
@@ -328,7 +324,6 @@ class Composer(Vertical):
         return bool(fault_of(alone, self._view_model.project))
 
     def send(self) -> None:
-        """Send the command, or go to the payload while there is none."""
         self.judge()
         if not self.line:
             self.ask_for_payload("send")

@@ -69,7 +69,6 @@ MARK_LETTERS: Final = {"prefix": "f", "suffix": "u"}
 
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
-    """Return the pins of a block on a ComBuffer that the project file wires, by name."""
     of_block = block_row(block)
     if not of_block.on_buffer:
         return {}
@@ -125,7 +124,6 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
 
 
 def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
-    """Return the value of an output inside the box, and its style."""
     value = (instance.pin(pin.name) if instance else None) or 0
     if pin.is_bool:
         style = LAMP_STYLES.get(pin.name, "on") if value else "glow" if glowing else ""
@@ -461,7 +459,6 @@ class FunctionBlock(LineView):
     # -- toggling -----------------------------------------------------------------------------------
 
     def value_of(self, pin: DrawnPin) -> tuple[int, bool]:
-        """Return the value of an input, and whether it still waits for the next scan."""
         instance = self._view_model.instance
         if instance is None:
             return 0, False

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Vertical
 from textual.content import Content
@@ -116,10 +115,9 @@ class PeerList(LineView):
         if self._view_model.peer in names:
             self._choose(max(0, min(len(names) - 1, names.index(self._view_model.peer) + rows)))
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        if place is not None and place[1] < len(self._view_model.peers):
-            self._choose(place[1])
+    def click(self, x: int, y: int) -> None:
+        if y < len(self._view_model.peers):
+            self._choose(y)
 
     def _choose(self, y: int) -> None:
         self._view_model.peer = self._view_model.peers[y].name
@@ -136,7 +134,6 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
 
 
 def check_text(check: CheckSnapshot) -> Part:
-    """Return how the self-checking traffic stands: in DATA, and what came back of it."""
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
@@ -172,10 +169,8 @@ class PeerNotes(LineView, can_focus=False):
         peer = self._view_model.peer_snapshot
         if peer is None:
             return []
-        return [*self._check(peer), *self._trial(peer), *self._replies(peer)]
-
-    def _check(self, peer: PeerSnapshot) -> list[Row]:
-        return [row(check_text(peer.check))] if peer.check is not None else []
+        check = [row(check_text(peer.check))] if peer.check is not None else []
+        return [*check, *self._trial(peer), *self._replies(peer)]
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._view_model.picture.trial if self._view_model.picture else None

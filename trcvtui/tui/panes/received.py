@@ -403,7 +403,6 @@ class Received(Vertical):
         return -1 if job is None or self.stream.cursor is None else self.stream.cursor - job.position
 
     def show_field(self, field: range, goes_there: bool) -> None:
-        """Mark the bytes of a member in the job under the cursor of the stream; perhaps go to the first."""
         job = self.job_here()
         if job is None:
             return

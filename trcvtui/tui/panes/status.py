@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
-
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
@@ -144,10 +142,8 @@ class StatusHistory(LineView):
     def action_now(self) -> None:
         self._choose(-1)
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        if place is not None and place[1] <= len(self._edges):
-            self._choose(place[1] - 1)
+    def click(self, x: int, y: int) -> None:
+        self._choose(y - 1)
 
     def _choose(self, y: int) -> None:
         self._chosen = self._edges[y].seq if y >= 0 else None
@@ -217,7 +213,6 @@ class StatusCard(LineView):
         self._rows: list[Row] = []
 
     def offer(self) -> Offer | None:
-        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
         return self._explainer.offer()
 
     def point_at(self, line: Line | None) -> None:

@@ -108,7 +108,6 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 
 
 def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
-    """Return the positions at which a job begins in the middle of a message."""
     found = set()
     for job in spans_within(window.jobs, start, stop):
         message = span_at(window.messages, job.position) if job.position >= start else None
@@ -315,7 +314,6 @@ class StreamView(LineView):
     def look_for(
         self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), dropped: bool = False
     ) -> None:
-        """Ask for the next DONE, the next place with one of the patterns, or the next dropped bytes."""
         self._seeks += 1
         self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
 
@@ -516,7 +514,6 @@ class StreamView(LineView):
         return None if self.cursor is None else self._byte(self.cursor)
 
     def before_value(self) -> int | None:
-        """Return what stood there in the job before."""
         return None if self.cursor is None else self._before.get(self.cursor)
 
     # -- the cursor ---------------------------------------------------------------------------------------

@@ -242,12 +242,8 @@ class Timing(LineView):
         return self._view_model.frozen_at or self.wave.until_scan
 
     @property
-    def _columns(self) -> int:
-        return max(1, self.line_width - self._label)
-
-    @property
     def _window(self) -> Window:
-        return self.view.window(self._columns, self._until)
+        return self.view.window(max(1, self.line_width - self._label), self._until)
 
     def show(self) -> None:
         self._ready.clear()
@@ -416,13 +412,10 @@ class Timing(LineView):
 
     # -- mouse --------------------------------------------------------------------------------------
 
-    def on_click(self, event: events.Click) -> None:
+    def click(self, x: int, y: int) -> None:
         """Choose row and scan under the mouse; an edge inside the column is what was meant."""
-        place = self.place_of(event)
-        if place is None or place[1] > len(self._rows):
-            return
-        self._chosen = max(0, place[1] - 1)
-        window, x = self._window, place[0] - self._label
+        self._chosen = max(0, y - 1)
+        window, x = self._window, x - self._label
         if not 0 <= x < window.width or not self._rows:
             self.show()
             return

@@ -6,7 +6,6 @@ from collections import deque
 from pathlib import Path
 from typing import ClassVar, Final
 
-from textual import events
 from textual.binding import BindingType
 
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
@@ -84,7 +83,6 @@ class ScenarioListModel:
         return f"{path.parent.name}/{path.stem} {more}".casefold()
 
     def rows(self) -> list[Path | str]:
-        """Return the listed files, each folder's name before its first one."""
         rows: list[Path | str] = []
         folder = None
         for path in self.listed():
@@ -101,7 +99,6 @@ class ScenarioListModel:
     # -- choosing -----------------------------------------------------------------------------------
 
     def narrow(self, words: str) -> None:
-        """List only the files in whose name these words are."""
         self.filter = words
         self.revision += 1
         self._keep_a_choice()
@@ -206,9 +203,8 @@ class ScenarioList(LineView, inherit_bindings=False):
         self._model.move(rows)
         self._chosen()
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        each = self._rows[place[1]] if place is not None and place[1] < len(self._rows) else ""
+    def click(self, x: int, y: int) -> None:
+        each = self._rows[y] if self._rows else ""
         if not isinstance(each, Path):
             return
         if each == self._model.chosen:

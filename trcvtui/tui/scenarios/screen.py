@@ -221,7 +221,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show()
 
     def arrange_panes(self) -> None:
-        """Show one tab, or everything; where the screen is not high, one of what is past."""
         alone, plays = self.has_class(TABS), self.has_class(PLAYING)
         steps = self._open == STEPS or not alone
         self.traces.tail = 2 if alone else 4

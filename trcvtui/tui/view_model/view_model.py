@@ -271,7 +271,6 @@ class ViewModel:
         self.is_frozen = self.picture is not None
 
     def thaw(self) -> None:
-        """Show what is now again, from the next picture on."""
         self._thawing = 2 if self.is_frozen else 0
         self.is_frozen, self.fired = False, None
         self._select()
@@ -314,7 +313,6 @@ class ViewModel:
 
     @property
     def unsaved(self) -> int:
-        """Return how many edits of the project are in no file."""
         return self.live.unsaved if self.live else 0
 
     @property
@@ -323,7 +321,6 @@ class ViewModel:
 
     @property
     def past(self) -> HistoryWindow | None:
-        """Return the newest window on the bytes received so far, also while the view is frozen."""
         newest = self.live or self.picture
         return newest.history if newest else None
 

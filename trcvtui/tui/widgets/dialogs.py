@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, Final, Generic, TypeVar
 
-from textual import events
 from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
@@ -147,11 +146,9 @@ class ChoiceList(LineView, inherit_bindings=False):
         self.refresh()
         self.show()
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        if place is not None and place[1] < self.row_count():
-            self.cursor = place[1]
-            self.screen.run_worker(self.screen.run_action("take"))
+    def click(self, x: int, y: int) -> None:
+        self.cursor = y
+        self.screen.run_worker(self.screen.run_action("take"))
 
 
 class ChoiceScreen(ListDialog[str | None]):

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import ClassVar, Final, NamedTuple
 
-from textual import events
-
 from trcvtui.history.records import JobSpan, PreviousJobBytes
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
@@ -45,12 +43,10 @@ NOTHING: Final = Marked(0, 0, 0, 0)
 
 
 def marked(start: int, size: int, prefix: int, suffix: int) -> Marked:
-    """Return the marks of a frame of `size` bytes."""
     return Marked(start, start + prefix, start + size - suffix, start + size)
 
 
 def marks_of_span(span: JobSpan) -> Marked:
-    """Return the marks of a frame of the past."""
     if not span.prefix and not span.suffix:
         return NOTHING
     return marked(span.position, span.size, span.prefix, span.suffix)
@@ -330,9 +326,8 @@ class HexView(LineView):
             self._select(place)
         return place is not None
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        offset = None if place is None else self._offset_at(*place)
+    def click(self, x: int, y: int) -> None:
+        offset = self._offset_at(x, y)
         if offset is not None:
             self._select(offset)
 

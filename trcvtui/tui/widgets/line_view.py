@@ -263,7 +263,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.show()
 
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
-        """Write digit, name and detail into the border, as text."""
         title = f"{digit} {name} {detail}"
         if title == self._title:
             return
@@ -288,6 +287,14 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
             self.scroll_to(y=y, animate=False)
         elif height and y >= top + height:
             self.scroll_to(y=y - height + 1, animate=False)
+
+    def on_click(self, event: events.Click) -> None:
+        place = self.place_of(event)
+        if place is not None and place[1] < self.row_count():
+            self.click(*place)
+
+    def click(self, x: int, y: int) -> None:
+        """Do what a click on column `x` of row `y` means."""
 
     def place_of(self, event: events.MouseEvent) -> tuple[int, int] | None:
         """Return column and row (of all rows) under the mouse, None outside the rows."""

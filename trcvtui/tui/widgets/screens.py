@@ -99,7 +99,6 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         raise NotImplementedError
 
     def commands(self) -> Iterator[SystemCommand]:
-        """Yield the entries of the palette."""
         for title, about, action in self.palette_rows():
             yield SystemCommand(title, about, partial(self._act, action))
 

@@ -54,7 +54,6 @@ class Column(NamedTuple):
 
     @property
     def is_level(self) -> bool:
-        """Return whether the value is the same in all its scans."""
         return self.low == self.high
 
 
@@ -86,7 +85,6 @@ class PinWaveform:
         return self.values[place - 1] if place else None
 
     def between(self, first: int, last: int) -> Column:
-        """Return what the pin was from the first to the last of these scans."""
         begin, end = bisect_left(self.scans, first), bisect_right(self.scans, last)
         before = self.values[begin - 1] if begin else None
         if begin == end:
@@ -128,7 +126,6 @@ class PinWaveform:
         return None
 
     def rises(self, first: int, last: int) -> int:
-        """Return how often the pin became TRUE in these scans."""
         begin, end = bisect_left(self.scans, first), bisect_right(self.scans, last)
         return sum(1 for value in self.values[begin:end] if value)
 
@@ -142,7 +139,6 @@ class PolledWaveform(PinWaveform):
         self._next = 0
 
     def follow(self, until_ns: int, interval_ns: int) -> None:
-        """Poll as far as the source is known."""
         source = self._source
         place = max(0, self._next - source.forgotten)
         while place < len(source.times):
@@ -297,7 +293,6 @@ class Waveform:
         return self.lanes[pin]
 
     def polled(self, pin: str) -> PolledWaveform:
-        """Return what a watch table shows of a pin."""
         if pin not in self._polled:
             self._polled[pin] = PolledWaveform(self.lane(pin))
         return self._polled[pin]
@@ -308,14 +303,12 @@ class Waveform:
 
     @property
     def watched(self) -> list[str]:
-        """Return the pins of the ghost rows."""
         return [pin for what in WATCHED if (pin := self.pin_that_shows(what)) is not None]
 
     def columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
         return lane.columns(window, self.until_scan)
 
     def is_gap(self, first: int, last: int) -> bool:
-        """Return whether something in these scans is not known."""
         return any(begin <= last and first <= end for begin, end in reversed(self.gaps))
 
     @property
@@ -343,7 +336,6 @@ class Waveform:
         return self.edges[place - 1] if place else None
 
     def edges_in(self, first: int, last: int) -> list[Line]:
-        """Return the STATUS edges of these scans."""
         return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
 
     def next_edge(self, scan: int, direction: int, pins: Iterable[str] = ()) -> int | None:

@@ -46,7 +46,6 @@ class JobSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position after the last byte."""
         return self.position + self.size
 
 
@@ -62,7 +61,6 @@ class RecvSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position after the last byte."""
         return self.position + self.size
 
 
@@ -78,7 +76,6 @@ class MessageSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position after the last byte."""
         return self.position + self.size
 
     @property
@@ -153,7 +150,6 @@ class HistoryWindow(Struct, frozen=True):
 
     @property
     def stop(self) -> int:
-        """Return the position after the last byte of the window."""
         return self.start + len(self.content)
 
 

@@ -60,7 +60,6 @@ class StreamBursts:
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
 
     def note(self, scan: int, t_ns: int, size: int) -> None:
-        """Take what one recv call has brought."""
         if self.scan == scan:
             self.size += size
             return
@@ -75,7 +74,6 @@ class StreamBursts:
 
     @property
     def sizes(self) -> Sizes:
-        """Return the sizes, that of the burst under way included."""
         last = (*self.last, self.size) if self.size else ()
         return Sizes(self.count, last[-KEPT_SIZES:])
 
@@ -171,7 +169,6 @@ class StreamIndex:
     # -- what is written --------------------------------------------------------------------------------
 
     def take(self, stamped: Iterable[Stamped]) -> None:
-        """Read what was written, oldest first."""
         listeners = self.listeners
         for scan, t_ns, event in stamped:
             for listener in listeners.get(type(event), ()):
@@ -308,7 +305,6 @@ class StreamIndex:
         return link.offset if link is not None and link.incarnation == incarnation else 0
 
     def bursts(self, connect: str) -> StreamBursts:
-        """Return the bursts of the present connection."""
         link = self._received.get(connect)
         return link.bursts if link is not None else StreamBursts()
 
@@ -379,7 +375,6 @@ class StreamIndex:
                 before += size
 
     def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
-        """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
         return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
 
     def holes(self, instance: str, of_job: bool) -> tuple[range, ...]:

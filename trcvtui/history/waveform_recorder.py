@@ -78,7 +78,6 @@ class PinRecord:
 
     @property
     def kept(self) -> int:
-        """Return how many changes are kept, the newest ones."""
         return len(self._changes)
 
     def after(self, number: int, most: int = KEPT_CHANGES) -> list[BareChange]:

@@ -51,7 +51,6 @@ def row_names(wave: Waveform) -> list[str]:
 
 
 def pin_of(name: str) -> str:
-    """Return the pin that a row is about."""
     return "STATUS" if name == CODES else name.removeprefix(WATCH)
 
 
@@ -73,7 +72,6 @@ def lane_of(wave: Waveform, name: str) -> PinWaveform:
 
 
 def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
-    """Return one row of an instance, as wide as the window."""
     if name == CODES:
         return _codes(wave, window)
     columns = wave.columns(lane_of(wave, name), window)

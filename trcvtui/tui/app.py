@@ -44,7 +44,6 @@ READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they comp
 
 
 def may_say(line: str) -> bool:
-    """Return whether a read-only screen may say a line of the prompt, of a key or of a button."""
     return line.strip().partition(" ")[0] in READ_ONLY_LINES
 
 
@@ -115,7 +114,6 @@ class BenchApp(TerminalApp):
             self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
 
     def end_children(self, is_dead: bool) -> None:
-        """End the engine where the terminal is dead."""
         if is_dead:
             self._engine.close()
 
@@ -315,7 +313,6 @@ class BenchApp(TerminalApp):
             self.on_description_wanted()
 
     def on_description_wanted(self) -> None:
-        """Show the connection description of the selected instance, where there is any."""
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
         configs = [each for each in self.view_model.project.connects if each.description is not None]
@@ -328,13 +325,11 @@ class BenchApp(TerminalApp):
     # -- frames -------------------------------------------------------------------------------------
 
     def action_dropped(self) -> None:
-        """Show the bytes that no frame and no job has: the newest, then the ones before."""
         if self.screen is self.main:
             self.main.action_pane(5)
             self.main.received.action_dropped()
 
     def action_framings(self) -> None:
-        """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
         from trcvtui.tui.framings import FramingScreen  # read when first asked for
 
         if self.screen is not self.main or self.refuses():
@@ -351,7 +346,6 @@ class BenchApp(TerminalApp):
             self.submit(line)
 
     def action_doctor(self) -> None:
-        """Open the Doctor card: what is wrong with the selected instance."""
         from trcvtui.tui.doctor import DoctorScreen  # read when first asked for
 
         if self.screen is self.main and not self.refuses():

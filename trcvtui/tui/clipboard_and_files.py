@@ -114,7 +114,6 @@ async def take(app: App[None], form: Format, text: str, tell: Tell, complain: Te
 
 
 def take_picture(app: App[None], tell: Tell, complain: Tell) -> None:
-    """Save the screen as SVG and tell where; in a browser, hand it to the browser."""
     if app.is_web:
         app.deliver_screenshot()
         return

@@ -24,7 +24,6 @@ def complete(line: str, project: Project) -> str | None:
 
 
 def verbs() -> tuple[str, ...]:
-    """Return what a line of the prompt may begin with."""
     return (*(row.verb for row in COMMANDS.values() if row.at_prompt), *SCREEN)
 
 

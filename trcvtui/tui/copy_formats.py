@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -174,10 +173,8 @@ class YankList(LineView, inherit_bindings=False):
         self.cursor = self._next(self.cursor, 1 if rows > 0 else -1)
         self.show()
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        if place is not None and place[1] < len(FORMATS):
-            self.screen.run_worker(self.screen.run_action(f"take('{LETTERS[place[1]]}')"))
+    def click(self, x: int, y: int) -> None:
+        self.screen.run_worker(self.screen.run_action(f"take('{LETTERS[y]}')"))
 
 
 class YankScreen(ListDialog[tuple[Format, str] | None]):
@@ -203,7 +200,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
         self.action_take(LETTERS[self._list.cursor])
 
     def action_take(self, letter: str) -> None:
-        """Yank in the format of a letter, where it has something to write."""
         form = FORMATS[LETTERS.index(letter)]
         text = self._list.texts[letter]
         if text:

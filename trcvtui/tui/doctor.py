@@ -41,13 +41,11 @@ class FindingList(TextView):
 
     @property
     def seen(self) -> DoctorSnapshot:
-        """Return what the doctor has found last."""
         picture = self._view_model.live
         return picture.doctor if picture is not None else DoctorSnapshot()
 
     @property
     def findings(self) -> tuple[FindingSnapshot, ...]:
-        """Return those of the selected instance, or of all."""
         return self._of_selected(self.seen.findings)
 
     def _of_selected(self, some: tuple[FindingSnapshot, ...]) -> tuple[FindingSnapshot, ...]:
@@ -56,12 +54,10 @@ class FindingList(TextView):
 
     @property
     def chosen(self) -> FindingSnapshot | None:
-        """Return the finding under the cursor."""
         found = self.findings
         return found[min(self.cursor, len(found) - 1)] if found else None
 
     def make_rows(self) -> list[Row]:
-        """Return the findings, then what there is to say of the chosen one."""
         seen, found, chosen = self.seen, self.findings, self.chosen
         since, _, told = seen.progress.partition(": ")
         again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
@@ -182,11 +178,9 @@ class FindingList(TextView):
         return next((command for _, command, _ in one.mends if command), "")
 
     def action_page(self, pages: int) -> None:
-        """Show what is above or below."""
         self.scroll_relative(y=pages * (self.size.height - 1), animate=False)
 
     def action_move(self, rows: int) -> None:
-        """Choose another finding."""
         self.cursor = max(0, min(len(self.findings) - 1, self.cursor + rows))
         self.scroll_to(y=0, animate=False)
         self.draw()
@@ -221,7 +215,6 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
         self._view_model.doctor_wanted = False
 
     def show(self) -> None:
-        """Show what it has found since, and the keys that lead somewhere."""
         shown = self.list
         shown.set_title(None, "Doctor", "all" if shown.of_all else self._view_model.selected)
         keys = {
@@ -236,18 +229,15 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
         shown.draw()
 
     def action_remedy(self) -> None:
-        """Answer with the line that applies the remedy."""
         remedy = self.list.remedy()
         if remedy:
             self.dismiss(EvidencePlace(remedy))
 
     def action_place(self, of_byte: bool) -> None:
-        """Answer with the place of the evidence."""
         place = self.list.place(of_byte)
         if place is not None:
             self.dismiss(place)
 
     def action_others(self) -> None:
-        """Show the findings of all, or of the selected instance alone."""
         self.list.of_all, self.list.cursor = not self.list.of_all, 0
         self.show()

@@ -55,7 +55,6 @@ class FramingList(TextView):
 
     @property
     def chosen(self) -> Proposal | None:
-        """Return the proposal under the cursor."""
         proposals = self.advice.proposals if self.advice is not None else ()
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
@@ -65,7 +64,6 @@ class FramingList(TextView):
         return lines_for(chosen, self._project(), self._instance) if chosen is not None else ()
 
     def make_rows(self) -> list[Row]:
-        """Return the proposals, then evidence, preview and lines of the chosen one."""
         if self.advice is None:
             return [row(("the recording is on its way …", "dim"))]
         rows = [row((clip(self.advice.said, self._width), "dim"))]
@@ -139,7 +137,6 @@ class FramingList(TextView):
         return row(*parts, (f"{tail}  {frame.ending}", "dim" if frame.ending in GOOD else "warn"))
 
     def action_move(self, rows: int) -> None:
-        """Choose another proposal."""
         count = len(self.advice.proposals) if self.advice is not None else 0
         self.cursor = max(0, min(count - 1, self.cursor + rows))
         self.problem = ""
@@ -171,16 +168,13 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
         self.list.border_subtitle = "↑↓ choose · enter sets it · r: read again · page up, down · esc"
 
     def on_mount(self) -> None:
-        """Ask for the recording."""
         self.action_again()
 
     def action_again(self) -> None:
-        """Take the bytes as they are now."""
         self._view_model.recordings_wanted = (self.buffer,)
         self.list.draw()
 
     def show(self) -> None:
-        """Look at the recording once it is here."""
         picture = self._view_model.live
         found = dict(picture.recordings).get(self.buffer) if picture is not None else None
         if found is None or not self._view_model.recordings_wanted:
@@ -190,7 +184,6 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
         self.list.draw()
 
     def action_apply(self) -> None:
-        """Answer with the lines, if all of them can be carried out."""
         try:
             lines = self.list.lines() if self.instance else ()
             parse_script("\n".join(lines), self._view_model.project, "framing")
@@ -202,6 +195,5 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
             self.dismiss(lines)
 
     def action_leave(self) -> None:
-        """Set nothing."""
         self._view_model.recordings_wanted = ()
         super().action_leave()

@@ -87,9 +87,6 @@ def grid_rows(
     return block + strip - beside, beside, history, REST, peer
 
 
-if TYPE_CHECKING:
-    from trcvtui.tui.panes.timing import Timing
-
 BELOW_DIALOG_S: Final = 0.5
 EXPORT, FIND = "export", "find"
 EXPORT_LINES: Final = "export timing vcd, perhaps a FILE"
@@ -211,7 +208,8 @@ class MainScreen(FullScreen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.first}
+        decoded = self.received.stream if self.received.is_past else self._decoded_view()
+        inner: dict[int, Widget] = {1: self.instances, 5: decoded, 7: self.peer.first}
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:
@@ -261,7 +259,6 @@ class MainScreen(FullScreen[None]):
             self._owed = self.set_timer(BELOW_DIALOG_S, self._show_owed)
 
     def on_screen_resume(self) -> None:
-        """Show what came meanwhile as soon as the dialog is left."""
         if self._owed is not None:
             self._owed.stop()
             self._show_owed()
@@ -275,7 +272,6 @@ class MainScreen(FullScreen[None]):
         self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
-        """Another bench stands here now: nothing that was pointed at is there any more."""
         self.block.forget()
         self.follow_selected()
         self.on_peer_selected()
@@ -355,9 +351,6 @@ class MainScreen(FullScreen[None]):
         self._link_decoded(message.field)
         self._decoded_view().go_to(message.field.start)
         self.received.show()
-
-    def _bytes_view(self) -> Widget:
-        return self.received.stream if self.received.is_past else self._decoded_view()
 
     def _decoded_view(self) -> HexView:
         of_job = self.table.of_job and self.received.job.display
@@ -451,7 +444,6 @@ class MainScreen(FullScreen[None]):
             await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
-        """Decode the running job's bytes instead of DATA, or DATA again."""
         self.table.of_job = not self.table.of_job
         self._link_decoded(self.table.chosen_field())
         self.table.show()
@@ -469,7 +461,6 @@ class MainScreen(FullScreen[None]):
             self.prompt.did("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
-        """Open the menu of what can be yanked, the focused pane's first."""
         from trcvtui.tui.copy_formats import FIRST, FIRST_OF_PANE, YankScreen  # read when first asked for
 
         pane = self._focused_pane()
@@ -477,7 +468,6 @@ class MainScreen(FullScreen[None]):
             self.app.push_screen(YankScreen(subject, FIRST_OF_PANE.get(pane, FIRST)), self._yanked)
 
     def yank(self, letter: str) -> None:
-        """Yank in the format of a letter, without the menu."""
         from trcvtui.tui.copy_formats import FORMATS
 
         form = next(form for form in FORMATS if form.letter == letter)
@@ -522,7 +512,6 @@ class MainScreen(FullScreen[None]):
         return bool(refuses and refuses())
 
     def action_change(self) -> None:
-        """Choose a part of the project: to change it in a form, or to remove it."""
         from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
         from trcvtui.tui.widgets.dialogs import ChoiceScreen
 
@@ -564,7 +553,6 @@ class MainScreen(FullScreen[None]):
             self.action_prompt(f"remove {part.kind} {part.name}")
 
     def action_undo(self) -> None:
-        """Open the prompt to take the newest edit of the project back; there stands which one that is."""
         if self.prompt.is_open or self._is_refused():
             return
         if self._view_model.project.undoable:
@@ -593,7 +581,6 @@ class MainScreen(FullScreen[None]):
             self._view_model.thaw()
 
     def action_freeze(self) -> None:
-        """Keep what is shown while the PLC runs on; or show again what is now."""
         self._view_model.thaw() if self._view_model.is_frozen else self._view_model.freeze()
         self.show()
 
@@ -604,7 +591,6 @@ class MainScreen(FullScreen[None]):
         self.prompt.open(text)
 
     def action_calm(self) -> None:
-        """Leave what was opened: the zoom, the past."""
         if self.has_class(ZOOM) or self.has_class(LIST):
             self.action_zoom()
         elif self.focused is self.instances and self.instances.is_filtered:
@@ -612,7 +598,6 @@ class MainScreen(FullScreen[None]):
         self.history.action_now()
 
     def action_filter(self) -> None:
-        """Let the words be typed that an instance has to have to be listed."""
         self.action_pane(1)
         self.filter.open()
 

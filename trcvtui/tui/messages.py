@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from textual.message import Message
@@ -25,54 +26,49 @@ class PeerSelected(Message):
     """Another peer was selected in the view_model: composer and buttons speak for it."""
 
 
+@dataclass
 class ByteSelected(Message):
     """The cursor of a hex view went to the byte at `offset`; `of_job` tells the job's bytes from DATA."""
 
-    def __init__(self, offset: int, of_job: bool) -> None:
-        super().__init__()
-        self.offset = offset
-        self.of_job = of_job
+    offset: int
+    of_job: bool
 
 
 class PastSelected(Message):
     """The cursor of the history went to another byte."""
 
 
+@dataclass
 class FieldSelected(Message):
     """A row of the UDT table was chosen: its bytes."""
 
-    def __init__(self, field: range) -> None:
-        super().__init__()
-        self.field = field
+    field: range
 
 
+@dataclass
 class EdgeSelected(Message):
     """A STATUS edge of the past was chosen, in the history or over time; None: back to now."""
 
-    def __init__(self, seq: int | None, line: Line | None = None) -> None:
-        super().__init__()
-        self.seq = seq
-        self.line = line
+    seq: int | None
+    line: Line | None = None
 
 
+@dataclass
 class KeyClicked(Message):
     """A key named on the screen was clicked: its action shall be carried out."""
 
-    def __init__(self, action: str) -> None:
-        super().__init__()
-        self.action = action
+    action: str
 
 
 class ButtonPointed(Message):
     """Another button is under the cursor or the mouse, or none is any more."""
 
 
+@dataclass
 class PaneWanted(Message):
     """The pane of this digit shall have the focus."""
 
-    def __init__(self, digit: int) -> None:
-        super().__init__()
-        self.digit = digit
+    digit: int
 
 
 class ScenarioChosen(Message):
@@ -91,17 +87,15 @@ class RowSelected(Message):
     """Another row of the lab's tree was chosen: its bytes."""
 
 
+@dataclass
 class FitWanted(Message):
     """A profile of the ranking shall be theirs."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
+    number: int
 
 
+@dataclass
 class FleetEntryOpened(Message):
     """A row of the fleet's list was opened: a line, or the head of a group."""
 
-    def __init__(self, entry: Entry) -> None:
-        super().__init__()
-        self.entry = entry
+    entry: Entry

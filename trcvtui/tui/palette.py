@@ -51,12 +51,10 @@ class PaneKey(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Return what the screen calls the key."""
         return format_key(self.binding.key).replace("left", "←").replace("right", "→")
 
 
 def pane_keys(main: MainScreen) -> Iterator[PaneKey]:
-    """Yield every binding of every pane that is no mere movement of a cursor."""
     for digit, widget in _places(main):
         for binding in own_bindings(type(widget)):
             key = PaneKey(digit, widget, binding)
@@ -75,13 +73,11 @@ def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
 
 
 def own_bindings(kind: type[DOMNode]) -> Iterator[Binding]:
-    """Yield what a class of this program binds by itself, each with its first key."""
     for declared in vars(kind).get("BINDINGS", ()):
         yield next(iter(Binding.make_bindings([declared])))
 
 
 def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
-    """Yield an entry for each key of a pane."""
     for key in pane_keys(main):
         if key.action != BY_HAND:
             about = f"pane {key.digit}, key {key.key}"
@@ -165,7 +161,8 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
         ("PLC to RUN", "", "plc run"),
         ("Clear all faults", "", "fault clear"),
     ):
-        yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
+        about = f"{line} · key {key}" if key else line
+        yield SystemCommand(title, about, partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
     frozen = bench.view_model.is_frozen
     about = "the PLC runs on, the screen keeps what it shows · key F"
@@ -283,10 +280,6 @@ def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
-
-
-def _said(line: str, key: str) -> str:
-    return f"{line} · key {key}" if key else line
 
 
 def _select(bench: PaletteReach, name: str) -> None:

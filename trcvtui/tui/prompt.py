@@ -105,7 +105,6 @@ class PromptInput(TypedField):
         self._prompt = prompt
 
     def action_recall(self, step: int) -> None:
-        """Walk the history."""
         self._prompt.recall(step)
 
     def action_complete(self) -> None:
@@ -113,7 +112,6 @@ class PromptInput(TypedField):
         self._prompt.complete()
 
     async def action_submit(self) -> None:
-        """Send what stands there now."""
         self._prompt.submit()
 
     def on_hide(self, event: events.Hide) -> None:
@@ -169,7 +167,6 @@ class Prompt(Vertical):
 
     @property
     def is_open(self) -> bool:
-        """Return whether a line can be typed."""
         return self._open_line.display
 
     def open(self, text: str = "") -> None:
@@ -192,7 +189,6 @@ class Prompt(Vertical):
         self._echo.foretell("")
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Say what the line would do, while it is typed."""
         event.stop()
         self._foretell()
 
@@ -212,20 +208,17 @@ class Prompt(Vertical):
             self._input.cursor_position = len(text)
 
     def recall(self, step: int) -> None:
-        """Fill in an older or newer line."""
         if self._lines:
             self._at = max(0, min(len(self._lines), self._at + step))
             self._fill(self._lines[self._at] if self._at < len(self._lines) else "")
 
     def complete(self) -> None:
-        """Complete the last word as far as the project knows it."""
         from trcvtui.tui.completion import complete
 
         if self._input is not None:
             self._fill(complete(self._input.value, self._view_model.project) or self._input.value)
 
     def submit(self) -> None:
-        """Close the command line and send what was typed."""
         line = self._input.value.strip() if self._input is not None else ""
         self.close()
         if line:
@@ -234,32 +227,26 @@ class Prompt(Vertical):
     # -- lines and answers --------------------------------------------------------------------------
 
     def remember(self, line: str) -> None:
-        """Keep a line for the history of the prompt."""
         if not self._lines or self._lines[-1] != line:
             self._lines.append(line)
             del self._lines[:-KEPT_LINES]
 
     def sent(self, line: str, number: int) -> None:
-        """Take note of a line that was sent, from here or from a toggle or button."""
         self.remember(line)
         self._last = number
         self._echo.say(line, waits=True)
 
     def did(self, line: str, told: str, error: str = "") -> None:
-        """Show a line that the screen has carried out by itself."""
         self.remember(line)
         self._echo.say(line, error, told=told)
 
     def answered(self, answers: dict[int, Answer]) -> None:
-        """Show what became of the last line, or of any that was refused."""
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error, told=answer.told)
 
     def tell(self, text: str) -> None:
-        """Show what the screen has done by itself, in as many lines as it needs."""
         self._echo.say("", told=text)
 
     def complain(self, text: str, stays: bool = False) -> None:
-        """Show trouble that is no answer."""
         self._echo.say("", text, stays=stays)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.widget import Widget
 from textual.widgets import Input
@@ -91,12 +90,11 @@ class PositionLine(LineView, inherit_bindings=False):
         signs = groupby(bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
-    def on_click(self, event: events.Click) -> None:
-        """Go to the scan under the mouse."""
-        place, picture = self.place_of(event), self._view_model.live
-        if place is not None and place[1] == 1 and picture is not None and picture.position is not None:
+    def click(self, x: int, y: int) -> None:
+        picture = self._view_model.live
+        if y == 1 and picture is not None and picture.position is not None:
             first, last = picture.position.first, picture.position.last_scan
-            scan = first + place[0] * (last - first) // max(1, self.line_width) + 1
+            scan = first + x * (last - first) // max(1, self.line_width) + 1
             self.screen.call_next(self.screen.run_action, f"at('{scan}')")
 
 
@@ -170,7 +168,6 @@ class ReplayScreen(MainScreen):
         self._is_beside = False  # is a run with another parameter shown beside
 
     def compose(self) -> Iterator[Widget]:
-        """Compose what the bench has, and the position above the prompt."""
         for widget in super().compose():
             if widget is self.prompt:
                 yield self.position
@@ -184,7 +181,6 @@ class ReplayScreen(MainScreen):
         self.set_focus(self.position)
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         rows = self.position.row_count()
         if rows != self._position_rows:
             self._position_rows = rows
@@ -209,29 +205,23 @@ class ReplayScreen(MainScreen):
         return not is_typed and super().check_action(action, parameters)
 
     def action_at(self, where: str) -> None:
-        """Go to another scan."""
         self._submit(f"at {where}")
 
     def go_to_place(self, place: EvidencePlace) -> None:
-        """Go to the scan in the recording, too."""
         if place.scan is not None:
             self.action_at(str(place.scan))
         super().go_to_place(place)
 
     def action_edge(self, step: str) -> None:
-        """Go to an edge of the selected instance."""
         self._submit(f"at edge {step} {self._view_model.selected}")
 
     def action_speed(self, step: str) -> None:
-        """Play faster or slower."""
         self._submit(f"speed {step}")
 
     def action_what_if(self) -> None:
-        """Ask for another value."""
         self.action_prompt(f"if instance.{self._view_model.selected}.")
 
     def action_line(self) -> None:
-        """Give the keys to the time line."""
         self.set_focus(self.position)
 
     def action_calm(self) -> None:
@@ -240,7 +230,6 @@ class ReplayScreen(MainScreen):
         self.action_line()
 
     def action_change(self) -> None:
-        """Say that nothing can be changed."""
         self.prompt.complain(CANNOT)
 
     action_undo = action_change

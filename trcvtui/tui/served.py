@@ -61,7 +61,6 @@ class Entrance:
 
     @property
     def url(self) -> str:
-        """Return the address to open, with the token."""
         return f"{self.address}/?{TOKEN}={self.token}"
 
     def refusal(self, host: str, origin: str | None, is_socket: bool) -> str:

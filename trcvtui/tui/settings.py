@@ -46,7 +46,6 @@ class ScreenSettings:
 
 
 def config_folder() -> Path:
-    """Return where the user's settings are."""
     from platformdirs import user_config_path  # read when first asked for
 
     return user_config_path("trcvtui", appauthor=False)

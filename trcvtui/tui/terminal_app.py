@@ -84,14 +84,12 @@ class TerminalApp(App[None]):
             self._end_on_signals()
 
     def begin(self) -> None:
-        """Take the look, and keep an eye on the terminal."""
         if self._look.ansi:
             self.theme = self._look.name  # with its watcher: native colours need it
         if not self.is_headless and not self.is_web:
             self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
 
     async def stand(self) -> None:
-        """Obey the keys that came before the first frame, and begin to be quiet."""
         await self.prepare()
         await self.obey_kept()
         self._is_up = True

@@ -180,7 +180,6 @@ class FleetScreen(Screen[None]):
         self._frame.border_title = pane_title(None, "Lines", " · ".join([*told, "the worst first"]))
 
     def tell(self) -> None:
-        """Say what the broker does, and which keys there are."""
         reader = self._reader
         words, style = reader.told, "warn"
         if not reader.is_up:
@@ -194,16 +193,13 @@ class FleetScreen(Screen[None]):
     # -- keys ---------------------------------------------------------------------------------------
 
     def narrow(self, typed: str) -> None:
-        """List only the lines that have these words."""
         self._typed = typed.strip()
         self.order()
 
     def action_filter(self) -> None:
-        """Let the words be typed."""
         self.filter.open()
 
     def action_group(self) -> None:
-        """Go on to the next way to group."""
         ways = ["", *GROUPS]
         self._by = ways[(ways.index(self._by) + 1) % len(ways)]
         self._opened.clear()
@@ -218,11 +214,9 @@ class FleetScreen(Screen[None]):
             self.order()
 
     def action_move(self) -> None:
-        """Choose the next line: the key was clicked."""
         self.table.action_move(1)
 
     def action_open(self) -> None:
-        """Open what is chosen: the key was clicked."""
         self.table.action_open()
 
     def action_help(self) -> None:
@@ -232,7 +226,6 @@ class FleetScreen(Screen[None]):
         await self.run_action(message.action)
 
     def on_fleet_entry_opened(self, message: FleetEntryOpened) -> None:
-        """Open a card, or open and close a group."""
         if isinstance(message.entry, FleetGroup):
             self._opened ^= {message.entry.name}
             self.order()
@@ -250,7 +243,6 @@ class FleetHelpScreen(ResultScreen):
 
 
 def help_rows(width: int) -> list[Row]:
-    """Return all keys and signs of this screen."""
     return [each for title, table in HELP for each in key_rows(title, table, width, {})]
 
 
@@ -267,37 +259,31 @@ class FleetApp(TerminalApp):
         self.main = FleetScreen(broker, pattern, reader)
 
     def on_mount(self) -> None:
-        """Put the list on the screen, then let the messages flow."""
         self.begin()
         self.push_screen(self.main)
         self.set_interval(FRAME_S, self.frame)
         self.call_after_refresh(self.stand)
 
     def frame(self) -> None:
-        """Hear what has come, and show it."""
         self.hear(LOOK_NS)
 
     def hear(self, most_ns: int) -> None:
-        """Hear for at most so long what has come, and show it."""
         now = clock.now_ns()
         self._reader.turn(now, self.main.wall(), most_ns)
         if self.main.is_mounted and self.main.follow(now) and isinstance(self.screen, FleetCardScreen):
             self.screen.draw()
 
     def tell_first(self) -> None:
-        """Say what is wrong with the settings."""
         if self.problems:
             self.notify(self.problems[0], markup=False)
 
     def action_picture(self) -> None:
-        """Save the screen as SVG and tell where."""
         from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
 
         tell = partial(self.notify, markup=False)
         take_picture(self, tell, tell)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """Yield everything that can be done, by name."""
         main = self.main
         yield SystemCommand("Filter", "list only lines with some words · key /", main.action_filter)
         yield SystemCommand("Group", "by site, by cause, all in one list · key g", main.action_group)

@@ -41,7 +41,6 @@ class FleetCard(TextView):
         return max(40, self.line_width)
 
     def make_rows(self) -> list[Row]:
-        """Return the line, its instances, its findings, its events."""
         rows = [*self._of_line()]
         for instance in self._line.instances.values():
             rows += self._instance(instance)
@@ -154,5 +153,4 @@ class FleetCardScreen(ListDialog[None]):
         self.draw()
 
     def draw(self) -> None:
-        """Show what is known now."""
         self.card.draw()

@@ -44,7 +44,6 @@ def spark_parts(errors: Sequence[int]) -> list[Part]:
 
 
 def since_text(t: float | None, wall: float) -> str:
-    """Return how long something has been so, "" where that is unknown."""
     return "" if t is None else age(int((wall - t) * SECOND))
 
 
@@ -107,11 +106,9 @@ class FleetTable(LineView, inherit_bindings=False):
 
     @property
     def chosen(self) -> Entry | None:
-        """Return what stands under the cursor."""
         return self.entries[self.cursor] if self.cursor < len(self.entries) else None
 
     def take(self, entries: Sequence[Entry]) -> None:
-        """Show another list, the cursor on its line."""
         here, before, top = self.chosen, self.cursor, self.scroll_offset.y
         self.entries = entries
         place = _place_of(here, entries) if self._is_moved else 0
@@ -181,14 +178,12 @@ class FleetTable(LineView, inherit_bindings=False):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, cursor: int) -> None:
-        """Choose a row."""
         self._is_moved = True
         self.cursor = max(0, min(len(self.entries) - 1, cursor))
         self.keep_in_view(self.cursor)
         self.show()
 
     def action_move(self, rows: int) -> None:
-        """Choose another row."""
         self.go_to(self.cursor + rows)
 
     def action_edge(self, direction: int) -> None:
@@ -197,19 +192,16 @@ class FleetTable(LineView, inherit_bindings=False):
         self._is_moved = direction > 0
 
     def action_open(self) -> None:
-        """Open the card of a line, or a group."""
         if self.chosen is not None:
             self.post_message(FleetEntryOpened(self.chosen))
 
     def action_shut(self) -> None:
-        """Go to the head of the group."""
         for y in range(self.cursor, -1, -1):
             if isinstance(self.entries[y] if y < len(self.entries) else None, FleetGroup):
                 self.go_to(y)
                 return
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the row under the mouse; the chosen one opens."""
         place = self.place_of(event)
         if place is None or place[1] >= len(self.entries):
             return

@@ -51,7 +51,6 @@ class ChoiceField(TypedField):
         await cast("AddScreen", self.screen).follow(self)
 
     def action_choose(self, step: int) -> None:
-        """Take the next known value, the first one where something else stands."""
         if not self._choices:
             return
         known = self.value in self._choices
@@ -84,7 +83,6 @@ class AddScreen(FormDialog[str]):
         self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose the kind, a line a field, and the command below."""
         with Vertical(id="form") as form:
             form.border_subtitle = f"tab field · ↑↓ choose · enter {self.TAKES} · esc leave"
             yield from self._first_rows()
@@ -95,7 +93,6 @@ class AddScreen(FormDialog[str]):
         yield _row("add", self._kind_field, "↑↓ another kind")
 
     async def on_mount(self) -> None:
-        """Begin with the first field of the kind."""
         await self._lay_out()
         self.set_focus(self._fields[0])
 
@@ -117,7 +114,6 @@ class AddScreen(FormDialog[str]):
 
     @property
     def name_of_part(self) -> str:
-        """Return the name of what the command is about."""
         return self._fields[0].value.strip()
 
     @property
@@ -139,7 +135,6 @@ class AddScreen(FormDialog[str]):
         return [f"▸ {self.line}{made and f' · {made}'}"]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         if isinstance(event.input, ChoiceField) and event.input.is_attached:
             await self.follow(event.input)
@@ -170,7 +165,6 @@ class AddScreen(FormDialog[str]):
         return keys != [shown.key for shown in self._fields]
 
     def take(self) -> None:
-        """Give the command, where it would be taken."""
         if not self.line or not fault_of(self.line, self._project()):
             self.dismiss(self.line)
 

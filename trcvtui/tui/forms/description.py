@@ -90,7 +90,6 @@ class DescriptionText(TextView):
         self.draw()
 
     def make_rows(self) -> list[Row]:
-        """Return the description byte for byte."""
         view = description_view(self.config, self._listens) if self.config is not None else None
         return description_rows(view, max(40, self.line_width - 1)) if view is not None else []
 
@@ -119,7 +118,6 @@ class DescriptionScreen(ListDialog[None]):
         self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
 
     def on_mount(self) -> None:
-        """Show the first one."""
         self._draw()
 
     @property
@@ -138,18 +136,15 @@ class DescriptionScreen(ListDialog[None]):
         self._text.border_subtitle = plain(words).replace("[", "\\[")
 
     def action_other(self, step: int) -> None:
-        """Show another CONNECT of the project."""
         self._place = (self._place + step) % len(self._configs)
         self._draw()
 
     def action_yank(self) -> None:
-        """Take the bytes as hex, as the project file takes them back."""
         description = self._config.description
         if description is not None:
             self._take("the description as hex", hex_lines(description.data, self._config.name), ".txt")
 
     def action_source(self) -> None:
-        """Take the fields as the initial values of a DB."""
         if self._config.description is not None:
             self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import ClassVar, Final, NamedTuple, cast
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
@@ -39,7 +38,6 @@ class MessageEntry(NamedTuple):
 
 
 def entries_for(peer: str, project: Project) -> list[MessageEntry]:
-    """Return the messages that a peer may send, then the sequences."""
     messages = [
         MessageEntry("message", m.name, m.text, f"peer {peer} send message {m.name}")
         for m in project.messages
@@ -57,14 +55,13 @@ class MessageList(LineView):
 
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
-    def __init__(self, entries: list[MessageEntry], choose: Callable[[str], None]) -> None:
+    def __init__(self, entries: list[MessageEntry], choose: Callable[[str], object]) -> None:
         super().__init__(id="messages")
         self._entries = entries
         self._choose = choose
         self.cursor = 0
 
     def row_count(self) -> int:
-        """Return the number of entries."""
         return max(1, len(self._entries))
 
     def row_at(self, y: int) -> Row:
@@ -80,22 +77,17 @@ class MessageList(LineView):
         )
 
     def action_move(self, rows: int) -> None:
-        """Go to another entry."""
         self.cursor = max(0, min(len(self._entries) - 1, self.cursor + rows))
         self.scroll_to(y=max(0, self.cursor - self.size.height + 1), animate=False)
         self.show()
 
-    def on_click(self, event: events.Click) -> None:
-        """Choose the entry under the mouse; a second click gives it."""
-        place = self.place_of(event)
-        if place is not None and place[1] < len(self._entries):
-            again = place[1] == self.cursor
-            self.action_move(place[1] - self.cursor)
-            if again:
-                self.action_choose()
+    def click(self, x: int, y: int) -> None:
+        again = y == self.cursor
+        self.action_move(y - self.cursor)
+        if again:
+            self.action_choose()
 
     def action_choose(self) -> None:
-        """Give the command of the entry."""
         if self._entries:
             self._choose(self._entries[self.cursor].line)
 
@@ -108,13 +100,10 @@ class MessagesScreen(ListDialog[str]):
     )
 
     def __init__(self, peer: str, project: Project) -> None:
-        shown = MessageList(entries_for(peer, project), self._chosen)
+        shown = MessageList(entries_for(peer, project), self.dismiss)
         shown.set_title(None, f"Messages of {peer}", "")
         shown.border_subtitle = PICK_LINE
         super().__init__(shown, "")
-
-    def _chosen(self, line: str) -> None:
-        self.dismiss(line)
 
 
 MOST_FIELDS: Final = 64  # more are written by hand
@@ -166,7 +155,6 @@ class UdtForm(FormDialog[str]):
         self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose a line a member, and the payload below."""
         with Vertical(id="form") as form:
             form.border_title = f"{self._name}: {len(self._fields)} members"
             form.border_subtitle = KEYS_LINE
@@ -181,14 +169,12 @@ class UdtForm(FormDialog[str]):
             yield self._line
 
     def on_mount(self) -> None:
-        """Begin in the first member."""
         self._judge()
         if self._fields:
             self.set_focus(self._fields[0])
 
     @property
     def payload(self) -> str:
-        """Return what stands after `send udt`."""
         return self._payload([field.written for field in self._fields])
 
     def _payload(self, members: list[str]) -> str:
@@ -207,12 +193,10 @@ class UdtForm(FormDialog[str]):
         self._line.set_class(bool(first), "-bad")
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         self._judge()
 
     def take(self) -> None:
-        """Take the payload, where every member may stand so."""
         if not self._fault(self.payload):
             self.dismiss(self.payload)
 

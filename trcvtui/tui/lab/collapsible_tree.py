@@ -72,11 +72,9 @@ class FoldTree:
 
     @property
     def is_same(self) -> bool:
-        """Return whether every leaf lies at the same place on both sides."""
         return not self.rows[0].moved
 
     def toggle(self, key: Key) -> None:
-        """Open or close one branch."""
         self._flipped ^= {key}
         self._list()
 

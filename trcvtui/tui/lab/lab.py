@@ -48,7 +48,6 @@ class TypeFiles:
 
     @property
     def name(self) -> str:
-        """Return what the screen calls the files."""
         names = [path.name for path in self.paths]
         return (
             names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") if names else "the project"
@@ -56,7 +55,6 @@ class TypeFiles:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is wrong in the files, also in types that nobody uses."""
         return self.types.problems
 
     @property
@@ -186,7 +184,6 @@ class LabBytes:
 
     @property
     def name(self) -> str:
-        """Return what the screen calls them."""
         size = f"{len(self.content)} B"
         match self.source:
             case "data":
@@ -247,7 +244,6 @@ class LabBytes:
     # -- choosing -----------------------------------------------------------------------------------
 
     def step(self, messages: int) -> None:
-        """Go to an older or newer message."""
         self.source, self.is_chosen = MESSAGE, True
         self.back = max(0, min(self.back - messages, max(0, len(self.messages()) - 1)))
 
@@ -307,7 +303,6 @@ class Lab:
         return self._view_model.project.base
 
     def type_names(self) -> list[str]:
-        """Return what can be chosen: DATA first, as it is declared, then the types of the files."""
         declared = self._view_model.declaration
         names = self.files.types.names()
         if declared is None or self.opened is not None:
@@ -342,7 +337,6 @@ class Lab:
         self.choose_type("")
 
     def go_home(self) -> None:
-        """Look at the project's types again."""
         self.opened, self.news = None, "the types of the project"
         self.choose_type("")
 
@@ -370,7 +364,6 @@ class Lab:
             self.news += f"; DATA {plain(declared.name)} stays as it is until R (resize) or a restart"
 
     def know(self, constants: dict[str, int]) -> None:
-        """Use constants that no file declares."""
         self.files.know(constants)
         try:
             self.choose_type(self.type_name)
@@ -426,20 +419,17 @@ class Lab:
 
     @property
     def size_text(self) -> str:
-        """Return the size of the type on our side."""
         ours = self.layout(OURS)
         return f"{ours.size} B" if ours else ""
 
     @property
     def tree(self) -> FoldTree | None:
-        """Return both layouts as one tree."""
         ours = self.layout(OURS)
         if self._tree is None and ours is not None:
             self._tree = FoldTree(ours, self.layout(THEIRS) or ours)
         return self._tree
 
     def choose_profile(self, side: str, profile: Profile) -> None:
-        """Lay one side out in another way."""
         if profile == self.profiles[side]:
             return
         kept, fits = self.fitted, self.fits
@@ -448,19 +438,16 @@ class Lab:
         self.fits, self.fitted, self.news = fits, kept, ""
 
     def swap_order(self, side: str) -> None:
-        """Read one side in the other byte order."""
         profile = self.profiles[side]
         order = "big" if profile.byte_order == "little" else "little"
         self.choose_profile(side, profile._replace(byte_order=order))
 
     def next_text(self, side: str) -> None:
-        """Read the STRINGs of one side in the next form."""
         profile, forms = self.profiles[side], list(TEXT_FORMS)
         text = forms[(forms.index(profile.text) + 1) % len(forms)]
         self.choose_profile(side, profile._replace(text=text))
 
     def exchange(self) -> None:
-        """Let ours be theirs, and theirs ours."""
         ours, theirs = self.profiles[OURS], self.profiles[THEIRS]
         self.choose_profile(OURS, theirs)
         self.choose_profile(THEIRS, ours)
@@ -468,7 +455,6 @@ class Lab:
     # -- what follows -------------------------------------------------------------------------------
 
     def comparison(self) -> Comparison | None:
-        """Return both sides as compared."""
         ours, theirs = self.layout(OURS), self.layout(THEIRS)
         if self._comparison is None and ours is not None and theirs is not None:
             self._comparison = Comparison(ours, theirs)
@@ -490,7 +476,6 @@ class Lab:
         return next(differing, None) if step > 0 else max(differing, default=None)
 
     def judge(self) -> None:
-        """Rank the profiles by the bytes at hand."""
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
         if self.type is not None and messages:

@@ -34,7 +34,6 @@ class Cure(NamedTuple):
 
 
 def cure(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
-    """Return what one side has to declare, or to do, that both mean the same bytes."""
     try:
         return _swap(ours, theirs, language) if kind == SWAP else _type(ours, theirs, kind, language)
     except UserError as refused:

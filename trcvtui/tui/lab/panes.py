@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, Final, cast
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
@@ -90,7 +89,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
             yield self._line
 
     def on_mount(self) -> None:
-        """Begin in the first field."""
         self.set_focus(self._fields[0])
         self._judge()
 
@@ -104,7 +102,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
         self._line.update(f"✗ {said}, such as 10 or 16#0A" if bad else said)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing."""
         event.stop()
         self._judge()
 
@@ -140,14 +137,12 @@ class LabHex(HexView):
         self._revision = -1
 
     def show(self) -> None:
-        """Repaint the lines that differ."""
         if self._revision != self._lab.revision:
             self._revision = self._lab.revision
             self._gaps.clear()
         super().show()
 
     def show_row(self, found: TreeRow | None) -> None:
-        """Show the bytes, those of a row of the tree marked on either side."""
         lab = self._lab
         sizes = [layout.size for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
         row = found if found is not None and found.key else None
@@ -158,7 +153,6 @@ class LabHex(HexView):
 
     @property
     def linked(self) -> str:
-        """Return in words which bytes are marked."""
         sides = (("", self.link), ("theirs ", self.their_link))
         return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
 
@@ -211,13 +205,8 @@ class FitList(LineView):
         self._drawn: tuple[object, ...] = ()
 
     def show(self) -> None:
-        """Repaint what changed."""
         self._draw()
         super().show()
-
-    def on_resize(self) -> None:
-        """Break the lines anew."""
-        self.show()
 
     def _draw(self) -> None:
         fits, width = self._lab.fits, max(20, self.line_width)
@@ -259,7 +248,6 @@ class FitList(LineView):
         return self._rows[y][0] if y < len(self._rows) else EMPTY
 
     def action_move(self, rows: int) -> None:
-        """Choose another profile."""
         self.cursor = max(0, min(len(self._lab.fits) - 1, self.cursor + rows))
         self.show()
         mine = [y for y, (_, number) in enumerate(self._rows) if number == self.cursor]
@@ -267,14 +255,11 @@ class FitList(LineView):
             self.keep_in_view(y)
 
     def action_apply(self) -> None:
-        """Take the profile as theirs."""
         if self._lab.fits:
             self.post_message(FitWanted(self.cursor))
 
-    def on_click(self, event: events.Click) -> None:
-        """Choose a profile; the chosen one is taken."""
-        place = self.place_of(event)
-        number = self._rows[place[1]][1] if place is not None and place[1] < len(self._rows) else None
+    def click(self, x: int, y: int) -> None:
+        number = self._rows[y][1]
         if number is None:
             return
         if number == self.cursor:
@@ -306,7 +291,6 @@ class CureText(TextView):
         self._known: tuple[object, ...] = ()
 
     def show(self) -> None:
-        """Write it anew where something has changed, and repaint."""
         known = self._lab.revision, self.kind, self.language, self.asked, self.line_width
         if known != self._known and self.size.height:
             self._known = known
@@ -340,7 +324,6 @@ class CureText(TextView):
         self.show()
 
     def next_language(self) -> None:
-        """Write it in the other language."""
         self.language = LANGUAGES[1 - LANGUAGES.index(self.language)]
         self.asked = True
         self.show()

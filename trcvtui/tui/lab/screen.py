@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -112,35 +112,6 @@ def _ranking(lab: Lab) -> str:
     return "\n".join(lines) + "\n" if lines else ""
 
 
-class Choice(NamedTuple):
-    """Names with what is to be known of them; `line` takes the name in place of {}."""
-
-    title: str
-    rows: list[tuple[str, str]]
-    now: str
-    line: str
-    is_bytes: bool = False
-
-
-def types_of(lab: Lab) -> Choice:
-    """Return the types that can be looked at."""
-    rows = [(name, "") for name in lab.type_names()]
-    return Choice(f"Types of {lab.files.name}", rows, lab.type_name, f"{UDT} type {{}}")
-
-
-def layouts_of(lab: Lab, side: str) -> Choice:
-    rows = [
-        (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
-        for name, rules in LAYOUTS.items()
-    ]
-    return Choice(f"Layout of {side}", rows, lab.profiles[side].layout, f"{UDT} {side} {{}}")
-
-
-def bytes_of(lab: Lab) -> Choice:
-    rows = [(name, ABOUT[name]) for name in SOURCES]
-    return Choice("Bytes", rows, lab.bytes.source, f"{UDT} bytes {{}}", is_bytes=True)
-
-
 LOOK_S: Final = 1.0  # between two looks at the files
 TREE, BYTES, FIT, CURE = 1, 2, 3, 4
 NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
@@ -184,7 +155,6 @@ class LabScreen(SideScreen[None]):
         self._side = Vertical(id="lab-side")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose header, the tree beside bytes, fit and cure, outcome, keys."""
         yield self.header
         yield self.tabs
         yield self.head
@@ -201,7 +171,6 @@ class LabScreen(SideScreen[None]):
         yield self.key_line
 
     def on_mount(self) -> None:
-        """Begin in the tree; look at the files once a second."""
         self.fit.set_title(FIT, "Which profile fits?", "enter: as theirs")
         self.set_focus(self.tree_view)
         self.set_interval(LOOK_S, self.look)
@@ -210,10 +179,10 @@ class LabScreen(SideScreen[None]):
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         self.lab.follow()
         self._view_model.past_wanted = self.lab.bytes.request()
-        self._hear_answers()
+        for answer in self.answers():
+            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
         self.header.show()
         self.head.show()
         self.columns.show()
@@ -221,23 +190,12 @@ class LabScreen(SideScreen[None]):
         self.hex.show_row(self.tree_view.chosen)
         self.fit.show()
         self.cure.show()
-        self._titles()
-        self._say_what_is()
-        self.show_keys()
-
-    def _titles(self) -> None:
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
-
-    def _hear_answers(self) -> None:
-        for answer in self.answers():
-            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
-
-    def _say_what_is(self) -> None:
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
+        self.show_keys()
 
     def look(self) -> None:
-        """Look whether a file has changed."""
         if self.lab.look():
             self._trouble = self._told = ""
             self._ask_constants()
@@ -266,14 +224,12 @@ class LabScreen(SideScreen[None]):
     # -- what the panes say -------------------------------------------------------------------------
 
     def on_row_selected(self) -> None:
-        """Show the bytes of a row."""
         found = self.tree_view.chosen
         if found is not None and found.key:
             self.hex.go_to(found.ours.offset)
         self.show()
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
-        """Show the row of a byte."""
         ours = self.lab.layout(OURS)
         leaf = ours.leaf_at(message.offset) if ours is not None and message.offset >= 0 else None
         if leaf is not None:
@@ -281,7 +237,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def on_fit_wanted(self, message: messages.FitWanted) -> None:
-        """Take a profile of the ranking as theirs."""
         found = self.lab.fits[message.number]
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
@@ -291,7 +246,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Open the tab that has the focus."""
         for digit, pane in self._panes().items():
             if event.widget is pane:
                 self._open = digit
@@ -302,7 +256,6 @@ class LabScreen(SideScreen[None]):
         return {TREE: self.tree_view, BYTES: self.hex, FIT: self.fit, CURE: self.cure}
 
     def arrange_panes(self) -> None:
-        """Show everything, or the open tab alone."""
         alone = self.has_class(TABS)
         self._members.display = not alone or self._open == TREE
         self._side.display = not alone or self._open != TREE
@@ -318,42 +271,41 @@ class LabScreen(SideScreen[None]):
         self.set_focus(self._panes()[digit])
 
     def action_type(self) -> None:
-        """Choose another type."""
-        self._choose(types_of(self.lab))
+        rows = [(name, "") for name in self.lab.type_names()]
+        self._choose(f"Types of {self.lab.files.name}", rows, self.lab.type_name, "type")
 
     def action_profile(self, side: str) -> None:
-        """Choose the layout of one side."""
-        self._choose(layouts_of(self.lab, side))
+        rows = [
+            (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
+            for name, rules in LAYOUTS.items()
+        ]
+        self._choose(f"Layout of {side}", rows, self.lab.profiles[side].layout, side)
 
     def action_bytes(self) -> None:
-        """Choose the bytes to look at."""
-        self._choose(bytes_of(self.lab))
+        rows = [(name, ABOUT[name]) for name in SOURCES]
+        self._choose("Bytes", rows, self.lab.bytes.source, "bytes")
 
-    def _choose(self, choice: Choice) -> None:
+    def _choose(self, title: str, rows: list[tuple[str, str]], now: str, word: str) -> None:
         from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
         def take(name: str | None) -> None:
-            if choice.is_bytes and name == HEX:
+            if name == HEX and word == "bytes":
                 self.action_ask(f"{UDT} {HEX} ")
             elif name is not None:
-                self.obey(choice.line.format(name))
+                self.obey(f"{UDT} {word} {name}")
 
-        self.app.push_screen(ChoiceScreen(choice.title, choice.rows, choice.now), take)
+        self.app.push_screen(ChoiceScreen(title, rows, now), take)
 
     def action_order(self, side: str) -> None:
-        """Read one side in the other byte order."""
         self._do(lambda: self.lab.swap_order(side))
 
     def action_text(self, side: str) -> None:
-        """Read the STRINGs of one side in the next form."""
         self._do(lambda: self.lab.next_text(side))
 
     def action_exchange(self) -> None:
-        """Let ours be theirs."""
         self._do(self.lab.exchange)
 
     def action_message(self, step: int) -> None:
-        """Look at an older or newer message."""
         self._do(lambda: self.lab.bytes.step(step))
 
     def _do(self, change: Callable[[], None]) -> None:
@@ -362,12 +314,10 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_fit(self) -> None:
-        """Rank the profiles."""
         self.fit.cursor = 0
         self.obey("udt fit")
 
     def action_cure(self) -> None:
-        """Show the cure; there, the next kind of it."""
         if self.focused is self.cure:
             self.cure.next_kind()
         self.cure.asked = True
@@ -375,11 +325,9 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_language(self) -> None:
-        """Write the cure in the other language."""
         self.cure.next_language()
 
     def action_difference(self, step: int) -> None:
-        """Go to the next row that differs."""
         found = self.tree_view.chosen
         at = found.leaf if found is not None and found.key else -1
         leaf = self.lab.next_difference(at, step) if step > 0 or at >= 0 else None
@@ -391,15 +339,12 @@ class LabScreen(SideScreen[None]):
         self.tree_view.show_leaf(leaf, opens=True)
 
     def action_fold_all(self) -> None:
-        """Fold everything, open everything."""
         self.tree_view.action_fold_all()
 
     def action_ask(self, text: str) -> None:
-        """Open the command line."""
         self.ask.open(text or "udt ")
 
     def action_constants(self) -> None:
-        """Ask for the constants that no file declares."""
         self.lab.asked_for = ()
         if self.lab.files.unknown_constants:
             self._ask_constants()
@@ -420,7 +365,6 @@ class LabScreen(SideScreen[None]):
             self.obey(f"{UDT} {CONSTANT} {pairs}")
 
     def action_problems(self) -> None:
-        """Show what is wrong in the files."""
         lines = [str(problem) for problem in self.lab.files.problems]
         self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
 
@@ -449,7 +393,6 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_yank(self) -> None:
-        """Yank what the pane shows: to the clipboard, and always into a file."""
         from trcvtui.tui.clipboard_and_files import take
 
         found = text_of(PANES_BY_DIGIT[self._open], self.lab, self.cure)
@@ -460,7 +403,6 @@ class LabScreen(SideScreen[None]):
         self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
 
     def action_export(self, name: str) -> None:
-        """Take our layout in the language of another tool."""
         from trcvtui.tui.clipboard_and_files import take
 
         layout, text = self.lab.layout(OURS), ""
@@ -484,7 +426,6 @@ class LabScreen(SideScreen[None]):
         self.dismiss()
 
     def palette_rows(self) -> Iterator[Command]:
-        """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
             yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
         for name, title in LANGUAGES.items():

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from textual import events
 from textual.binding import Binding
 
 from trcvtui.tui.formatting import cells, clip, pad, plain
-from trcvtui.tui.lab.collapsible_tree import Key, Place, TreeRow
+from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import KeyClicked, RowSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
@@ -74,12 +73,8 @@ class LabHead(LineView, can_focus=False):
             return f"{sign} {differing} of {comparison.row_count} differ" if differing else "= no difference"
         return "= the same places" if tree.is_same else "≠ places differ"
 
-    def on_click(self, event: events.Click) -> None:
-        """Open the list for what was clicked."""
-        place = self.place_of(event)
-        if place is not None and place[1] < len(ACTIONS):
-            is_bytes = place[1] == 0 and place[0] > self._half
-            self.post_message(KeyClicked("bytes" if is_bytes else ACTIONS[place[1]]))
+    def click(self, x: int, y: int) -> None:
+        self.post_message(KeyClicked("bytes" if y == 0 and x > self._half else ACTIONS[y]))
 
 
 MARK, OPEN, CLOSED, DIFFERS = 2, "▾ ", "▸ ", "≠"
@@ -158,7 +153,6 @@ class LabTree(LineView):
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Decode the leaves in view and repaint the rows that changed."""
         if self._revision != self._lab.revision:
             self._revision = self._lab.revision
             self._all_open = None
@@ -260,16 +254,13 @@ class LabTree(LineView):
 
     @property
     def chosen(self) -> TreeRow | None:
-        """Return the row under the cursor."""
         tree = self._lab.tree
         return tree.rows[self.cursor] if tree is not None and self.cursor < len(tree.rows) else None
 
     def action_move(self, rows: int) -> None:
-        """Choose another row."""
         self.go_to(max(0, min(self.row_count() - 1, self.cursor + rows)))
 
     def go_to(self, y: int, tells: bool = True) -> None:
-        """Put the cursor on a row."""
         self.cursor = y
         self.resize_rows()
         self.keep_in_view(y)
@@ -286,7 +277,6 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_toggle_branch(self) -> None:
-        """Open or close the branch under the cursor."""
         self._fold(None)
 
     def action_fold(self, is_open: bool) -> None:
@@ -302,10 +292,9 @@ class LabTree(LineView):
             self._folds += 1
             self.go_to(self.cursor)
         elif wanted is False and found.key:
-            self.go_to(tree.row_of_key(_owner(found.key)))
+            self.go_to(tree.row_of_key(found.key[:-2] if found.is_gap else found.key[:-1]))
 
     def action_fold_all(self) -> None:
-        """Close every branch, open every branch, or as it was at first."""
         tree = self._lab.tree
         if tree is None:
             return
@@ -314,30 +303,19 @@ class LabTree(LineView):
         self._folds += 1
         self.go_to(0)
 
-    def on_click(self, event: events.Click) -> None:
-        """Choose the row under the mouse; a second time, or on its sign, fold it."""
-        place = self.place_of(event)
-        if place is None or place[1] >= self.row_count():
-            return
-        was, self.cursor = self.cursor, place[1]
+    def click(self, x: int, y: int) -> None:
+        was, self.cursor = self.cursor, y
         found = self.chosen
         sign = MARK + 2 * len(found.key) if found is not None else 0
-        if was == place[1] or sign <= place[0] < sign + 2:
+        if was == y or sign <= x < sign + 2:
             self.action_toggle_branch()
-        self.go_to(place[1])
+        self.go_to(y)
 
 
 def _cell(layout: Layout, leaf: Leaf, content: bytes) -> LeafCell:
     raw = content[leaf.offset : leaf.offset + leaf.size]
     if len(raw) < leaf.size:
-        return LeafCell(leaf_type_text(layout, leaf), _missing(len(raw), leaf.size), False)
+        missing = f"{len(raw)} of {leaf.size} B" if raw else "-"
+        return LeafCell(leaf_type_text(layout, leaf), missing, False)
     text = value_text(leaf, decode_leaf(layout, leaf, raw), raw)
     return LeafCell(leaf_type_text(layout, leaf), text, True)
-
-
-def _owner(key: Key) -> Key:
-    return key[:-2] if key[-1] == -1 else key[:-1]
-
-
-def _missing(there: int, size: int) -> str:
-    return f"{there} of {size} B" if there else "-"

@@ -117,7 +117,6 @@ def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Ro
 
 
 def source_words(buffer: ComBufferSnapshot) -> str:
-    """Return where the bytes of a ComBuffer come from."""
     known = {SIMULATED: "simulated", SERIAL: "serial port"}
     return known.get(buffer.source, f"from {buffer.source}")
 
@@ -199,12 +198,10 @@ class LineFeed(LineView):
 
     @property
     def chosen(self) -> str:
-        """Return the line under the cursor."""
         names = self.names
         return names[min(self._cursor, len(names) - 1)] if names else ""
 
     def row_count(self) -> int:
-        """Return the lines, the message and what the keys do."""
         return len(self.names) + 2 if self.names else 0
 
     def row_at(self, y: int) -> Row:
@@ -265,12 +262,10 @@ class LineFeed(LineView):
             self.show()
 
     def action_type(self) -> None:
-        """Open the prompt for the bytes."""
         if self.chosen:
             self._actions.open_prompt(f"{FEED} {self.chosen} hex ")
 
     def action_again(self) -> None:
-        """Feed the last message once more."""
         payload, _ = self._fed.get(self.chosen, (b"", 0))
         self._feed(payload, len(payload))
 
@@ -281,7 +276,6 @@ class LineFeed(LineView):
         self._feed(payload, place + 1, place)
 
     def action_back(self) -> None:
-        """Begin anew with the first byte."""
         payload, _ = self._fed.get(self.chosen, (b"", 0))
         self._fed[self.chosen] = payload, 0
         self.show()
@@ -300,7 +294,6 @@ class LineFeed(LineView):
             self._actions.submit(f"{FEED} {self.chosen} break")
 
     def action_move(self, rows: int) -> None:
-        """Choose another line."""
         self._cursor = max(0, min(len(self.names) - 1, self._cursor + rows))
         self.show()
 

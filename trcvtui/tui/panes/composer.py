@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
@@ -18,7 +17,7 @@ from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import OneLine, Part, Row, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import format_time
@@ -58,7 +57,6 @@ class Splits:
 
     @property
     def split(self) -> str:
-        """Return what stands after `split=`."""
         return ",".join(str(b - a) for a, b in pairwise((0, *self.places)))
 
     @property
@@ -82,10 +80,9 @@ NO_MESSAGE: Final = "no message yet: its bytes and cuts stand here"
 CUT, HERE, BOTH = "┃", "╎", "╂"
 
 
-class SplitsLine(LineView):
+class SplitsLine(OneLine, can_focus=True):
     """`changed` is told the cuts after every change; `payload` and `cuts` are what is drawn."""
 
-    DEFAULT_CSS = "CutRow { height: 1; }"
     KEYS: ClassVar = (("←→", "place"), ("space", "cut or join"), ("+ -", "pause"), ("del", "no cuts"))
     BINDINGS: ClassVar = [
         Binding("left", "place(-1)", show=False),
@@ -109,20 +106,13 @@ class SplitsLine(LineView):
         self._first = 0  # the first byte in view
 
     def draw(self, payload: bytes, cuts: Splits) -> None:
-        """Draw this message with these cuts."""
         self.payload, self.cuts = payload, cuts
         self.place = max(1, min(self.place, len(payload) - 1))
         self.show()
 
     # -- what stands there --------------------------------------------------------------------------
 
-    def row_count(self) -> int:
-        return 1
-
-    def row_at(self, y: int) -> Row:
-        """Return the cells in view, and what the cut under the cursor is."""
-        if y:
-            return EMPTY
+    def line(self) -> Row:
         if not self.payload:
             return row((NO_MESSAGE, "faint"))
         self._keep_in_view()
@@ -165,11 +155,9 @@ class SplitsLine(LineView):
     # -- what keys and mouse do ---------------------------------------------------------------------
 
     def action_place(self, step: int) -> None:
-        """Go to the next place between two bytes."""
         self._go(self.place + step)
 
     def action_edge(self, side: int) -> None:
-        """Go after the first byte, or before the last."""
         self._go(1 if side < 0 else len(self.payload) - 1)
 
     def _go(self, place: int) -> None:
@@ -181,35 +169,21 @@ class SplitsLine(LineView):
             self._changed(self.cuts.toggled(self.place))
 
     def action_pause(self, step: int) -> None:
-        """Make the pause of this cut longer or shorter."""
         if self.place in self.cuts.places:
             self._changed(self.cuts.paused(self.place, step))
 
     def action_join(self) -> None:
-        """Take all cuts away."""
         self._changed(Splits())
 
     def action_send(self) -> None:
-        """Send the message as it is drawn."""
         self._send()
 
-    def on_click(self, event: events.Click) -> None:
+    def click(self, x: int, y: int) -> None:
         """Cut or join where the mouse points between two bytes; on a byte: before it."""
-        found = self.place_of(event)
-        if found is None or not self.payload:
-            return
-        place = self._first + found[0] // CELL
+        place = self._first + x // CELL
         if 0 < place < len(self.payload) and place < self._first + self._room():
             self.place = place
             self.action_cut()
-
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self.show()
-
-    def on_blur(self) -> None:
-        """Hide the cursor."""
-        self.show()
 
 
 OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
@@ -227,11 +201,9 @@ class PayloadField(TypedField):
         self._send = send
 
     async def action_submit(self) -> None:
-        """Send what stands there now: a key typed after enter is not part of it."""
         self._send()
 
     def action_leave(self) -> None:
-        """Give the focus back to the pane."""
         self.screen.set_focus(self.screen.query_one("#peers"))
 
 
@@ -277,7 +249,6 @@ class Composer(Vertical):
         yield self.split_row
 
     async def prepare(self) -> None:
-        """Put the payload above, its options below."""
         await self._above.mount(self._payload)
         named = zip(OPTIONS, self._options, strict=True)
         await self._below.mount_all(
@@ -297,7 +268,6 @@ class Composer(Vertical):
         return send_line(self._view_model.peer, self.mode, self._payload.value, options)
 
     def judge(self) -> None:
-        """Ask whether the command would be taken, and show it in the fields."""
         line = self.line
         if line == self._seen:
             return
@@ -337,7 +307,6 @@ class Composer(Vertical):
         return try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
 
     def put(self, mode: str, text: str) -> None:
-        """Put a payload in the place of the present one."""
         self._to_mode(MODES.index(mode))
         self._payload.value = text
         self.judge()
@@ -355,7 +324,6 @@ class Composer(Vertical):
         return bool(fault_of(alone, self._view_model.project))
 
     def send(self) -> None:
-        """Send the command, or go to the payload while there is none."""
         self.judge()
         if not self.line:
             self.ask_for_payload("send")
@@ -365,12 +333,10 @@ class Composer(Vertical):
             self._actions.submit(self.line)
 
     def ask_for_payload(self, what: str) -> None:
-        """Say that there is nothing yet, and go to where it is typed."""
         self._actions.complain(f"the payload is empty, there is nothing to {what}: type it, enter sends it")
         self.edit()
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing; the pane shows the command as it grows."""
         self.judge()
 
     def edit(self) -> None:
@@ -382,7 +348,6 @@ class Composer(Vertical):
         return MODES.index(self.mode)
 
     def next_mode(self) -> None:
-        """Go to the next way of writing a payload."""
         self._to_mode((self._mode_now() + 1) % len(MODES))
 
     def _to_mode(self, index: int) -> None:

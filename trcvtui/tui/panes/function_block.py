@@ -54,17 +54,14 @@ class Drawing(NamedTuple):
 
     @property
     def name_width(self) -> int:
-        """Return the width of the longest input name."""
         return max((len(pin.name) for pin in self.inputs), default=4)
 
     @property
     def label_width(self) -> int:
-        """Return the width of the longest output, as it is drawn."""
         return max((len(pin.label) for pin in self.outputs), default=4)
 
     @property
     def height(self) -> int:
-        """Return the lines of the longer side."""
         return max(len(self.inputs), len(self.outputs))
 
 
@@ -72,7 +69,6 @@ MARK_LETTERS: Final = {"prefix": "f", "suffix": "u"}
 
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
-    """Return the pins of a block on a ComBuffer that the project file wires, by name."""
     of_block = block_row(block)
     if not of_block.on_buffer:
         return {}
@@ -128,7 +124,6 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
 
 
 def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
-    """Return the value of an output inside the box, and its style."""
     value = (instance.pin(pin.name) if instance else None) or 0
     if pin.is_bool:
         style = LAMP_STYLES.get(pin.name, "on") if value else "glow" if glowing else ""
@@ -209,7 +204,6 @@ def line_for(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str
 
 
 def why_not(pin: str, instance: InstanceSnapshot) -> str:
-    """Return why such a pin cannot be changed here."""
     if pin in buffer_pins():
         return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
     return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
@@ -258,7 +252,6 @@ class FunctionBlock(LineView):
     # -- what is drawn ------------------------------------------------------------------------------
 
     def drawing(self) -> Drawing:
-        """Return the pins of the selected instance's block."""
         instance = self._view_model.instance or self._view_model.project.instance(self._view_model.selected)
         if instance is None:
             return Drawing()
@@ -268,7 +261,6 @@ class FunctionBlock(LineView):
         return self._drawings[drawn]
 
     def show(self) -> None:
-        """Repaint what changed."""
         instance = self._view_model.instance
         about = f"{instance.block}{self._called_by(instance)}" if instance else ""
         self.set_title(2, self._view_model.selected or "Block", about)
@@ -294,7 +286,6 @@ class FunctionBlock(LineView):
                 del self._pending[name, pin]
 
     def row_count(self) -> int:
-        """Return the lines of the box, and those below it."""
         return self.drawing().height + 2 + max(5, len(self._told))
 
     def row_at(self, y: int) -> Row:
@@ -468,7 +459,6 @@ class FunctionBlock(LineView):
     # -- toggling -----------------------------------------------------------------------------------
 
     def value_of(self, pin: DrawnPin) -> tuple[int, bool]:
-        """Return the value of an input, and whether it still waits for the next scan."""
         instance = self._view_model.instance
         if instance is None:
             return 0, False
@@ -518,36 +508,30 @@ class FunctionBlock(LineView):
         return inputs[min(self._cursor, len(inputs) - 1)] if inputs else None
 
     def action_toggle_pin(self) -> None:
-        """Toggle the pin under the cursor."""
         pin = self._pin_under_cursor()
         if pin is not None:
             self.toggle(pin)
 
     def action_description(self) -> None:
-        """Ask for the connection description of the instance."""
         self.post_message(DescriptionWanted())
 
     def action_move(self, rows: int) -> None:
-        """Move the cursor from pin to pin."""
         last = len(self.drawing().inputs) - 1
         self._cursor = max(0, min(last, self._cursor + rows))
         self.keep_in_view(self.row_count() - 1 if self._told and self._cursor == last else self._cursor + 1)
         self.show()
 
     def on_click(self, event: events.Click) -> None:
-        """Toggle the input pin under the mouse."""
         pin = self._pin_under_mouse(event)
         if pin is not None:
             self._cursor = pin
             self.toggle(self.drawing().inputs[pin])
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """Show which pin a click would toggle."""
         self._hover = self._pin_under_mouse(event)
         self.show()
 
     def on_leave(self) -> None:
-        """The mouse has gone."""
         self._hover = None
         self.show()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, NamedTuple
 
-from textual import events
 from textual.binding import Binding
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
@@ -60,20 +59,19 @@ class InstanceList(LineView):
         self._columns = self._measure()
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        """Return the keys; those for many instances where there are many."""
         many = self._words or len(self._view_model.instances) > MANY
         return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
 
     @property
     def is_filtered(self) -> bool:
-        """Return whether some may be left out."""
         return bool(self._words)
 
     def narrow(self, words: str) -> None:
-        """List only the instances that have all of these words: in name, block, code or address."""
         self._words = words.casefold().split()
         self.show()
-        self._keep_selected_in_view()
+        names = [instance.name for instance in self._listed]
+        if self._view_model.selected in names:
+            self.keep_in_view(names.index(self._view_model.selected))
 
     def row_count(self) -> int:
         if self._words:
@@ -193,7 +191,7 @@ class InstanceList(LineView):
         ]
 
     def _progress(self, instance: InstanceSnapshot, columns: ListColumns) -> list[Part]:
-        pulse = self._newest_pulse(instance)
+        pulse = max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
             return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
@@ -214,13 +212,9 @@ class InstanceList(LineView):
             (f"  last byte {age(self._view_model.t_ns - last)} ago" if last is not None else "", "dim"),
         ]
 
-    def _newest_pulse(self, instance: InstanceSnapshot) -> PinPulse | None:
-        return max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
-
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Select another instance of those that are listed."""
         names = [instance.name for instance in self._listed]
         if not names:
             return
@@ -241,11 +235,9 @@ class InstanceList(LineView):
                     self._choose(y)
                     return
 
-    def on_click(self, event: events.Click) -> None:
-        """Select the instance under the mouse."""
-        place = self.place_of(event)
-        if place is not None and place[1] < len(self._listed):
-            self._choose(place[1])
+    def click(self, x: int, y: int) -> None:
+        if y < len(self._listed):
+            self._choose(y)
 
     def choose_listed(self) -> None:
         """Select the first one that a filter has left, where it has left the selected one out."""
@@ -257,11 +249,6 @@ class InstanceList(LineView):
         self.keep_in_view(y)
         self.show()
         self._selected()
-
-    def _keep_selected_in_view(self) -> None:
-        names = [instance.name for instance in self._listed]
-        if self._view_model.selected in names:
-            self.keep_in_view(names.index(self._view_model.selected))
 
 
 def _has_had_an_error(instance: InstanceSnapshot) -> bool:

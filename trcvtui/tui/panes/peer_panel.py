@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar, Final
 
-from textual import events
 from textual.binding import Binding
 from textual.containers import Vertical
 from textual.content import Content
@@ -112,16 +111,13 @@ class PeerList(LineView):
         self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 
     def action_move(self, rows: int) -> None:
-        """Select another peer."""
         names = [peer.name for peer in self._view_model.peers]
         if self._view_model.peer in names:
             self._choose(max(0, min(len(names) - 1, names.index(self._view_model.peer) + rows)))
 
-    def on_click(self, event: events.Click) -> None:
-        """Select the peer under the mouse."""
-        place = self.place_of(event)
-        if place is not None and place[1] < len(self._view_model.peers):
-            self._choose(place[1])
+    def click(self, x: int, y: int) -> None:
+        if y < len(self._view_model.peers):
+            self._choose(y)
 
     def _choose(self, y: int) -> None:
         self._view_model.peer = self._view_model.peers[y].name
@@ -138,7 +134,6 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
 
 
 def check_text(check: CheckSnapshot) -> Part:
-    """Return how the self-checking traffic stands: in DATA, and what came back of it."""
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
@@ -174,10 +169,8 @@ class PeerNotes(LineView, can_focus=False):
         peer = self._view_model.peer_snapshot
         if peer is None:
             return []
-        return [*self._check(peer), *self._trial(peer), *self._replies(peer)]
-
-    def _check(self, peer: PeerSnapshot) -> list[Row]:
-        return [row(check_text(peer.check))] if peer.check is not None else []
+        check = [row(check_text(peer.check))] if peer.check is not None else []
+        return [*check, *self._trial(peer), *self._replies(peer)]
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._view_model.picture.trial if self._view_model.picture else None
@@ -245,7 +238,6 @@ class PeerPanel(Vertical):
             yield self._notes
 
     async def prepare(self) -> None:
-        """Make the fields of the composer."""
         if self._speaks:
             await self.composer.prepare()
 
@@ -261,7 +253,6 @@ class PeerPanel(Vertical):
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
     def show(self) -> None:
-        """Show the lines, the peers and what the buttons would do."""
         name = self._view_model.peer if self._view_model.peer or not self.lines.names else self.lines.chosen
         kind = "Peer" if self.first is self.peers else "Line"
         title = self.talks.title if self.first is self.talks else f"{kind} {clip(name, 20)}".rstrip()
@@ -372,7 +363,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("split")
 
     def open_trial(self, line: str = "") -> None:
-        """Open the table of the trial that this line has begun."""
         self._trial_line = line
         self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
         self.app.push_screen(self._trial, self._trial_left)
@@ -391,12 +381,10 @@ class PeerPanel(Vertical):
         self._trial = None
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Show the command that the fields make now."""
         event.stop()
         self._show_preview()
 
     def on_button_pointed(self) -> None:
-        """Show the command of that button."""
         self._show_preview()
 
     def _nobody(self) -> bool:
@@ -420,13 +408,11 @@ class PeerPanel(Vertical):
             self._do(button)
 
     def action_mode(self) -> None:
-        """Write the payload in another way."""
         if self._nobody():
             return
         self.composer.next_mode()
 
     def action_cuts(self) -> None:
-        """Go to the message drawn with its cuts."""
         if self._nobody():
             return
         if len(self.composer.split_row.payload) > 1:
@@ -437,7 +423,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("cut")
 
     def action_library(self) -> None:
-        """Open the named messages and sequences of the project."""
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
         if not self._nobody():
@@ -464,7 +449,6 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        """Open the members of a UDT as fields."""
         if self._nobody():
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for

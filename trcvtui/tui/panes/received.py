@@ -107,7 +107,6 @@ class OriginLine(LineView, can_focus=False):
         self.text = ""
 
     def row_count(self) -> int:
-        """Return 1, on a narrow pane 2."""
         return 1 if self.line_width >= ROOMY else 2
 
     def row_at(self, y: int) -> Row:
@@ -230,7 +229,6 @@ class Received(Vertical):
         self._data_rows: int | None = None
 
     def compose(self) -> Iterator[Widget]:
-        """Compose DATA above, the job below; or the stream with its line."""
         yield self._find
         yield self.data
         yield self._line
@@ -405,7 +403,6 @@ class Received(Vertical):
         return -1 if job is None or self.stream.cursor is None else self.stream.cursor - job.position
 
     def show_field(self, field: range, goes_there: bool) -> None:
-        """Mark the bytes of a member in the job under the cursor of the stream; perhaps go to the first."""
         job = self.job_here()
         if job is None:
             return
@@ -424,7 +421,6 @@ class Received(Vertical):
         return action != "rulers" or self.is_past
 
     def action_past(self) -> None:
-        """Show all that was received as one stream, or DATA as it is now."""
         self.toggle_class(PAST)
         self._title = self._nowhere = ""
         self.job.display, self._job_rows = False, 0
@@ -433,7 +429,6 @@ class Received(Vertical):
         self.show()
 
     def action_done(self, is_forward: bool) -> None:
-        """Go to the next DONE of the stream, or to the one before."""
         if not self.is_past:
             self.action_past()
         stream = self.stream
@@ -459,7 +454,6 @@ class Received(Vertical):
         self.post_message(PastSelected())
 
     def action_before(self) -> None:
-        """Show the bytes of the job before, where they differ; or no longer."""
         self.stream.change_before()
         self.data.shows_before = self.stream.shows_before
         self.show()
@@ -477,7 +471,6 @@ class Received(Vertical):
         await self._find.open()
 
     def end_search(self) -> None:
-        """Leave n and N to the pins again."""
         if self._is_searched:
             self._let_search(False)
             self.action_end_find()
@@ -491,7 +484,6 @@ class Received(Vertical):
         self.screen.set_focus(self.stream if self.is_past else self.data)
 
     def action_find_next(self, is_forward: bool) -> None:
-        """Go to the next match, or to the one before."""
         self._go_on(is_forward, again=True)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
@@ -511,7 +503,6 @@ class Received(Vertical):
         self.show()
 
     def action_end_find(self) -> None:
-        """Take the marks away; n goes on from here."""
         self._nowhere, self.stream.seek = "", None
         self._mark(())
         self.show()

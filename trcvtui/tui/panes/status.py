@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from itertools import takewhile, zip_longest
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
-
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
@@ -82,11 +80,9 @@ class StatusHistory(LineView):
         return max(LEAST_CONDITION, min(MOST_CONDITION, self.line_width - 65))
 
     def row_count(self) -> int:
-        """Return the number of edges and the head."""
         return len(self._edges) + 1
 
     def row_at(self, y: int) -> Row:
-        """Return the head or one edge."""
         if y == 0:
             return self._head()
         line = self._edges[y - 1]
@@ -126,7 +122,6 @@ class StatusHistory(LineView):
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Choose an older or a newer edge; above the newest stands the present."""
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
         self._choose(min(len(self._edges) - 1, here + rows))
 
@@ -142,17 +137,13 @@ class StatusHistory(LineView):
             self._actions.complain(f"no ERROR in what is known of {self._view_model.selected}")
 
     def action_ask_code(self) -> None:
-        """Ask for the code to find; the timing pane looks for it, and this one follows."""
         self._actions.open_prompt("find ")
 
     def action_now(self) -> None:
         self._choose(-1)
 
-    def on_click(self, event: events.Click) -> None:
-        """Choose the edge under the mouse."""
-        place = self.place_of(event)
-        if place is not None and place[1] <= len(self._edges):
-            self._choose(place[1] - 1)
+    def click(self, x: int, y: int) -> None:
+        self._choose(y - 1)
 
     def _choose(self, y: int) -> None:
         self._chosen = self._edges[y].seq if y >= 0 else None
@@ -171,7 +162,6 @@ class StatusHistory(LineView):
         self.show()
 
     def forget(self) -> None:
-        """Another instance was selected: back to the present."""
         self._chosen = None
         self._edges, self._longest, self._lamp = [], WORD, LAMP
         self.scroll_to(y=0, animate=False)
@@ -208,7 +198,6 @@ class StatusCard(LineView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
     def keys(self) -> tuple[tuple[str, str], ...]:
-        """Return the way back to now, while an edge of the past is explained."""
         return (("esc", "now"),) if self._past is not None else ()
 
     def __init__(
@@ -224,7 +213,6 @@ class StatusCard(LineView):
         self._rows: list[Row] = []
 
     def offer(self) -> Offer | None:
-        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
         return self._explainer.offer()
 
     def point_at(self, line: Line | None) -> None:

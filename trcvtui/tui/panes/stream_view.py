@@ -96,7 +96,6 @@ class Stroke(NamedTuple):
 
 
 def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
-    """Return the spans that have bytes between two positions."""
     first = bisect_right(spans, start, key=_STOP)
     last = first
     while last < len(spans) and spans[last].position < stop:
@@ -109,7 +108,6 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 
 
 def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
-    """Return the positions at which a job begins in the middle of a message."""
     found = set()
     for job in spans_within(window.jobs, start, stop):
         message = span_at(window.messages, job.position) if job.position >= start else None
@@ -135,7 +133,6 @@ def before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple
 
 
 def ruler_parts(strokes: Sequence[Stroke], width: int) -> list[tuple[str, str]]:
-    """Return the parts of a ruler of `width` columns."""
     parts: list[tuple[str, str]] = []
     reached = 0
     for stroke in strokes:
@@ -174,7 +171,6 @@ def brackets(
 
 
 def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
-    """Return how a message is drawn, or a packet."""
     peer, number = "" if span.peer == A_PACKET else f"{span.peer} ", f"#{span.number}"
     size = f"{span.first}.." if span.first else f"{span.whole} B"
     return span.begins, span.ends, MESSAGE, (f"{peer}{number} {size}", f"{peer}{number}", number)
@@ -189,7 +185,6 @@ def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
 
 
 def bracket_of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
-    """Return how a job is drawn, or bytes that were dropped."""
     name = span.instance
     if not span.done:
         return True, True, DROPPED, (f"{span.whole} B dropped: {span.reason}", "dropped", "")
@@ -219,7 +214,6 @@ def beside_recvs(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
 
 
 def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
-    """Return the DONE, or the loss, that stands in a row."""
     job = next((span for span in jobs if start < span.stop <= stop), None)
     if job is None:
         return ""
@@ -264,7 +258,6 @@ class StreamView(LineView):
     # -- what comes in ----------------------------------------------------------------------------------
 
     def begin_anew(self) -> None:
-        """Forget what was pointed at: another CONNECT or another bench."""
         self.window, self.cursor, self.follows, self.seek = NO_WINDOW, None, True, None
         self.link = range(0)
         self._knows_messages = False
@@ -321,7 +314,6 @@ class StreamView(LineView):
     def look_for(
         self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), dropped: bool = False
     ) -> None:
-        """Ask for the next DONE, the next place with one of the patterns, or the next dropped bytes."""
         self._seeks += 1
         self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
 
@@ -331,13 +323,11 @@ class StreamView(LineView):
         self.show()
 
     def change_rulers(self) -> None:
-        """Show all rulers, those of messages and jobs, or none."""
         top = self._top()
         self._rulers = (self._rulers + 1) % len(RULERS)
         self._stay_at(top)
 
     def change_before(self) -> None:
-        """Show the bytes of the job before, where they differ; or no longer."""
         top = self._top()
         self.shows_before = not self.shows_before
         self._stay_at(top)
@@ -352,7 +342,6 @@ class StreamView(LineView):
 
     @property
     def tracks(self) -> tuple[str, ...]:
-        """Return the rulers below each row of bytes."""
         known = [track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages]
         if self._is_capture:
             known = [PACKETS if track == MESSAGES else track for track in known if track != RECVS]
@@ -360,18 +349,15 @@ class StreamView(LineView):
 
     @property
     def lines(self) -> int:
-        """Return how many lines a row of bytes takes."""
         return 1 + len(self.tracks)
 
     @property
     def digits(self) -> int:
-        """Return how many digits a position has."""
         least = len(PACKETS) if self._is_capture else LEAST_DIGITS
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
     def per_row(self) -> int:
-        """Return how many bytes stand in a row."""
         return WIDE if self.line_width >= self.digits + TIGHT else NARROW
 
     @property
@@ -386,7 +372,6 @@ class StreamView(LineView):
         return self._base + self.scroll_offset.y // self.lines * self.per_row
 
     def show(self) -> None:
-        """Repaint what differs."""
         shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
         drawn = *shown, self.tracks, self.line_width, self._base
         if drawn != self._drawn:
@@ -395,7 +380,6 @@ class StreamView(LineView):
         super().show()
 
     def row_at(self, y: int) -> Row:
-        """Return one line: bytes, or a ruler below them."""
         if y not in self._rows:
             row, track = divmod(y, self.lines)
             at = self._base + row * self.per_row
@@ -517,7 +501,6 @@ class StreamView(LineView):
     # -- one byte -----------------------------------------------------------------------------------------
 
     def labels(self) -> tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]:
-        """Return job, recv call and message of the byte under the cursor."""
         if self.cursor is None:
             return None, None, None
         window, place = self.window, self.cursor
@@ -528,11 +511,9 @@ class StreamView(LineView):
         )
 
     def value(self) -> int | None:
-        """Return the byte under the cursor."""
         return None if self.cursor is None else self._byte(self.cursor)
 
     def before_value(self) -> int | None:
-        """Return what stood there in the job before."""
         return None if self.cursor is None else self._before.get(self.cursor)
 
     # -- the cursor ---------------------------------------------------------------------------------------
@@ -546,7 +527,6 @@ class StreamView(LineView):
         self.show()
 
     def show_link(self, link: range) -> None:
-        """Mark the bytes of a field."""
         self.link = link
         self.show()
 
@@ -556,18 +536,15 @@ class StreamView(LineView):
             self.post_message(PastSelected())
 
     def action_step(self, count: int) -> None:
-        """Move the cursor by bytes; the first time it comes up on the first byte in view."""
         self._select(self._top() if self.cursor is None else self.cursor + count)
 
     def action_move(self, rows: int) -> None:
-        """Move the cursor by rows of bytes."""
         if self.cursor is None:
             self._select(self._top())
         elif self.window.begin <= (place := self.cursor + rows * self.per_row) < self.window.end:
             self._select(place)
 
     def action_page(self, pages: int) -> None:
-        """Scroll by pages; the cursor goes with them."""
         self.follows = False
         rows = max(1, self.size.height // self.lines)
         self.scroll_to(y=max(0, self.scroll_offset.y + pages * rows * self.lines), animate=False)
@@ -583,18 +560,15 @@ class StreamView(LineView):
             self.follows = True
 
     def on_resize(self) -> None:
-        """Have the cursor in view again: other widths hold other numbers of bytes in a row."""
         self._rebase()
         if self.cursor is not None and not self.follows and self.size.height:
             self.go_to(self.cursor)
         self.show()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Stop following."""
         self.follows = False
 
     def on_click(self, event: events.Click) -> None:
-        """Select the byte under the mouse, in the row or in a ruler below it."""
         place = self.place_of(event)
         if place is None:
             return

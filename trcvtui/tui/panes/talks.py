@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from textual import events
-
 from trcvtui.commands.snapshots import (
     ARMED_TAP,
     ConversationSnapshot,
@@ -109,10 +107,8 @@ class ConversationList(LineView):
             number, to_plc = self._here()
             self._choose(2 * numbers.index(number) + (not to_plc) + rows)
 
-    def on_click(self, event: events.Click) -> None:
-        place = self.place_of(event)
-        if place is not None and place[1] < self.row_count():
-            self._choose(place[1])
+    def click(self, x: int, y: int) -> None:
+        self._choose(y)
 
     def _choose(self, y: int) -> None:
         if not self._view_model.talks:
@@ -123,7 +119,6 @@ class ConversationList(LineView):
         self.show()
 
     def action_shadow(self) -> None:
-        """Give the newest conversation that has no shadow one of its own; `watch C7` names another."""
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:

@@ -48,7 +48,6 @@ class TimingView:
 
     @property
     def zoom(self) -> int:
-        """Return how many scans stand in a column."""
         return ZOOMS[self._level]
 
     def window(self, count: int, until: int) -> Window:
@@ -85,7 +84,6 @@ class TimingView:
         self.go_to(here + pages * self._count * self.zoom, until)
 
     def now(self) -> None:
-        """Go back to the present, and follow it."""
         self.cursor, self.follows = None, True
 
     def follow(self) -> None:
@@ -93,7 +91,6 @@ class TimingView:
         self.follows = not self.follows
 
     def mark(self, until: int) -> None:
-        """Set the first marker, then the second; a third one begins anew."""
         here = until if self.cursor is None else self.cursor
         self.markers = [*self.markers, here] if len(self.markers) < 2 else [here]
 
@@ -149,7 +146,6 @@ def label_width(rows: Sequence[Drawn]) -> int:
 
 
 def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
-    """Return the scans with cursor and markers."""
     marks = [Mark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
     if view.cursor is not None:
         marks.append(Mark(view.cursor, "▼"))
@@ -235,7 +231,6 @@ class Timing(LineView):
 
     @property
     def wave(self) -> Waveform:
-        """Return the wave of the selected instance."""
         return self._view_model.waves.of(self._view_model.selected)
 
     @property
@@ -247,15 +242,10 @@ class Timing(LineView):
         return self._view_model.frozen_at or self.wave.until_scan
 
     @property
-    def _columns(self) -> int:
-        return max(1, self.line_width - self._label)
-
-    @property
     def _window(self) -> Window:
-        return self.view.window(self._columns, self._until)
+        return self.view.window(max(1, self.line_width - self._label), self._until)
 
     def show(self) -> None:
-        """Repaint what changed."""
         self._ready.clear()
         if self.size.height:
             self._rows = rows_of(self.waves, self.size.height <= STRIP)
@@ -307,7 +297,6 @@ class Timing(LineView):
         return f"a 100 ms watch table saw {seen} of {done} {pin}" if done else ""
 
     def row_count(self) -> int:
-        """Return the ruler and the rows of all instances."""
         return len(self._rows) + 1
 
     def row_at(self, y: int) -> Row:
@@ -348,11 +337,9 @@ class Timing(LineView):
         self.go_to(self._here + scans)
 
     def action_any_edge(self, direction: int) -> None:
-        """Go to the next change of any pin."""
         self.go_to(self.wave.next_edge(self._here, direction), "no further edge is known")
 
     def action_row_edge(self, direction: int) -> None:
-        """Go to the next change of the row's pin."""
         lane = self._lane()
         if lane is not None:
             self.go_to(lane.next_edge(self._here, direction), "no further edge of this row is known")
@@ -365,7 +352,6 @@ class Timing(LineView):
         self._actions.open_prompt(f"find {self._last_code}")
 
     def find(self, status: int) -> None:
-        """Go to the next edge to this STATUS."""
         self._last_code = f"{status:04X}"
         self._search(lambda edge: edge.outputs.status == status, f"no {self._last_code}")
 
@@ -379,37 +365,30 @@ class Timing(LineView):
         self.go_to(found, f"{nothing} in what is known of {wave.instance}")
 
     def action_move(self, rows: int) -> None:
-        """Choose another row."""
         self._chosen = max(0, min(len(self._rows) - 1, self._chosen + rows))
         self.keep_in_view(self._chosen + 1 if self._chosen else 0)
         self.show()
 
     def action_page(self, pages: int) -> None:
-        """Go a whole view on or back in time."""
         self.view.page(pages, self._until)
         self.go_to(self.view.cursor)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the first scan that is known, or to the last."""
         self.go_to(self._until if direction > 0 else self.wave.first_scan)
 
     def action_zoom_in(self, steps: int) -> None:
-        """Take fewer scans into a column, or more."""
         self.view.zoom_by(-steps, self._until)
         self.show()
 
     def action_follow(self) -> None:
-        """Follow the newest scan, or let the view stand."""
         self.view.follow()
         self.show()
 
     def action_mark(self) -> None:
-        """Set a marker under the cursor."""
         self.view.mark(self._until)
         self.show()
 
     def action_neighbours(self) -> None:
-        """Draw the other instances of this CONNECT too, or no longer."""
         self._view_model.draws_neighbours = not self._view_model.draws_neighbours
         self.show()
 
@@ -421,7 +400,6 @@ class Timing(LineView):
         self.show()
 
     def point_at(self, scan: int | None, seq: int | None) -> None:
-        """Follow a choice that was made in another pane."""
         if scan is None:
             self.view.now()
         elif (line := self.wave.edge_at(self._here)) is None or line.seq != seq or self.view.cursor is None:
@@ -429,19 +407,15 @@ class Timing(LineView):
         self.show()
 
     def forget(self) -> None:
-        """Another instance was selected, or another bench: back to the present."""
         self.view.now()
         self.view.markers, self._note = [], ""
 
     # -- mouse --------------------------------------------------------------------------------------
 
-    def on_click(self, event: events.Click) -> None:
+    def click(self, x: int, y: int) -> None:
         """Choose row and scan under the mouse; an edge inside the column is what was meant."""
-        place = self.place_of(event)
-        if place is None or place[1] > len(self._rows):
-            return
-        self._chosen = max(0, place[1] - 1)
-        window, x = self._window, place[0] - self._label
+        self._chosen = max(0, y - 1)
+        window, x = self._window, x - self._label
         if not 0 <= x < window.width or not self._rows:
             self.show()
             return
@@ -456,7 +430,6 @@ class Timing(LineView):
         self.action_zoom_in(1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Zoom out."""
         event.stop()
         event.prevent_default()
         self.action_zoom_in(-1)

@@ -50,7 +50,6 @@ class UdtTable(LineView):
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
-        """Decode the rows in view and repaint those that changed."""
         declared = self._view_model.declaration
         self._show_title(declared)
         self._decode(declared)
@@ -110,7 +109,6 @@ class UdtTable(LineView):
         return self._view_model.partial if self.of_job else self._view_model.data
 
     def row_count(self) -> int:
-        """Return the number of members."""
         declared = self._view_model.declaration
         return declared.layout.leaf_count if declared else 0
 
@@ -182,7 +180,6 @@ class UdtTable(LineView):
         return range(leaf.offset, leaf.offset + leaf.size) if inside else range(0)
 
     def action_move(self, rows: int) -> None:
-        """Choose another member."""
         last = self.row_count() - 1
         if last >= 0:
             self._choose(0 if self.cursor is None else max(0, min(last, self.cursor + rows)))
@@ -204,7 +201,6 @@ class UdtTable(LineView):
         self.post_message(FieldSelected(self.chosen_field()))
 
     def chosen_field(self) -> range:
-        """Return the bytes of the member under the cursor."""
         declared = self._view_model.declaration
         if declared is None or self.cursor is None:
             return range(0)

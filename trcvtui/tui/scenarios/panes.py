@@ -6,7 +6,6 @@ from collections import deque
 from pathlib import Path
 from typing import ClassVar, Final
 
-from textual import events
 from textual.binding import BindingType
 
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
@@ -39,7 +38,6 @@ class ScenarioListModel:
 
     @property
     def is_read(self) -> bool:
-        """Return whether every file has been read."""
         return not self._unread
 
     def read_some(self) -> None:
@@ -49,7 +47,6 @@ class ScenarioListModel:
         self._keep_a_choice()
 
     def read(self, path: Path) -> ScenarioFile | None:
-        """Read a file anew, as it is on the disk now."""
         said = read_scenario_file(path)
         if said is None:
             self._read.pop(path, None)
@@ -77,7 +74,6 @@ class ScenarioListModel:
     # -- what is listed -----------------------------------------------------------------------------
 
     def listed(self) -> list[Path]:
-        """Return the files that the filter lets through."""
         words = self.filter.casefold().split()
         return [path for path in self._paths if all(word in self._spoken(path) for word in words)]
 
@@ -87,7 +83,6 @@ class ScenarioListModel:
         return f"{path.parent.name}/{path.stem} {more}".casefold()
 
     def rows(self) -> list[Path | str]:
-        """Return the listed files, each folder's name before its first one."""
         rows: list[Path | str] = []
         folder = None
         for path in self.listed():
@@ -104,13 +99,11 @@ class ScenarioListModel:
     # -- choosing -----------------------------------------------------------------------------------
 
     def narrow(self, words: str) -> None:
-        """List only the files in whose name these words are."""
         self.filter = words
         self.revision += 1
         self._keep_a_choice()
 
     def move(self, files: int) -> None:
-        """Choose another file of the list."""
         listed = self.listed()
         if listed:
             here = listed.index(self.chosen) if self.chosen in listed else 0
@@ -169,7 +162,6 @@ class ScenarioList(LineView, inherit_bindings=False):
         return " · ".join(words)
 
     def follow(self) -> None:
-        """Keep the choice in view, and the name of its folder where it is the first one."""
         if self._model.chosen in self._rows:
             y = self._rows.index(self._model.chosen)
             self.keep_in_view(y - 1 if y == 1 else y)
@@ -178,7 +170,6 @@ class ScenarioList(LineView, inherit_bindings=False):
         return max(1, len(self._rows))
 
     def row_at(self, y: int) -> Row:
-        """Return a folder or a file."""
         if not self._rows:
             what = "no scenario has these words" if self._model.filter else "no scenario file"
             return row((what, "dim")) if y == 0 else EMPTY
@@ -209,14 +200,11 @@ class ScenarioList(LineView, inherit_bindings=False):
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Choose another file."""
         self._model.move(rows)
         self._chosen()
 
-    def on_click(self, event: events.Click) -> None:
-        """Choose the file under the mouse; a click on the chosen one loads it."""
-        place = self.place_of(event)
-        each = self._rows[place[1]] if place is not None and place[1] < len(self._rows) else ""
+    def click(self, x: int, y: int) -> None:
+        each = self._rows[y] if self._rows else ""
         if not isinstance(each, Path):
             return
         if each == self._model.chosen:
@@ -250,7 +238,6 @@ class TraceList(TextView):
         self.tail = 4
 
     def follow(self, player: PlayerSnapshot) -> None:
-        """Show the instances of the scenario that is played."""
         self.set_title(4, "STATUS, scan by scan")
         pins = {instance.name: _inputs(instance) for instance in self._view_model.instances}
         self._rows = []
@@ -308,7 +295,6 @@ class ScenarioText(TextView, inherit_bindings=False):
         self._followed: tuple[str, int] | None = None
 
     def follow(self, player: PlayerSnapshot | None, kernel: str) -> None:
-        """Show the chosen scenario, and how far it has been played where it is the one that is."""
         said = self._model.chosen_file
         played = player if player is not None and said is not None and player.path == str(said.path) else None
         self._show_title(said, played, kernel)

@@ -99,7 +99,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._play = Vertical(id="play")
 
     def compose(self) -> Iterator[Widget]:
-        """Compose header, list and play, outcome, keys."""
         yield self.header
         yield self.tabs
         with Horizontal(id="stage"):
@@ -117,7 +116,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         yield self.key_line
 
     def on_mount(self) -> None:
-        """Begin in the list; the files are read while it stands."""
         self.set_focus(self.list if self._open == LIST else self.text)
         self.set_interval(READ_S, self._read_some)
         self._read_some()
@@ -136,7 +134,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         return player if player is not None and player.path == str(self._loaded) else None
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         self._hear_answers()
         player = self._player
         if player is not None and player.finished and self._loaded is not None:
@@ -192,16 +189,13 @@ class ScenariosScreen(SideScreen[Path | None]):
     # -- what the panes say -------------------------------------------------------------------------
 
     def on_scenario_chosen(self) -> None:
-        """Show the text of another file."""
         self._trouble, self._question = "", None
         self.show()
 
     def on_scenario_wanted(self) -> None:
-        """Load by mouse."""
         self.action_load()
 
     def follow_selected(self) -> None:
-        """Let all panes follow another instance."""
         self.history.forget()
         self.timing.forget()
         self.status.point_at(None)
@@ -209,14 +203,12 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.call_after_refresh(self.show)
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
-        """Explain an edge of the past."""
         line = message.line
         self.status.point_at(line)
         self.history.point_at(message.seq)
         self.timing.point_at(line.scan if line else None, message.seq)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Open the tab that has the focus, and name the keys of the pane."""
         panes: dict[int, Widget] = {STATUS: self.status, HISTORY: self.history, TIMING: self.timing}
         own = next((digit for digit, pane in panes.items() if pane is event.widget), None)
         if event.widget in (self.list, self.filter):
@@ -229,7 +221,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show()
 
     def arrange_panes(self) -> None:
-        """Show one tab, or everything; where the screen is not high, one of what is past."""
         alone, plays = self.has_class(TABS), self.has_class(PLAYING)
         steps = self._open == STEPS or not alone
         self.traces.tail = 2 if alone else 4
@@ -269,12 +260,10 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.set_focus(panes[digit])
 
     def action_filter(self) -> None:
-        """Let the words of the filter be typed."""
         self.action_pane(LIST)
         self.filter.open()
 
     def action_kernel(self) -> None:
-        """Take the other kernel for the next scenario that is loaded."""
         self._kernel = self._other()
         self._trouble = ""
         self.show()
@@ -291,7 +280,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show()
 
     def action_sure(self) -> None:
-        """Do what was asked about."""
         then, self._question = self._question, None
         if then is not None:
             then()
@@ -351,7 +339,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.show()
 
     def action_panes(self) -> None:
-        """Take the loaded scenario to the panes of the bench; S brings it back here."""
         if self._player is None:
             self._complain("no scenario is loaded: enter loads the chosen one")
             return
@@ -359,7 +346,6 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.dismiss(self._loaded)
 
     def action_leave(self) -> None:
-        """Bring the project back that was opened, and go back to it."""
         if self._loaded is not None or self._player is not None:
             self._say("scenario stop")
         self.dismiss(self._model.chosen)

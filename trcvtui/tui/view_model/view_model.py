@@ -268,11 +268,9 @@ class ViewModel:
         self._project_number = NO_BENCH
 
     def freeze(self) -> None:
-        """Keep what is shown; the PLC runs on."""
         self.is_frozen = self.picture is not None
 
     def thaw(self) -> None:
-        """Show what is now again, from the next picture on."""
         self._thawing = 2 if self.is_frozen else 0
         self.is_frozen, self.fired = False, None
         self._select()
@@ -315,17 +313,14 @@ class ViewModel:
 
     @property
     def unsaved(self) -> int:
-        """Return how many edits of the project are in no file."""
         return self.live.unsaved if self.live else 0
 
     @property
     def unsaved_word(self) -> str:
-        """Return what these are: additions, or changes."""
         return self.live.unsaved_word if self.live else ""
 
     @property
     def past(self) -> HistoryWindow | None:
-        """Return the newest window on the bytes received so far, also while the view is frozen."""
         newest = self.live or self.picture
         return newest.history if newest else None
 
@@ -403,7 +398,6 @@ class ViewModel:
 
     @property
     def partial(self) -> bytes:
-        """Return the bytes that the running job of the selected instance has collected."""
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
 
     @property

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, Final, Generic, TypeVar
 
-from textual import events
 from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
@@ -32,7 +31,6 @@ class Dialog(ModalScreen[Answered], Generic[Answered]):
         self.nothing = nothing
 
     def action_leave(self) -> None:
-        """Answer with nothing."""
         self.dismiss(self.nothing)
 
 
@@ -117,12 +115,10 @@ class ChoiceList(LineView, inherit_bindings=False):
 
     @property
     def listed(self) -> list[tuple[str, str]]:
-        """Return the choices that what was typed lets through."""
         return [choice for choice in self._all if self.typed.casefold() in choice[0].casefold()]
 
     @property
     def chosen(self) -> str | None:
-        """Return the choice under the cursor."""
         listed = self.listed
         return listed[self.cursor][0] if self.cursor < len(listed) else None
 
@@ -141,23 +137,18 @@ class ChoiceList(LineView, inherit_bindings=False):
         )
 
     def action_move(self, rows: int) -> None:
-        """Choose another one."""
         self.cursor = max(0, min(self.row_count() - 1, self.cursor + rows))
         self.keep_in_view(self.cursor)
         self.show()
 
     def narrow(self, typed: str) -> None:
-        """List only what has these letters in its name."""
         self.typed, self.cursor = typed, 0
         self.refresh()
         self.show()
 
-    def on_click(self, event: events.Click) -> None:
-        """Take the choice under the mouse."""
-        place = self.place_of(event)
-        if place is not None and place[1] < self.row_count():
-            self.cursor = place[1]
-            self.screen.run_worker(self.screen.run_action("take"))
+    def click(self, x: int, y: int) -> None:
+        self.cursor = y
+        self.screen.run_worker(self.screen.run_action("take"))
 
 
 class ChoiceScreen(ListDialog[str | None]):
@@ -178,7 +169,6 @@ class ChoiceScreen(ListDialog[str | None]):
         super().__init__(self._list, None)
 
     def take_letter(self, letter: str) -> None:
-        """Narrow the list by what is typed."""
         self._narrow(self._list.typed + letter)
 
     def _narrow(self, typed: str) -> None:
@@ -186,13 +176,10 @@ class ChoiceScreen(ListDialog[str | None]):
         self._list.set_title(None, self._title, f"{typed}…" if typed else "↑↓ enter")
 
     def action_back(self) -> None:
-        """Take the last letter back."""
         self._narrow(self._list.typed[:-1])
 
     def action_move(self, rows: int) -> None:
-        """Choose another one."""
         self._list.action_move(rows)
 
     def action_take(self) -> None:
-        """Answer with the one under the cursor."""
         self.dismiss(self._list.chosen)

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import ClassVar, Final, NamedTuple
 
-from textual import events
-
 from trcvtui.history.records import JobSpan, PreviousJobBytes
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
@@ -45,12 +43,10 @@ NOTHING: Final = Marked(0, 0, 0, 0)
 
 
 def marked(start: int, size: int, prefix: int, suffix: int) -> Marked:
-    """Return the marks of a frame of `size` bytes."""
     return Marked(start, start + prefix, start + size - suffix, start + size)
 
 
 def marks_of_span(span: JobSpan) -> Marked:
-    """Return the marks of a frame of the past."""
     if not span.prefix and not span.suffix:
         return NOTHING
     return marked(span.position, span.size, span.prefix, span.suffix)
@@ -172,7 +168,6 @@ class HexView(LineView):
         return self.scroll_offset.y // self.lines * self.per_row, rows * self.per_row
 
     def show_link(self, link: range) -> None:
-        """Mark the bytes of a field."""
         self.link = link
         self.show()
 
@@ -190,12 +185,10 @@ class HexView(LineView):
 
     @property
     def lines(self) -> int:
-        """Return how many lines a row of bytes takes."""
         return 2 if self.shows_before else 1
 
     @property
     def digits(self) -> int:
-        """Return how many digits an offset has."""
         return max(LEAST_DIGITS, len(f"{max(0, self.need - 1):x}"))
 
     # -- drawing ------------------------------------------------------------------------------------
@@ -204,7 +197,6 @@ class HexView(LineView):
         return max(self.rows_kept, -(-self.need // self.per_row) * self.lines)
 
     def row_at(self, y: int) -> Row:
-        """Return the bytes of one line."""
         start = y // self.lines * self.per_row
         stop = min(start + self.per_row, self.need)
         if start >= stop:
@@ -299,7 +291,6 @@ class HexView(LineView):
     # -- the cursor ---------------------------------------------------------------------------------
 
     def action_step(self, count: int) -> None:
-        """Move the cursor by bytes."""
         if self.need:
             here = self.cursor if self.cursor is not None else -count if count > 0 else 0
             self._select(max(0, min(self.need - 1, here + count)))
@@ -311,12 +302,10 @@ class HexView(LineView):
             self._select(target if self.cursor is not None else here)
 
     def action_page(self, pages: int) -> None:
-        """Move the cursor by pages."""
         step = pages * max(1, (self.size.height - 1) // self.lines) * self.per_row
         self.action_step(step)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the first or the last byte."""
         if self.need:
             self._select(0 if direction < 0 else self.need - 1)
 
@@ -337,10 +326,8 @@ class HexView(LineView):
             self._select(place)
         return place is not None
 
-    def on_click(self, event: events.Click) -> None:
-        """Select the byte under the mouse, in either column."""
-        place = self.place_of(event)
-        offset = None if place is None else self._offset_at(*place)
+    def click(self, x: int, y: int) -> None:
+        offset = self._offset_at(x, y)
         if offset is not None:
             self._select(offset)
 

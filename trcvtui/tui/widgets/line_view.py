@@ -141,7 +141,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
     ) -> Self:
-        """Paint anew, the whole pane or some of its lines."""
         self._strips_in_view = None
         if not regions:
             self._fresh.clear()
@@ -247,7 +246,6 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._strips_in_view = None
 
     def on_mount(self) -> None:
-        """Know the rows before the first paint."""
         self.resize_rows()
 
     def on_resize(self) -> None:
@@ -262,11 +260,9 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.show()
 
     def on_blur(self) -> None:
-        """Show the cursor as a mark, or not at all."""
         self.show()
 
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
-        """Write digit, name and detail into the border, as text."""
         title = f"{digit} {name} {detail}"
         if title == self._title:
             return
@@ -291,6 +287,14 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
             self.scroll_to(y=y, animate=False)
         elif height and y >= top + height:
             self.scroll_to(y=y - height + 1, animate=False)
+
+    def on_click(self, event: events.Click) -> None:
+        place = self.place_of(event)
+        if place is not None and place[1] < self.row_count():
+            self.click(*place)
+
+    def click(self, x: int, y: int) -> None:
+        """Do what a click on column `x` of row `y` means."""
 
     def place_of(self, event: events.MouseEvent) -> tuple[int, int] | None:
         """Return column and row (of all rows) under the mouse, None outside the rows."""

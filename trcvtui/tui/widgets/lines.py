@@ -45,7 +45,6 @@ class ButtonLine(LineView):
         self._told: int | None = None
 
     def show(self) -> None:
-        """Repaint what changed, and tell when another button is pointed at."""
         if (pointed := self.pointed_at()) != self._told:
             self._told = pointed
             self.post_message(ButtonPointed())
@@ -224,14 +223,13 @@ class KeyLine(OneLine):
             parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
         return row(*parts[:-1])
 
-    def on_click(self, event: events.Click) -> None:
-        """Act as if the key had been pressed."""
-        place, left = self.place_of(event), 0
+    def click(self, x: int, y: int) -> None:
+        left = 0
         old = {name: key for key, name in self._names.items()}
         for key, label in self._keys():
             width = len(key) + len(label) + 3
             action = self._actions.get(old.get(key, key))
-            if place is not None and left <= place[0] < left + width - 2 and action:
+            if left <= x < left + width - 2 and action:
                 self.post_message(KeyClicked(action))
             left += width
 
@@ -255,7 +253,6 @@ class TabLine(OneLine):
         self._tabs = tabs
 
     def mark(self, *digits: int) -> None:
-        """Mark the tabs of all panes that are shown."""
         self._open = {*digits}
         self.show()
 
@@ -275,11 +272,11 @@ class TabLine(OneLine):
         fits = whole <= self.line_width or not self.line_width
         return [(digit, name if fits or digit in self._open else "") for digit, name in self._tabs]
 
-    def on_click(self, event: events.Click) -> None:
-        place, left = self.place_of(event), 0
+    def click(self, x: int, y: int) -> None:
+        left = 0
         for digit, name in self._shown():
             width = len(name) + (5 if name else 4)
-            if place is not None and left <= place[0] < left + width - 1:
+            if left <= x < left + width - 1:
                 self.post_message(PaneWanted(digit))
             left += width
 
@@ -303,7 +300,7 @@ class WordLine(OneLine):
 
     def line(self) -> Row:
         pieces = self.pieces()
-        while len(pieces) > 1 and _length(pieces) > self.line_width:
+        while len(pieces) > 1 and sum(len(text) for text, _ in _spaced(pieces)) > self.line_width:
             pieces.remove(max(pieces, key=lambda piece: piece.rank))
         return row(*_spaced(pieces))
 
@@ -391,7 +388,3 @@ def _spaced(pieces: list[HeaderWord]) -> list[Part]:
             parts.append(("  " if chip else " · ", "faint"))
         parts.append((piece.text, piece.style))
     return parts
-
-
-def _length(pieces: list[HeaderWord]) -> int:
-    return sum(len(text) for text, _ in _spaced(pieces))

@@ -38,7 +38,6 @@ class FullScreen(Screen[Result], Generic[Result]):
         """Go to a pane."""
 
     def on_pane_wanted(self, message: messages.PaneWanted) -> None:
-        """Open a pane by mouse."""
         self.action_pane(message.digit)
 
     async def on_key_clicked(self, message: messages.KeyClicked) -> None:
@@ -68,14 +67,12 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.outcome = OutcomeLine()
 
     def show(self) -> None:
-        """Let every pane repaint what changed."""
         raise NotImplementedError
 
     def arrange_panes(self) -> None:
         """Show all panes, or the one whose tab is open."""
 
     def on_resize(self, event: events.Resize) -> None:
-        """Put everything side by side where there is room for it."""
         width, height = self.LEAST_SIZE
         self.set_class(event.size.width < width or event.size.height < height, TABS)
         self.arrange_panes()
@@ -95,7 +92,6 @@ class SideScreen(FullScreen[Result], Generic[Result]):
                 yield answer
 
     def show_keys(self) -> None:
-        """Name the keys of the pane that has the focus."""
         focused = self.focused
         self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
 
@@ -103,7 +99,6 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         raise NotImplementedError
 
     def commands(self) -> Iterator[SystemCommand]:
-        """Yield the entries of the palette."""
         for title, about, action in self.palette_rows():
             yield SystemCommand(title, about, partial(self._act, action))
 

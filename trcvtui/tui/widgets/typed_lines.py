@@ -102,7 +102,6 @@ class TypedLine(Horizontal):
         yield self._input
 
     def begin(self) -> None:
-        """Let something be typed; the very next key is part of it."""
         self.display = True
         self.screen.set_focus(self._input)
 

@@ -156,7 +156,6 @@ class CaptureReader:
 
     @property
     def drops(self) -> int:
-        """Return how many packets interfaces and system did not pass on, as far as statistics tell."""
         return sum(self._dropped.values())
 
     def _see_drops(self, body: bytes, order: str) -> None:

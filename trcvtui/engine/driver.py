@@ -134,7 +134,6 @@ class EngineDriver:
         return engine_main, (*self._asked, self._record)
 
     def restart(self) -> None:
-        """Start the engine anew; the project that it reads comes with the first picture."""
         self.close()
         self._record = None  # the file has the run that has ended
         self._start()

@@ -35,7 +35,7 @@ from trcvtui.udt.types import StringType
 COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
     "=": eq, "!=": ne, "<": lt, ">": gt, "<=": le, ">=": ge,
 }  # fmt: skip
-RISES, FALLS, HOLD, OFF = "rises", "falls", "hold", "off"
+RISES, OFF = "rises", "off"
 WITH_DONE: Final = "RCVD_LEN"
 FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
 _COMPARISON: Final = re.compile(r"([^=!<>]+?)\s*(!=|<=|>=|=|<|>)\s*(.+)", re.DOTALL)
@@ -52,7 +52,6 @@ class PinIs(Struct, frozen=True):
     value: PinValue
 
     def now(self, bench: Bench) -> bool:
-        """Return whether that is so after the last scan."""
         if self.pin == WITH_DONE and not pin_now(bench, self.instance, "DONE"):
             return False
         return COMPARE[self.operator](pin_now(bench, self.instance, self.pin), self.value)
@@ -74,7 +73,6 @@ class MemberCompares(Struct, frozen=True):
     payload: bytes
 
     def now(self, bench: Bench) -> bool:
-        """Return whether that is so after the last scan."""
         start = self.leaf.offset
         content = bench.runtime.data_part(self.data, start, start + self.leaf.size)
         if len(content) < self.leaf.size:
@@ -302,7 +300,6 @@ class TriggerWatch:
         return tuple(taken)
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
-        """Return what is known of these instances."""
         self._history.catch_up()
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)

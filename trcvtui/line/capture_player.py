@@ -106,11 +106,9 @@ class CapturePlayer:
 
     @property
     def packets(self) -> int:
-        """Return how many packets of the capture have been read."""
         return self._reading.packets
 
     def begin_at(self, ns: int) -> None:
-        """Let the first scan be at this time."""
         self._first_ns = ns
 
     def become(self, plan: ShadowPlan) -> None:
@@ -184,7 +182,6 @@ class CapturePlayer:
             self._play(ns, event, event.direction is says, end, running)
 
     def _come(self, ns: int, event: ConversationEvent) -> None:
-        """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
         self._tell_hole(ns, event)
         if event.kind is not SegmentKind.BYTES:
             return

@@ -102,7 +102,6 @@ class ShadowBench:
         return max([-(-each // self._interval) for each in tasks], default=1)
 
     def settle(self) -> None:
-        """Let scans pass until nothing changes: the capture is over."""
         left = SETTLING
         while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
             jobs = self._jobs
@@ -343,7 +342,6 @@ class PlayedEnd:
         return False
 
     def end(self, reset: bool) -> None:
-        """End the connection: with FIN, or RST."""
         self.has_ended = True
         self._shadows.wake()
         self._do(self._reset if reset else self._finish)
@@ -383,18 +381,15 @@ class PlayedEnd:
         return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
 
     def leave_now(self) -> None:
-        """Let the shadow's own end be over, where the capture has ended it."""
         if self._stream is not None and self.has_left and not self.is_over:
             self._stream.leave()
 
     def read_no_more(self) -> None:
-        """Leave out what came and was not read."""
         if self._stream is not None:
             self.left_out += self._stream.untaken
             self._stream.take_back(self._stream.untaken)
 
     def fall_silent(self) -> None:
-        """Answer nothing any more."""
         if self._stream is not None:
             self._stream.fall_silent()
 
@@ -434,7 +429,6 @@ class PlayedLine:
 
     @property
     def link(self) -> str:
-        """Return the CONNECT, the UDP_CONFIG or the ComBuffer."""
         return self._link
 
     def go_on(self, may_try: bool) -> bool:
@@ -446,14 +440,12 @@ class PlayedLine:
         return bool(self._waiting)
 
     def read_no_more(self) -> None:
-        """Leave out the datagrams that came and were not read."""
         port = self._shadows.bench.runtime.listening_port(self._link)
         if self._address and port is not None:
             for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
                 self._left_out[self._numbers[source]] += len(data)
 
     def close(self) -> None:
-        """Count what still waits as left out."""
         for number, _, data, _ in self._waiting:
             self._left_out[number] += len(data)
         self._waiting.clear()

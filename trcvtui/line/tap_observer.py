@@ -322,7 +322,6 @@ class TapObserver:
         return ""
 
     def end_all(self) -> None:
-        """Take that nothing more comes of any conversation."""
         self._talks.end_all()
 
     def close(self) -> Played:

@@ -75,7 +75,6 @@ class BlackBox(ProcessJudge):
 
     @property
     def is_recording(self) -> bool:
-        """Return whether a file gets what follows."""
         return self._recording is not None
 
     def take(self, entries: Iterable[Entry]) -> None:

@@ -138,7 +138,6 @@ class Replay:
         return self._known.get((owner, call, args))
 
     def has_failed(self, part: RunPart) -> bool:
-        """Return whether an exception in this part of the run was recorded next."""
         return type(self._front) is Answered and self._front[:3] == (part[1], EXCEPTION, part[:1])
 
     def told(self, note: Note) -> None:

@@ -91,7 +91,6 @@ class ReplayRun:
         return project
 
     def take_lines(self) -> list[str]:
-        """Return what the bench was told since this was asked."""
         lines = [*self._lines]
         self._lines.clear()
         return lines
@@ -164,7 +163,6 @@ class ReplayRun:
             self.act(command)
 
     def act(self, command: BenchCommand) -> None:
-        """Carry out a command."""
         self.bench.do(command)
 
     def differs(self) -> UserError:

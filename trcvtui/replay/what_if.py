@@ -85,7 +85,6 @@ def _paths(sets: Sequence[str]) -> list[list[str]]:
 
 
 def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
-    """Return the inputs that are held: instance and pin."""
     return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
 
 
@@ -219,7 +218,6 @@ class WhatIf:
 
     @property
     def pins(self) -> frozenset[tuple[str, str]]:
-        """Return the inputs that are held: instance and pin."""
         return pins_of(self._sets)
 
     @property

@@ -21,7 +21,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError
-from trcvtui.files import close_files, noting_reads
+from trcvtui.files import FilesRead, close_files, noting_reads
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.signals import OF_A_TERMINAL, leave
 
@@ -69,9 +69,10 @@ def _run(
 
         recorder = recorder_of(record, record.target, waits=False)
     elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
-        from trcvtui.recording.recorder import black_box_recorder
+        from trcvtui.recording.recorder import kept_recorder
 
-        recorder = black_box_recorder()
+        recorder, box = kept_recorder(None, FilesRead())
+        recorder.box = box
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
         project = load_bench(path, overrides)
         if recorder is not None and recorder.box is not None and not project.black_box:

@@ -297,10 +297,10 @@ def value_bytes(value: object) -> bytes:
             return struct.pack("<BH", _PLACED, len(runs)) + b"".join([_RUN(*run) for run in runs])
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
-    tag = _TAGS.get(type(value))
-    if tag is not None:
-        return bytes([tag]) + b"".join(
-            [value_bytes(getattr(value, name)) for name, _ in _fields(type(value))]
+    kind: type = type(value)
+    if kind in _TAGS:
+        return bytes([_TAGS[kind]]) + b"".join(
+            [value_bytes(getattr(value, name)) for name, _ in _fields(kind)]
         )
     assert isinstance(value, tuple), value
     return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(value_bytes, value))

@@ -404,7 +404,7 @@ class PlayedLine:
         self.gives_up_at = 0
         self.keeps_out = True
         self._shadows = shadows
-        self._link = link
+        self.link = link
         self._left_out = left_out
         self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
         self._kept = 0  # bytes of these
@@ -427,10 +427,6 @@ class PlayedLine:
         else:
             self._left_out[number] += len(data)
 
-    @property
-    def link(self) -> str:
-        return self._link
-
     def go_on(self, may_try: bool) -> bool:
         """Look again whether somebody receives; return whether something still waits."""
         while may_try and self._waiting and self._give(*self._waiting[0]):
@@ -440,7 +436,7 @@ class PlayedLine:
         return bool(self._waiting)
 
     def read_no_more(self) -> None:
-        port = self._shadows.bench.runtime.listening_port(self._link)
+        port = self._shadows.bench.runtime.listening_port(self.link)
         if self._address and port is not None:
             for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
                 self._left_out[self._numbers[source]] += len(data)
@@ -454,17 +450,17 @@ class PlayedLine:
     def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
         shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
         if self._address:
-            port = shadows.bench.runtime.listening_port(self._link)
+            port = shadows.bench.runtime.listening_port(self.link)
             if port is None:
                 return False
             target = Endpoint(self._address, port)
             self._numbers[source] = number
             is_taken = shadows.network.datagrams.deliver(source, target, whole)
         else:
-            line = shadows.bench.lines[self._link]
+            line = shadows.bench.lines[self.link]
             if not line.is_open:
                 return False
-            is_taken, target = line.arrive(whole), Endpoint(self._link, 0)
+            is_taken, target = line.arrive(whole), Endpoint(self.link, 0)
             shadows.wake()
         if not is_taken:
             self._left_out[number] += len(data)
@@ -480,7 +476,7 @@ class PlayedLine:
         if missing:
             hole = self._sent - len(whole) + len(data), self._sent
             if self._address:
-                shadows.of_datagrams.add(self._link)
+                shadows.of_datagrams.add(self.link)
                 hole = self._packets - 1, self._packets
-            shadows.holes.setdefault(self._link, deque()).append(hole)
+            shadows.holes.setdefault(self.link, deque()).append(hole)
         return True

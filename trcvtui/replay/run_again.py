@@ -81,14 +81,11 @@ class ReplayRun:
         self.begins = begins
         self.roots = roots or declared(begins, self.replay.files, sets)
         _, self.scenario, project = self.roots
-        self.bench = Bench(self.project_to_run(project), begins.kernel, self.replay)
+        self.bench = Bench(project, begins.kernel, self.replay)
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a keyframe keeps: the file that has it may get another name."""
         return self.__dict__ | {"where": ""}
-
-    def project_to_run(self, project: Project) -> Project:
-        return project
 
     def take_lines(self) -> list[str]:
         lines = [*self._lines]

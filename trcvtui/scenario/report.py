@@ -126,7 +126,7 @@ def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
             found = f"found: {one_line(one.failure.found)}"
             told = [f"ERROR {one_line(str(error))}" for error in one.errors]
             text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
-            yield Case(name, ns, "failure", _verb(one.step), found, text)
+            yield Case(name, ns, "failure", one.step.line.split(maxsplit=1)[0], found, text)
 
 
 def _not_reached(steps: Iterable[Step]) -> Iterator[Case]:
@@ -146,10 +146,6 @@ def _judges(step: Step) -> bool:
     command = step.command
     is_asked = isinstance(command, Doctor) and bool(command.cause)
     return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
-
-
-def _verb(step: Step) -> str:
-    return step.line.split(maxsplit=1)[0]
 
 
 def _name(step: Step) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Sequence
 from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
@@ -34,7 +33,6 @@ def engine_main(
     channel: Channel,
     path: Path,
     kernel: str,
-    overrides: Sequence[str],
     netns: bool = False,
     read_only: bool = False,
     record: RecordTo | None = None,
@@ -43,7 +41,7 @@ def engine_main(
     gc.disable()  # the engine collects at the beginning of each bench only
     leave(OF_A_TERMINAL)  # they belong to the screen
     try:
-        _run(channel, path, kernel, overrides, netns, read_only, record)
+        _run(channel, path, kernel, netns, read_only, record)
     except UserError as wrong:
         _tell(channel, wrong)
     except Exception as error:
@@ -56,7 +54,6 @@ def _run(
     channel: Channel,
     path: Path,
     kernel: str,
-    overrides: Sequence[str],
     netns: bool,
     read_only: bool,
     record: RecordTo | None,
@@ -74,7 +71,7 @@ def _run(
         recorder, box = kept_recorder(None, FilesRead())
         recorder.box = box
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
-        project = load_bench(path, overrides)
+        project = load_bench(path)
         if recorder is not None and recorder.box is not None and not project.black_box:
             recorder = None
         with recorder or nullcontext():  # before anything else: its file may be refused
@@ -85,7 +82,7 @@ def _run(
                 enter_own_network(kernel, project.sim)
             bench = fresh_bench(project, kernel, recorder.seam if recorder is not None else None)
             if recorder is not None:
-                recorder.begin(bench, path, overrides, is_scenario=False)
+                recorder.begin(bench, path, (), is_scenario=False)
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
             Engine(channel, bench, recorder).run()

@@ -61,12 +61,7 @@ class ReplayRun:
     """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
 
     def __init__(
-        self,
-        entries: Iterator[Entry],
-        where: str,
-        replay: Replay | None = None,
-        sets: Sequence[str] = (),
-        roots: Roots | None = None,
+        self, entries: Iterator[Entry], where: str, replay: Replay | None = None, roots: Roots | None = None
     ) -> None:
         self.replay = replay or Replay(entries, where)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
@@ -79,7 +74,7 @@ class ReplayRun:
         if begins is None or begins.kernel not in KERNELS:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.begins = begins
-        self.roots = roots or declared(begins, self.replay.files, sets)
+        self.roots = roots or declared(begins, self.replay.files)
         _, self.scenario, project = self.roots
         self.bench = Bench(project, begins.kernel, self.replay)
 

@@ -13,10 +13,11 @@ from tests.waiting import until
 from trcvtui import clock
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.errors import UserError
+from trcvtui.files import FilesRead
 from trcvtui.recording import black_box, recorder
 from trcvtui.recording.black_box import BlackBox, new_name
 from trcvtui.recording.journal import EntriesLost, Entry
-from trcvtui.recording.recorder import RunRecorder, black_box_recorder
+from trcvtui.recording.recorder import kept_recorder
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
 from trcvtui.replay.keyframes import Keyframes
@@ -54,15 +55,15 @@ class Run:
     def __init__(self, folder: Path) -> None:
         path = folder / "p.toml"
         path.write_text(PROJECT)
-        self.recorder: RunRecorder = black_box_recorder()
+        self.recorder, self.box = kept_recorder(None, FilesRead())
+        self.recorder.box = self.box
         self.recorder.__enter__()
         project = load_bench(path)
         self.recorder.reads.take(str(path), PROJECT.encode())
         bench = fresh_bench(project, "sim", self.recorder.seam)
         self.recorder.begin(bench, path, (), is_scenario=False)
         self.controller = Controller(bench)
-        assert self.recorder.box is not None
-        self.box = self.controller.black_box = self.recorder.box
+        self.controller.black_box = self.box
 
     def scans(self, number: int) -> None:
         for _ in range(number):

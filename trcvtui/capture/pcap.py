@@ -95,24 +95,17 @@ class Packet(NamedTuple):
 class CaptureReader:
     """The packets of one file in its order, with about two chunks of it in memory.
 
-    `read` returns at most so many bytes, b"" at the end; a pipe may give fewer. `other` takes each block that
-    is no packet and no interface: type, body (without the lengths), byte of the block, byte order "<" or ">".
+    `read` returns at most so many bytes, b"" at the end; a pipe may give fewer.
     Raise UserError where the first bytes are no capture's.
     """
 
-    def __init__(
-        self,
-        read: Callable[[int], bytes],
-        name: str,
-        other: Callable[[int, bytes, int, str], None] | None = None,
-    ) -> None:
+    def __init__(self, read: Callable[[int], bytes], name: str) -> None:
         self.name = name
         self.interfaces: list[Interface] = []  # of all sections, one after the other
         self.link_types: list[int] = []  # of the interfaces
         self._dropped: dict[tuple[bytes, int], int] = {}  # by interface and counter
         self.trouble: Problem | None = None
         self.last_ns = 0  # of the newest packet that was taken, as of the last `read`
-        self._other = other
         self._read = read
         self._buffer = b""
         self._start = 0  # byte of the file at which the buffer begins
@@ -156,7 +149,6 @@ class CaptureReader:
 
     @property
     def drops(self) -> int:
-        """Return how many packets interfaces and system did not pass on, as far as statistics tell."""
         return sum(self._dropped.values())
 
     def _see_drops(self, body: bytes, order: str) -> None:
@@ -275,8 +267,6 @@ class CaptureReader:
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
                 elif kind == STATISTICS:
                     self._see_drops(buffer[at + 8 : after - 4], order)
-                elif self._other is not None:
-                    self._other(kind, buffer[at + 8 : after - 4], start + at, order)
                 at = after
                 continue
             if length < kept:
@@ -435,13 +425,11 @@ def block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
 
 
 @contextmanager
-def open_capture(
-    path: FileName, other: Callable[[int, bytes, int, str], None] | None = None
-) -> Iterator[CaptureReader]:
+def open_capture(path: FileName) -> Iterator[CaptureReader]:
     """Give the packets of a file; raise UserError for one that cannot be opened or is no capture."""
     with ExitStack() as opened:
         try:
             file = opened.enter_context(open_to_read(path))
         except (OSError, ValueError) as failed:
             raise mistake(str(path), reason_of(failed), "a capture that can be read") from None
-        yield CaptureReader(file.read, str(path), other)
+        yield CaptureReader(file.read, str(path))

@@ -152,7 +152,6 @@ class WireDirection:
 
     @property
     def bytes(self) -> int:
-        """Return how many bytes of the stream the capture has."""
         return self.position - self.missing
 
     def is_usual(self) -> bool:
@@ -291,7 +290,6 @@ class Conversations:
                 self._tell(ns, direction, SegmentKind.ACK, size=window)
 
     def close(self) -> None:
-        """Say what is missing to the end: the capture has no more packets."""
         for conversation in self.all:
             self._close(conversation)
 
@@ -356,7 +354,6 @@ class Conversations:
             self._datagram(packet.ns, direction, packet.data[at + 8 : end], max(end - at - 8, 0))
 
     def _take_serial(self, packet: Packet) -> None:
-        """Take bytes of a serial line: who captured has sent them, or received them."""
         data = packet.data
         error = _SERIAL_ERRORS.get(data[8]) if len(data) >= _SERIAL_HEAD else None
         has_data = len(data) > _SERIAL_HEAD
@@ -760,7 +757,6 @@ def distance(one: int, other: int) -> int:
 
 
 def _scale_of(options: bytes) -> int:
-    """Return by how many bits the options of a SYN move its sender's windows."""
     at = 0
     while at + 2 < len(options) and options[at]:
         if options[at] == 3:

@@ -193,7 +193,6 @@ class Controller:
     # -- lines -----------------------------------------------------------------------------------------
 
     def take(self, number: int, line: str) -> None:
-        """Carry out one line; its answer is in the next picture."""
         self._told, self._edit, self._asked = "", "", (number, line)
         self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
@@ -304,7 +303,6 @@ class Controller:
         return ""
 
     def _framing(self, rest: str) -> str:
-        """Tell how the bytes of a ComBuffer may be cut, or set an instance so."""
         from trcvtui.diagnosis.readings import framing_command as framing  # read when first asked for
 
         name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")

@@ -11,7 +11,7 @@ import pickle
 import signal
 import struct
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -106,12 +106,11 @@ class EngineDriver:
         self,
         path: Path,
         kernel: str,
-        overrides: Sequence[str] = (),
         netns: bool = False,
         read_only: bool = False,
         record: RecordTo | None = None,
     ) -> None:
-        self._asked = path, kernel, tuple(overrides), netns, read_only
+        self._asked = path, kernel, netns, read_only
         self._record = record
         self._number = 0
         self._start()
@@ -134,7 +133,6 @@ class EngineDriver:
         return engine_main, (*self._asked, self._record)
 
     def restart(self) -> None:
-        """Start the engine anew; the project that it reads comes with the first picture."""
         self.close()
         self._record = None  # the file has the run that has ended
         self._start()

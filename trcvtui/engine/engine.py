@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Sequence
 from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
@@ -21,7 +20,7 @@ from trcvtui.engine.controller import Controller
 from trcvtui.engine.timing import ScanTiming, be_punctual, quiet_collector
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError
-from trcvtui.files import close_files, noting_reads
+from trcvtui.files import FilesRead, close_files, noting_reads
 from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.signals import OF_A_TERMINAL, leave
 
@@ -34,7 +33,6 @@ def engine_main(
     channel: Channel,
     path: Path,
     kernel: str,
-    overrides: Sequence[str],
     netns: bool = False,
     read_only: bool = False,
     record: RecordTo | None = None,
@@ -43,7 +41,7 @@ def engine_main(
     gc.disable()  # the engine collects at the beginning of each bench only
     leave(OF_A_TERMINAL)  # they belong to the screen
     try:
-        _run(channel, path, kernel, overrides, netns, read_only, record)
+        _run(channel, path, kernel, netns, read_only, record)
     except UserError as wrong:
         _tell(channel, wrong)
     except Exception as error:
@@ -56,7 +54,6 @@ def _run(
     channel: Channel,
     path: Path,
     kernel: str,
-    overrides: Sequence[str],
     netns: bool,
     read_only: bool,
     record: RecordTo | None,
@@ -69,11 +66,12 @@ def _run(
 
         recorder = recorder_of(record, record.target, waits=False)
     elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
-        from trcvtui.recording.recorder import black_box_recorder
+        from trcvtui.recording.recorder import kept_recorder
 
-        recorder = black_box_recorder()
+        recorder, box = kept_recorder(None, FilesRead())
+        recorder.box = box
     with noting_reads(recorder.reads) if recorder is not None else nullcontext():
-        project = load_bench(path, overrides)
+        project = load_bench(path)
         if recorder is not None and recorder.box is not None and not project.black_box:
             recorder = None
         with recorder or nullcontext():  # before anything else: its file may be refused
@@ -84,7 +82,7 @@ def _run(
                 enter_own_network(kernel, project.sim)
             bench = fresh_bench(project, kernel, recorder.seam if recorder is not None else None)
             if recorder is not None:
-                recorder.begin(bench, path, overrides, is_scenario=False)
+                recorder.begin(bench, path, (), is_scenario=False)
             if read_only:
                 close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
             Engine(channel, bench, recorder).run()

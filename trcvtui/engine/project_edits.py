@@ -206,7 +206,6 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def begin(self) -> None:
-        """A fresh bench begins with what is known now."""
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: Remedy) -> Remedy:
@@ -222,7 +221,6 @@ class ProjectEdits:
         self.done += 1
 
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
-        """Take UDTs that were read again, and constants that were given for them."""
         self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
         self._constants |= constants
 

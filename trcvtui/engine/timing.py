@@ -92,7 +92,6 @@ class ScanTiming:
         self._used = 0  # processor time when the last scan ended
 
     def keep_every(self) -> None:
-        """Keep every scan from now on, for `write_to`."""
         self._every, self._used = [], clock.used_ns()
 
     def write_to(self, path: Path) -> None:
@@ -118,7 +117,6 @@ class ScanTiming:
             self._every.append((began, began - due, ended - began, self._used - before))
 
     def summary(self) -> EngineTiming:
-        """Return the counters, and the percentiles as they were found last."""
         return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode, self.late_by_picture)
 
     def find_percentiles(self) -> bool:

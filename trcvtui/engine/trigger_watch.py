@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
 
@@ -35,7 +35,7 @@ from trcvtui.udt.types import StringType
 COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
     "=": eq, "!=": ne, "<": lt, ">": gt, "<=": le, ">=": ge,
 }  # fmt: skip
-RISES, FALLS, HOLD, OFF = "rises", "falls", "hold", "off"
+RISES, OFF = "rises", "off"
 WITH_DONE: Final = "RCVD_LEN"
 FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
 _COMPARISON: Final = re.compile(r"([^=!<>]+?)\s*(!=|<=|>=|=|<|>)\s*(.+)", re.DOTALL)
@@ -52,7 +52,6 @@ class PinIs(Struct, frozen=True):
     value: PinValue
 
     def now(self, bench: Bench) -> bool:
-        """Return whether that is so after the last scan."""
         if self.pin == WITH_DONE and not pin_now(bench, self.instance, "DONE"):
             return False
         return COMPARE[self.operator](pin_now(bench, self.instance, self.pin), self.value)
@@ -74,7 +73,6 @@ class MemberCompares(Struct, frozen=True):
     payload: bytes
 
     def now(self, bench: Bench) -> bool:
-        """Return whether that is so after the last scan."""
         start = self.leaf.offset
         content = bench.runtime.data_part(self.data, start, start + self.leaf.size)
         if len(content) < self.leaf.size:
@@ -101,56 +99,6 @@ class Trigger(Struct, frozen=True):
     text: str
     condition: Condition
     holds: bool = False
-
-
-class OneTrigger:
-    """At most one trigger on a bench; `scanned` looks at it."""
-
-    def __init__(self, bench: Bench) -> None:
-        self.armed: Trigger | None = None
-        self.fired: TriggerEvent | None = None
-        self._bench = bench
-        self._project = bench.project
-        self._was = False
-        self._count = 0
-
-    def arm(self, trigger: Trigger | None) -> None:
-        """Wait for this from now on; what is so already has to become so again. None: wait for nothing."""
-        self.armed = trigger
-        self._project = self._bench.project
-        self._was = trigger is not None and trigger.condition.now(self._bench)
-
-    @property
-    def is_so_already(self) -> bool:
-        return self._was
-
-    def scanned(self, events: Iterable[Event]) -> TriggerEvent | None:
-        """Look after a scan in which these events were written; return what fired in it."""
-        trigger = self._still_armed()
-        if trigger is None:
-            return None
-        condition, before = trigger.condition, self._was
-        self._was = condition.now(self._bench)
-        became = self._was and not before
-        if not became and not (not self._was and any(map(condition.fires_by, events))):
-            return None
-        runtime = self._bench.runtime
-        self._count += 1
-        self.armed = None
-        self.fired = TriggerEvent(
-            self._count, trigger.text, runtime.scans, runtime.ledger.t_ns, trigger.holds
-        )
-        return self.fired
-
-    def _still_armed(self) -> Trigger | None:
-        if self.armed is not None and self._project is not self._bench.project:
-            try:
-                self._project, was = self._bench.project, self._was
-                self.armed = read_trigger(self.armed.text, self._project, "trigger")
-                self._was = was
-            except UserError:
-                self.armed = None
-        return self.armed
 
 
 def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
@@ -242,11 +190,14 @@ class KeptScan(Struct, frozen=True):
 
 
 class TriggerWatch:
-    """The facts and the trigger of one bench."""
+    """At most one trigger on a bench, and what is known of the bench when it fires."""
 
     def __init__(self, bench: Bench, history: JobHistory) -> None:
-        self.trigger = OneTrigger(bench)
+        self._trigger: Trigger | None = None
         self._bench = bench
+        self._project = bench.project  # for which the trigger was read
+        self._was = False  # its condition, after the scan before
+        self._count = 0
         self._history = history
         self._statistics = LinkStatistics(history.index)
         history.lost.append(self._statistics.lose)
@@ -255,29 +206,52 @@ class TriggerWatch:
         self._kept: KeptScan | None = None
 
     def arm(self, text: str, where: str) -> str:
-        """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError."""
+        """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError.
+
+        What is so already has to become so again.
+        """
         trigger = read_trigger(text, self._bench.project, where)
-        self.trigger.arm(trigger)
+        self._trigger, self._project = trigger, self._bench.project
+        self._was = trigger is not None and trigger.condition.now(self._bench)
         self._seq = self._bench.runtime.ledger.last_seq
         if trigger is None:
             return "no trigger is armed"
-        again = "; it is so already and fires when it becomes so again"
-        return f"armed{again if self.trigger.is_so_already else ''}"
+        return f"armed{'; it is so already and fires when it becomes so again' if self._was else ''}"
 
     @property
     def is_armed(self) -> bool:
         """Return whether `scanned` has to look after each scan."""
-        return self.trigger.armed is not None
+        return self._trigger is not None
 
     def scanned(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
         written = ledger.raw_since(self._seq)
         self._seq = ledger.last_seq
-        fired = self.trigger.scanned(event_of(item) for item in written if item[2] is InputEdge)
-        if fired is not None:
-            self._kept = self._keep(fired)
+        trigger = self._still_armed()
+        if trigger is None:
+            return None
+        condition, before = trigger.condition, self._was
+        self._was = condition.now(self._bench)
+        inputs = (event_of(item) for item in written if item[2] is InputEdge)
+        fires = not before if self._was else any(map(condition.fires_by, inputs))
+        if not fires:
+            return None
+        self._count += 1
+        self._trigger = None
+        scans = self._bench.runtime.scans
+        fired = TriggerEvent(self._count, trigger.text, scans, ledger.t_ns, trigger.holds)
+        self._kept = self._keep(fired)
         return fired
+
+    def _still_armed(self) -> Trigger | None:
+        if self._trigger is not None and self._project is not self._bench.project:
+            self._project = self._bench.project
+            try:
+                self._trigger = read_trigger(self._trigger.text, self._project, "trigger")
+            except UserError:
+                self._trigger = None
+        return self._trigger
 
     def _keep(self, fired: TriggerEvent) -> KeptScan:
         bench, runtime = self._bench, self._bench.runtime
@@ -302,7 +276,6 @@ class TriggerWatch:
         return tuple(taken)
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
-        """Return what is known of these instances."""
         self._history.catch_up()
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
@@ -310,7 +283,7 @@ class TriggerWatch:
     @property
     def armed(self) -> str:
         """Return the trigger that is waited for, "" for none."""
-        return self.trigger.armed.text if self.trigger.armed is not None else ""
+        return self._trigger.text if self._trigger is not None else ""
 
     def take_kept(self) -> KeptScan | None:
         """Return the bench in the scan of a trigger that has fired since the last time."""

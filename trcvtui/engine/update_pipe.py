@@ -51,7 +51,6 @@ class UpdatePipe:
         return self._packing is not None or bool(self._unsent)
 
     def begin(self, picture: BareUpdate) -> None:
-        """Take a picture; `go_on` brings it."""
         self._packing = self._pack(picture)
 
     def go_on(self, until: int) -> None:

@@ -88,7 +88,7 @@ class CapturePlayer:
         lines: ShadowLines,
         seam: Seam | None = None,
     ) -> None:
-        self._first_ns, self.lines, self._plan = first_ns, lines, plan
+        self.first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
         self.talks: ConversationFigures | None = None  # who counts what is taken
         self.tap = ""  # through which the next event has come
@@ -106,12 +106,7 @@ class CapturePlayer:
 
     @property
     def packets(self) -> int:
-        """Return how many packets of the capture have been read."""
         return self._reading.packets
-
-    def begin_at(self, ns: int) -> None:
-        """Let the first scan be at this time."""
-        self._first_ns = ns
 
     def become(self, plan: ShadowPlan) -> None:
         """Go on with this plan: shadows that are new, or other ones, begin with the next scan."""
@@ -155,7 +150,7 @@ class CapturePlayer:
             self.talks.take(event, event.direction is self._plc_of(event.conversation), self.tap)
         if number not in self._plan.parts or number in self._plan.unassigned:
             return
-        ns = max(event.ns - self._first_ns, 0)
+        ns = max(event.ns - self.first_ns, 0)
         if event.kind in _NOT_DONE_AGAIN:
             return
         self.shadows.go_to(ns)
@@ -184,7 +179,6 @@ class CapturePlayer:
             self._play(ns, event, event.direction is says, end, running)
 
     def _come(self, ns: int, event: ConversationEvent) -> None:
-        """Let a datagram, or bytes of a serial line, come to who looks on in that direction."""
         self._tell_hole(ns, event)
         if event.kind is not SegmentKind.BYTES:
             return
@@ -206,7 +200,7 @@ class CapturePlayer:
         for part in parts:
             holder = self._at.get(part.connect)
             if holder is not None and not holder[1].has_ended:
-                if self._last_ns.get(holder[0], NEVER_NS) >= ns + self._first_ns:
+                if self._last_ns.get(holder[0], NEVER_NS) >= ns + self.first_ns:
                     why = f"it overlaps C{holder[0]}"
                     self.overlaps[conversation.number] = holder[0]
                     self._plan.unassigned[conversation.number] = why
@@ -290,8 +284,8 @@ class CapturePlayer:
         """Play a capture to its last packet, and let the shadows settle."""
         take_captures(paths, self._reading, [])
         recorded_to = self._reading.recorded_to
-        last_ns = max(*self._last_ns.values(), recorded_to or 0, self._first_ns)
-        self.shadows.go_to(last_ns - self._first_ns)
+        last_ns = max(*self._last_ns.values(), recorded_to or 0, self.first_ns)
+        self.shadows.go_to(last_ns - self.first_ns)
         if recorded_to is not None:  # its PLC read no datagram after that
             tasks = [self.shadows.scans_of_task(link) for link in self._played]
             for _ in range(FIRST_JOB * max(tasks, default=0)):

@@ -135,7 +135,6 @@ class ConversationFigures:
             self.end(number)
 
     def end(self, number: int) -> None:
-        """Take that nothing more comes of a conversation."""
         figures = self._figures.get(number)
         if figures is not None and not figures.is_over:
             figures.state = "ended"

@@ -165,7 +165,6 @@ class LivePlan:
         return ""
 
     def forget(self, number: int) -> None:
-        """Forget a conversation that is over."""
         self.decided.discard(number)
 
 

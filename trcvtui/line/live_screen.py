@@ -188,11 +188,9 @@ class _PipeServed(ServedShadows):
         player = CapturePlayer(plan, (), first_ns, self)
         if self.judge is not None:
             self.judge.begins_ns = first_ns
-        self.show(player, "capture", self._shadow)
+        assert self._live is not None  # it is what begins
+        self.show(player, "capture", self._live.shadow)
         return player
-
-    def _shadow(self, name: str) -> str:
-        return self._live.shadow(name) if self._live is not None else ""
 
     def _leave(self, talk: Conversation, why: str) -> None:
         from trcvtui.line.shadows import end_of

@@ -64,7 +64,6 @@ class _Progress:
         self._is_told = False
 
     def tell(self) -> None:
-        """Tell it twice a second."""
         now = clock.now_ns()
         if now - self._told_ns >= PROGRESS_NS and sys.stderr.isatty():
             self._told_ns, self._is_told = now, True
@@ -90,7 +89,6 @@ class WatchDriver(EngineDriver):
 def watch_main(
     channel: Channel, paths: Sequence[str], asked: tuple[Path | None, str | None, str | None]
 ) -> None:
-    """Play the capture, and serve the screen with that run."""
     with tempfile.TemporaryDirectory(prefix="trcvtui-") as folder:
         serve_screen(channel, lambda: _played(paths, asked, Path(folder) / "shadows.pcapng"))
 
@@ -146,13 +144,11 @@ def _without_name(file: Path) -> Path:
 
 
 def shown_name(paths: Sequence[str]) -> str:
-    """Return the name of a capture of one file or of several."""
     name = Path(paths[0]).name
     return name if len(paths) == 1 else f"{name} and {count(len(paths) - 1, 'file')} more"
 
 
 def _said(played: Played) -> list[str]:
-    """Return which conversations no shadow has, and what never reached one."""
     some = [f"C{number} ({why})" for number, why in islice(played.unassigned.items(), 8)]
     more = len(played.unassigned) - len(some)
     lines = [f"unassigned: {', '.join(some)}{f' and {more} more' if more else ''}"] if some else []

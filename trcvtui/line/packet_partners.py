@@ -102,7 +102,6 @@ class ShadowBench:
         return max([-(-each // self._interval) for each in tasks], default=1)
 
     def settle(self) -> None:
-        """Let scans pass until nothing changes: the capture is over."""
         left = SETTLING
         while left and (self.leaving or self.network.take_news() or self._quiet < QUIET):
             jobs = self._jobs
@@ -343,7 +342,6 @@ class PlayedEnd:
         return False
 
     def end(self, reset: bool) -> None:
-        """End the connection: with FIN, or RST."""
         self.has_ended = True
         self._shadows.wake()
         self._do(self._reset if reset else self._finish)
@@ -383,18 +381,15 @@ class PlayedEnd:
         return max(due, runtime.scans + 2) if is_late and now_ns < self.gives_up_at else due
 
     def leave_now(self) -> None:
-        """Let the shadow's own end be over, where the capture has ended it."""
         if self._stream is not None and self.has_left and not self.is_over:
             self._stream.leave()
 
     def read_no_more(self) -> None:
-        """Leave out what came and was not read."""
         if self._stream is not None:
             self.left_out += self._stream.untaken
             self._stream.take_back(self._stream.untaken)
 
     def fall_silent(self) -> None:
-        """Answer nothing any more."""
         if self._stream is not None:
             self._stream.fall_silent()
 
@@ -409,7 +404,7 @@ class PlayedLine:
         self.gives_up_at = 0
         self.keeps_out = True
         self._shadows = shadows
-        self._link = link
+        self.link = link
         self._left_out = left_out
         self._waiting: deque[tuple[int, Endpoint, bytes, int]] = deque()
         self._kept = 0  # bytes of these
@@ -432,11 +427,6 @@ class PlayedLine:
         else:
             self._left_out[number] += len(data)
 
-    @property
-    def link(self) -> str:
-        """Return the CONNECT, the UDP_CONFIG or the ComBuffer."""
-        return self._link
-
     def go_on(self, may_try: bool) -> bool:
         """Look again whether somebody receives; return whether something still waits."""
         while may_try and self._waiting and self._give(*self._waiting[0]):
@@ -446,14 +436,12 @@ class PlayedLine:
         return bool(self._waiting)
 
     def read_no_more(self) -> None:
-        """Leave out the datagrams that came and were not read."""
-        port = self._shadows.bench.runtime.listening_port(self._link)
+        port = self._shadows.bench.runtime.listening_port(self.link)
         if self._address and port is not None:
             for source, data in self._shadows.network.datagrams.take_back(Endpoint(self._address, port)):
                 self._left_out[self._numbers[source]] += len(data)
 
     def close(self) -> None:
-        """Count what still waits as left out."""
         for number, _, data, _ in self._waiting:
             self._left_out[number] += len(data)
         self._waiting.clear()
@@ -462,17 +450,17 @@ class PlayedLine:
     def _give(self, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
         shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
         if self._address:
-            port = shadows.bench.runtime.listening_port(self._link)
+            port = shadows.bench.runtime.listening_port(self.link)
             if port is None:
                 return False
             target = Endpoint(self._address, port)
             self._numbers[source] = number
             is_taken = shadows.network.datagrams.deliver(source, target, whole)
         else:
-            line = shadows.bench.lines[self._link]
+            line = shadows.bench.lines[self.link]
             if not line.is_open:
                 return False
-            is_taken, target = line.arrive(whole), Endpoint(self._link, 0)
+            is_taken, target = line.arrive(whole), Endpoint(self.link, 0)
             shadows.wake()
         if not is_taken:
             self._left_out[number] += len(data)
@@ -488,7 +476,7 @@ class PlayedLine:
         if missing:
             hole = self._sent - len(whole) + len(data), self._sent
             if self._address:
-                shadows.of_datagrams.add(self._link)
+                shadows.of_datagrams.add(self.link)
                 hole = self._packets - 1, self._packets
-            shadows.holes.setdefault(self._link, deque()).append(hole)
+            shadows.holes.setdefault(self.link, deque()).append(hole)
         return True

@@ -229,7 +229,6 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 
 
 def known_ends(project: Project) -> KnownEnds:
-    """Return the ports on which the PLC of a project listens."""
     listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
     return KnownEnds(frozenset(each.local.port for each in listening if each.local.port))
 
@@ -382,7 +381,6 @@ def _set_aside(config: Link) -> Link:
 
 
 def _pins_set(project: Project) -> set[tuple[str, str]]:
-    """Return the pins that `start` or `program` write."""
     written: set[tuple[str, str]] = set()
     for step in (*start_steps(project), *read_program(project)):
         match step.command:

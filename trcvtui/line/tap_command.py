@@ -155,7 +155,6 @@ class TapInBackground:
         return TapDriver(self._ours.fileno(), self._asked)
 
     def close(self) -> None:
-        """Let it end its connections, and itself."""
         self._ours.close()
         _wait(self._process)
 

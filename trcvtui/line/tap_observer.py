@@ -273,7 +273,7 @@ class TapObserver:
         if self._first_ns is None:
             self._first_ns = event.ns
             self._lines = self._lines_of(event.ns)
-            self._player.begin_at(event.ns)
+            self._player.first_ns = event.ns
         self._running[event.number] = talk
         self._taps[event.number] = self._plan.routes[event.route].name
         self._plan.assign(event.route, talk)
@@ -322,7 +322,6 @@ class TapObserver:
         return ""
 
     def end_all(self) -> None:
-        """Take that nothing more comes of any conversation."""
         self._talks.end_all()
 
     def close(self) -> Played:

@@ -58,14 +58,9 @@ class _TappedConversation:
         self.stands = self.is_over = False
         # What the checksum of a segment has in each direction, but for its length and its payload.
         self.sums = [
-            (sum(_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)) for a, b in _ways(ends)
+            sum(_words(a[0] + b[0])) + a[1] + b[1] + (UDP if kind == "udp" else TCP)
+            for a, b in (ends, ends[::-1])
         ]
-
-
-def _ways(
-    ends: tuple[tuple[bytes, int], tuple[bytes, int]],
-) -> tuple[tuple[tuple[bytes, int], tuple[bytes, int]], ...]:
-    return (ends[0], ends[1]), (ends[1], ends[0])
 
 
 def _words(data: bytes) -> tuple[int, ...]:

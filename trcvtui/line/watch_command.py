@@ -36,7 +36,6 @@ class WatchLines:
         self._known: dict[tuple[str, Outputs] | None, str] = {}  # lines of JSON without their beginning
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        """Write one line for each instance that changed."""
         if self._lines is not None and not lacking:
             head = self._head(scan)
             self._write("".join([head + self._rest(edge) for edge in changed]))
@@ -71,7 +70,6 @@ class WatchLines:
             self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_words(record)))}\n")
 
     def end(self, played: Played) -> None:
-        """Write the last line."""
         if self._lines is None:
             for number, connects in islice(played.assigned.items(), MOST_LISTED):
                 self._write(f"C{number} was played to {', '.join(connects)}\n")
@@ -127,7 +125,6 @@ def watch_lines(
 
 
 def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
-    """Write lines as packets come through stdin."""
     watch_pipe(take_stdin(with_keyboard=False), project, plc, dialect, form)
 
 

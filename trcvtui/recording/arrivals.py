@@ -51,14 +51,12 @@ class Arrivals:
     # -- what the calls of a run tell ----------------------------------------------------------------------
 
     def begin(self, handle: Handle, is_udp: bool = False) -> None:
-        """Take a stream or a datagram socket."""
         self._queues[handle] = _Queue(is_udp)
 
     def listen(self, handle: Handle) -> None:
         self._clients[handle] = 0
 
     def poll(self, seen: Collection[Handle] | None) -> None:
-        """Take the picture of a scan, which begins."""
         self._seen = seen
         self._emptied.clear()
 
@@ -78,7 +76,6 @@ class Arrivals:
             queue.whole = max(queue.whole, queue.read)
 
     def empty(self, handle: Handle) -> None:
-        """Take that a read found nothing."""
         self._emptied.add(handle)
 
     def read_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int) -> None:

@@ -45,12 +45,12 @@ class BlackBox(ProcessJudge):
     trouble = ""  # of a run; a file that cannot be written leaves the run alone
     looks_again = True  # what is judged goes on
 
-    def __init__(self, most: int = MOST_BYTES) -> None:
+    def __init__(self) -> None:
         import subprocess  # noqa: F401 - here, where no scan waits: 10 ms, which the first process would take
 
         self._told, self._told_at = "", 0  # how the last file has ended
         self.file_trouble = ""  # why the last file that went wrong did
-        self._most = most
+        self._most = MOST_BYTES
         self._begins: RunBegins | None = None
         self._block = BlockWriter(0)
         self._entries = self._scans = 0  # of it
@@ -75,7 +75,6 @@ class BlackBox(ProcessJudge):
 
     @property
     def is_recording(self) -> bool:
-        """Return whether a file gets what follows."""
         return self._recording is not None
 
     def take(self, entries: Iterable[Entry]) -> None:

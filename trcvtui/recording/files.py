@@ -257,7 +257,6 @@ class NumberedFiles:
             sizes.pop(0)
 
     def close(self) -> None:
-        """End the file that is written: the run is over."""
         self._is_over = True
         self._end()
 
@@ -302,7 +301,6 @@ class RecordTo:
 
 
 def next_number(folder: Path, stem: str) -> int:
-    """Return the number after those of all files there."""
     named = re.compile(re.escape(stem) + r"-(\d{1,9})" + re.escape(SUFFIX))
     found = [int(match[1]) for name in os.listdir(folder) if (match := named.fullmatch(name))]
     return max(found, default=0) + 1

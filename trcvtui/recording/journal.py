@@ -13,8 +13,10 @@ import sys
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from itertools import chain
-from typing import Final, NamedTuple, cast
+from types import UnionType
+from typing import Any, Final, NamedTuple, cast, get_args, get_origin, get_type_hints
 
 from trcvtui import __version__
 from trcvtui.errors import UserError, mistake
@@ -248,55 +250,37 @@ def is_valid_answer(entry: Answered) -> bool:
 # -- bytes -----------------------------------------------------------------------------------------------
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
-_CONSTANTS: Final = (None, False, True)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
 _AT_THE_WIRE: Final = (NOTHING, int, Fault, Accepted, Endpoint, Datagram, KernelLoss, tuple)
-# Each record with the types of its fields in their order. No new field without a new version.
-_RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
-    (Endpoint, ((str,), (int,))),
-    (Fault, ((str,), (str,), (bool,), (str,), (str,))),
-    (Accepted, ((int,), (Endpoint,))),
-    (KernelLoss, ((Fault, type(None)), (int,))),
-    (PathInfo, ((int,), (int,), (int,), (bool,))),
-    (Datagram, ((int,), (Endpoint,), (int,))),
-    (LocalAddress, ((str,), (str,), (bool,), (bool,), (str,))),
-    (BenchNote, ((str,), (str,), (str,), (str,), (bool,))),
-    (WorkWaits, ((str,), (str,), (str,), (str,))),
-    (
-        RunBegins,
-        ((str,), (str,), (int,), (int,), (bool,), (str,), (tuple,), (str,), (tuple,), (tuple,)),
-    ),
-    (EntriesLost, ((int,), (str,))),
-    (WireCall, ((int,), (str,), (str,), (int,), (tuple,), _AT_THE_WIRE, (bytes,))),
-    (Secrets, ((bytes,),)),
-    (Keyframe, ((str,), (int,), (int,), (int,), (int,), (int,), (bytes,))),
-    (PeerSent, ((str,), (int,), (str,), (str,), (int,), (int,))),
+# No new record or field without a new version.
+_RECORDS: Final[tuple[type, ...]] = (
+    *(Endpoint, Fault, Accepted, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, WorkWaits),
+    *(RunBegins, EntriesLost, WireCall, Secrets, Keyframe, PeerSent),
 )
 _WORDS: Final = frozenset(map(str, EventKind))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
-_WHOLE: Final = struct.Struct("<Bq").pack
-_COUNTED: Final = struct.Struct("<BH").pack
 _RUN: Final = struct.Struct("<III").pack
-_NONE_TAG: Final = bytes([_NONE])
-_TAGS: Final = {kind: _FIRST_RECORD + at for at, (kind, _) in enumerate(_RECORDS)}
+_TAGS: Final = {kind: _FIRST_RECORD + at for at, kind in enumerate(_RECORDS)}
 
 
-def _names(kind: type) -> tuple[str, ...]:
-    names: tuple[str, ...] = kind.__match_args__  # type: ignore[attr-defined]  # each record has them
-    return names
+@cache
+def _fields(record: type) -> tuple[tuple[str, tuple[type, ...]], ...]:
+    """Return the name of each field and the types that its value may have."""
+    return tuple([(name, _kinds(hint)) for name, hint in get_type_hints(record).items()])
+
+
+def _kinds(hint: Any) -> tuple[type, ...]:
+    if hint is object:  # of a call at the wire
+        return _AT_THE_WIRE
+    some = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    return tuple([get_origin(each) or getattr(each, "__supertype__", each) for each in some])
 
 
 def value_bytes(value: object) -> bytes:
     """Return a value as it stands in a journal: a tag of one byte, then what the tag says."""
-    kind = type(value)
-    if kind is int:
-        return _WHOLE(_INT, value)
-    if kind is tuple:
-        parts = [value_bytes(each) for each in cast(tuple[object, ...], value)]
-        return _COUNTED(_TUPLE, len(parts)) + b"".join(parts)
     match value:
         case None:
-            return _NONE_TAG
+            return bytes([_NONE])
         case bool():
             return bytes([_TRUE if value else _FALSE])
         case int():
@@ -309,13 +293,15 @@ def value_bytes(value: object) -> bytes:
         case dict():
             parts = [value_bytes(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
-    if isinstance(value, InPackets):
-        return _COUNTED(_PLACED, len(value.runs)) + b"".join([_RUN(*run) for run in value.runs])
+        case InPackets(runs):
+            return struct.pack("<BH", _PLACED, len(runs)) + b"".join([_RUN(*run) for run in runs])
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
-    tag = _TAGS.get(type(value))
-    if tag is not None:
-        return bytes([tag]) + b"".join(value_bytes(getattr(value, name)) for name in _names(type(value)))
+    kind: type = type(value)
+    if kind in _TAGS:
+        return bytes([_TAGS[kind]]) + b"".join(
+            [value_bytes(getattr(value, name)) for name, _ in _fields(kind)]
+        )
     assert isinstance(value, tuple), value
     return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(value_bytes, value))
 
@@ -362,12 +348,7 @@ class _Cursor:
         return self._block[self.at - size : self.at]
 
     def _number(self, size: int) -> int:
-        end = self.at + size
-        if end > len(self._block):
-            self.take(size)
-        number = int.from_bytes(self._block[self.at : end], "little")
-        self.at = end
-        return number
+        return int.from_bytes(self.take(size), "little")
 
     def order(self, most: int) -> array[int]:
         """Return the rest: numbers below `most`."""
@@ -383,9 +364,7 @@ class _Cursor:
         return order
 
     def value(self, depth: int = 0) -> object:
-        block, at = self._block, self.at
-        tag = block[at] if at < len(block) else self._number(1)
-        self.at = at + 1
+        tag = self._number(1)
         if depth > DEEPEST:
             raise self.wrong("values inside values", f"at most {DEEPEST} deep")
         match tag:
@@ -393,17 +372,14 @@ class _Cursor:
                 return None
             case 1 | 2:
                 return tag == _TRUE
-            case 3 if at + 9 <= len(block):
-                self.at = at + 9
-                return int.from_bytes(block[at + 1 : at + 9], "little", signed=True)
             case 3:
-                self.take(8)
+                return int.from_bytes(self.take(8), "little", signed=True)
             case 4:
                 return self._text(self.take(self._number(4)))
             case 5:
-                return self._bytes()
+                return self.take(self._number(4))
             case 6:
-                return self._items(depth + 1)
+                return tuple([self.value(depth + 1) for _ in range(self._number(2))])
             case 7:
                 return dict([self._pair(depth) for _ in range(self._number(2))])
             case 8 if (at := self._number(1)) < len(_SINGLES):
@@ -412,27 +388,9 @@ class _Cursor:
                 return self._placed()
         if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
             raise self.wrong(f"tag {tag}", "a tag that this version knows")
-        kind, fields = _RECORDS[tag - _FIRST_RECORD]
-        made: object = kind(*[self._field(*field, depth) for field in zip(_names(kind), fields, strict=True)])
+        kind = _RECORDS[tag - _FIRST_RECORD]
+        made: object = kind(*[self._field(name, kinds, depth) for name, kinds in _fields(kind)])
         return made
-
-    def _items(self, depth: int) -> tuple[object, ...]:
-        block, size, items = self._block, len(self._block), list[object]()
-        for _ in range(self._number(2)):
-            at = self.at
-            tag = block[at] if at < size and depth <= DEEPEST else _SINGLE
-            if tag == _INT and at + 9 <= size:
-                items.append(int.from_bytes(block[at + 1 : at + 9], "little", signed=True))
-                self.at = at + 9
-            elif tag <= _TRUE:
-                items.append(_CONSTANTS[tag])
-                self.at = at + 1
-            else:
-                items.append(self.value(depth))
-        return tuple(items)
-
-    def _bytes(self) -> bytes:
-        return self.take(self._number(4))
 
     def _placed(self) -> bytes:
         found: list[bytes] = []
@@ -493,19 +451,7 @@ class _Cursor:
         if not isinstance(before, Answered):
             raise self.wrong(f"the question of entry {first}", "a question before it")
         owner, call, args, _ = before
-        block, at = self._block, self.at
-        if block[at : at + 4] == _READ_HEAD and len(block) > at + 12 and block[at + 12] in (_BYTES, _PLACED):
-            self.at += 13
-            size = int.from_bytes(block[at + 4 : at + 12], "little", signed=True)
-            data = self._bytes() if block[at + 12] == _BYTES else self._placed()
-            made = _NEW(Answered, (owner, call, args, (size, data)))
-            if call == RECV and size == len(data) and size <= cast(int, args[1]):
-                return made
-            return self._answered(made)
-        answer = self.value()
-        if type(answer) is int is type(before.answer):
-            return _NEW(Answered, (owner, call, args, answer))
-        return self._answered(Answered(owner, call, args, answer))
+        return self._answered(Answered(owner, call, args, self.value()))
 
 
 def value_of(content: bytes, where: str) -> object:
@@ -523,10 +469,7 @@ def _is_whole(begins: RunBegins) -> bool:
 _UNEQUAL: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
 _AGAIN: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
 _AGAIN_TAG: Final = bytes([_AGAIN])
-_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
 _ASKED: Final = struct.Struct("<BI")
-_READ: Final = struct.Struct("<BHBqBI")  # the answer of recv, before its bytes
-_READ_HEAD: Final = struct.pack("<BHB", _TUPLE, 2, _INT)
 
 
 class BlockWriter:
@@ -566,11 +509,7 @@ class BlockWriter:
         first = self._asked.setdefault(entry[:3], place)
         if first == place:
             return value_bytes(entry)
-        head = _ASKED.pack(_AGAIN, first)
-        match entry.answer:
-            case (int(size), bytes(data)):
-                return head + _READ.pack(_TUPLE, 2, _INT, size, _BYTES, len(data)) + data
-        return head + value_bytes(entry.answer)
+        return _ASKED.pack(_AGAIN, first) + value_bytes(entry.answer)
 
     def block(self, packets: int | None = None) -> bytes:
         """Return it; `packets`: the CRC-32 of those before it in a file; None: nothing checks it."""

@@ -79,15 +79,15 @@ class RunRecorder:
         self.reads = FilesRead()
         self._new_sink = sink
         self._sink: Sink | None = None
+        self._other: Sink | None = None
         self._least = AT_ONCE if waits else 1
         self._entries: list[Entry] = []
         self._sample_at = 0
         self.seam = SeamRecorder(self._entries.append)
 
     def give_to(self, other: Sink) -> None:
-        """Let another sink have all entries, too, scan by scan."""
-        first, self._least = self._new_sink, 1
-        self._new_sink = lambda: _Both(first(), other)
+        """Let another sink, which has no trouble, have all entries, too, scan by scan."""
+        self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
         """Open the file, when the project has been read; raise UserError where it is refused."""
@@ -181,6 +181,8 @@ class RunRecorder:
             some = [self._without_bytes(entry) for entry in some]
         self._entries.clear()
         self._write(lambda sink: sink.take(some))
+        if self._other is not None:
+            self._other.take(some)
 
     def _write(self, act: Callable[[Sink], None]) -> None:
         if self._sink is None:
@@ -200,7 +202,9 @@ class RunRecorder:
             self._log_secrets()
         self._hand_over()
         self._write(lambda sink: sink.close())
-        self._sink = None
+        if self._other is not None:
+            self._other.close()
+        self._sink = self._other = None
         self._key_log = -1
         self._opened.close()
 
@@ -224,37 +228,8 @@ class RunRecorder:
         return self.trouble or f"{self.file.name} {size_text(self.size)}{secrets}"
 
 
-def black_box_recorder() -> RunRecorder:
-    from trcvtui.recording.black_box import BlackBox
-
-    box = BlackBox()
-    recorder = RunRecorder(lambda: box, waits=False)
-    recorder.box = box
-    return recorder
-
-
-class _Both:
-    """Two sinks of one run; the second has no trouble."""
-
-    def __init__(self, first: Sink, second: Sink) -> None:
-        self._first, self._second = first, second
-
-    @property
-    def trouble(self) -> str:
-        return self._first.trouble
-
-    def take(self, entries: Iterable[Entry]) -> None:
-        some = [*entries]
-        self._first.take(some)
-        self._second.take(some)
-
-    def close(self) -> None:
-        self._first.close()
-        self._second.close()
-
-
 def kept_recorder(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
-    """Return what records a run, or nobody yet, so that a black box has the run, too; and the box."""
+    """Return what records a run, else a new recorder with `reads`, and a black box that has the run, too."""
     from trcvtui.recording.black_box import BlackBox
 
     box = BlackBox()

@@ -106,7 +106,6 @@ class RecordingWriter:
         self.flush()
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order; whole blocks are written."""
         for entry in entries:
             if type(entry) is Answered:
                 self._keep(self._told.take(entry))
@@ -286,7 +285,6 @@ class Recording:
         self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
 
     def blocks(self) -> Iterator[tuple[int, bytes]]:
-        """Yield type and body of each block of the file, as far as it can be read."""
         with self._opened() as file:
             for kind, body, _ in self._blocks(file, 0):
                 yield kind, body

@@ -45,13 +45,13 @@ class Replay:
         self.scan = self._now = 0
         self.tell: Callable[[Note], None] = _tell_nobody
         self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
-        self._front = next(entries, None)
+        self.front = next(entries, None)  # None: the journal is at its end
         self.begins: RunBegins | None = None
         self.files = FilesRead()
-        if isinstance(self._front, RunBegins):
-            self.begins = self._front
+        if isinstance(self.front, RunBegins):
+            self.begins = self.front
             self.files = FilesRead(self.begins.folder, self.begins.files, self.begins.digests)
-            self._front = next(entries, None)
+            self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a keyframe keeps: where it goes on is told beside it, and which file has it."""
@@ -63,7 +63,7 @@ class Replay:
             return cast(T, self._known_in_gap(owner, call, args))
         if call == STEP:
             self.scan += 1
-        entry = self._front
+        entry = self.front
         if type(entry) is not Answered or entry[1] != call or entry[0] != owner or entry[2] != args:
             entry = self._found(owner, call, args)
         answer = entry[3]
@@ -71,7 +71,7 @@ class Replay:
             if cast(int, answer) < self._now:
                 raise self._wrong(_words(owner, call, args), "a time that does not go back")
             self._now = cast(int, answer)
-        self._front = next(self.entries, None)
+        self.front = next(self.entries, None)
         return cast(T, answer)
 
     def call(
@@ -81,7 +81,7 @@ class Replay:
         nothing = cast(Callable[[], T], None)
 
         def asked(handle: Handle, *args: object) -> T:
-            owner, given, entry = owners.get(handle, label), (handle, *args), self._front
+            owner, given, entry = owners.get(handle, label), (handle, *args), self.front
             if (
                 not self.is_busy
                 or type(entry) is not Answered
@@ -90,7 +90,7 @@ class Replay:
                 or entry[2] != given
             ):
                 return self.ask(owner, name, given, nothing)
-            self._front = next(self.entries, None)
+            self.front = next(self.entries, None)
             return cast(T, entry[3])
 
         return asked
@@ -100,12 +100,12 @@ class Replay:
 
         Where the recorded run has had an exception instead, raise RecordedException.
         """
-        entry = self._front
+        entry = self.front
         while not isinstance(entry, Answered) or entry.call.startswith(GAP):
             if entry is None or isinstance(entry, RunBegins | EntriesLost):
                 self._differs(entry, _words(owner, call, args))
             self._pass(entry)
-            entry = self._front
+            entry = self.front
         if entry.call == EXCEPTION != call:
             was = f"an internal error of {entry.owner}, which was recorded"
             raise RecordedException(self._wrong(_words(owner, call, args), was).problems)
@@ -114,7 +114,7 @@ class Replay:
         return entry
 
     def _pass(self, entry: Answered | Note | BesideJournal) -> None:
-        self._front = next(self.entries, None)
+        self.front = next(self.entries, None)
         if isinstance(entry, BesideJournal):
             return
         if not isinstance(entry, Answered):
@@ -130,16 +130,15 @@ class Replay:
 
     def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
         """Return what was told in this gap or the newest before; None: nobody has asked that."""
-        while isinstance(self._front, Answered) and self._front.call.startswith(GAP):
-            found = self._front[:3] == (owner, GAP + call, args)
-            self._pass(self._front)
+        while isinstance(self.front, Answered) and self.front.call.startswith(GAP):
+            found = self.front[:3] == (owner, GAP + call, args)
+            self._pass(self.front)
             if found:
                 break
         return self._known.get((owner, call, args))
 
     def has_failed(self, part: RunPart) -> bool:
-        """Return whether an exception in this part of the run was recorded next."""
-        return type(self._front) is Answered and self._front[:3] == (part[1], EXCEPTION, part[:1])
+        return type(self.front) is Answered and self.front[:3] == (part[1], EXCEPTION, part[:1])
 
     def told(self, note: Note) -> None:
         """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
@@ -151,38 +150,33 @@ class Replay:
 
     def coming(self) -> Answered | None:
         """Return what the bench was told next, or asked; None: the journal is at its end."""
-        while (entry := self._front) is not None and not isinstance(entry, RunBegins | EntriesLost):
+        while (entry := self.front) is not None and not isinstance(entry, RunBegins | EntriesLost):
             if isinstance(entry, Answered) and not entry.call.startswith(GAP):
                 return entry
             self._pass(entry)
         return None
 
     @property
-    def front(self) -> Entry | None:
-        """Return the entry that comes next, None: the journal is at its end."""
-        return self._front
-
-    @property
     def lost(self) -> str:
         """Return what was not recorded here, "" where the journal goes on or has ended."""
-        return str(self._front) if isinstance(self._front, EntriesLost) else ""
+        return str(self.front) if isinstance(self.front, EntriesLost) else ""
 
     @property
     def is_in_the_middle(self) -> bool:
         """Return whether entries before the next one were not recorded."""
-        return isinstance(self._front, EntriesLost) and self._front.number > 0
+        return isinstance(self.front, EntriesLost) and self.front.number > 0
 
     @property
     def is_ended(self) -> bool:
         """Return whether somebody has ended the recording here, while the run went on."""
-        return isinstance(self._front, EntriesLost) and self._front.why == ENDED_HERE
+        return isinstance(self.front, EntriesLost) and self.front.why == ENDED_HERE
 
     def scans_left(self) -> int:
         """Return how many scans come after a gap, to which nothing leads; the entries are gone then."""
         return sum([type(entry) is Answered and entry.call == STEP for entry in self.entries])
 
     def end(self) -> None:
-        entry = self.coming() or self._front
+        entry = self.coming() or self.front
         if entry is not None:
             self._differs(entry, "nothing more")
 

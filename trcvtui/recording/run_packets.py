@@ -52,7 +52,6 @@ class RunPackets:
         self._scan_from = 0  # number of the first packet of this scan
 
     def tell(self, call: WireCall) -> None:
-        """Make packets of a call, when its bytes are here."""
         if call.call == RECV and not call.data and call.answer and isinstance(call.answer, int):
             self._coming = call
         else:

@@ -72,11 +72,9 @@ class SeamRecorder:
         self.is_off = False
 
     def end(self) -> None:
-        """Keep nothing any more."""
         self.is_off = self._is_inside = True
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Do it and keep the answer."""
         if self._is_inside:
             return do()
         self._is_inside = True
@@ -92,7 +90,6 @@ class SeamRecorder:
     def call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return what does this call and keeps its answer."""
         assert do is not None
         keep, in_gap = self._keep, GAP + name
 
@@ -118,7 +115,6 @@ class SeamRecorder:
     def wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
-        """Keep a call of the PLC's at the wire, with the time of now."""
         if self.is_off:
             return
         at = self._step + self.clock() - self._stepped
@@ -399,13 +395,11 @@ class SeamPort:
         return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
 
     def read(self, most: int) -> bytes | Fault:
-        """Return the bytes that have come."""
         got = self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
         self._seam.wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
         return got
 
     def write(self, payload: bytes) -> int | Fault:
-        """Hand bytes over."""
         args = len(payload), zlib.crc32(payload)
         taken = self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
         data = payload[:taken] if isinstance(taken, int) else b""
@@ -416,12 +410,10 @@ class SeamPort:
         self._seam.ask(self._owner, "port close", (), lambda: self._inner.close())
 
     def arrive(self, payload: bytes) -> bool:
-        """Let bytes come over a simulated line."""
         args = len(payload), zlib.crc32(payload)
         return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.arrive(payload))
 
     def line_errors(self) -> LineErrors | None:
-        """Return what the driver has counted."""
         counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
         self._seam.wire(self._owner, "port errors", 0, (), counted, b"")
         return counted
@@ -438,7 +430,6 @@ class SeamWork(ScanBudget):
         return self._seam.ask(party.owner, "grant", (party.what,), lambda: ScanBudget.grant(self, party))
 
     def wait(self, party: BudgetShare, partner: str, what: EventKind) -> None:
-        """Keep a share of the next scan for a party."""
         self._seam.ask(
             party.owner, "wait", (partner, what), lambda: ScanBudget.wait(self, party, partner, what)
         )

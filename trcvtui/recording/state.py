@@ -24,18 +24,9 @@ PACKAGE: Final = __name__.partition(".")[0]
 MAY_HOLD: Final = tuple(  # modules whose classes and functions a state may name
     f"{PACKAGE}.{name}"
     for name in (
-        *("bench", "blocks", "commands", "dialects", "history", "net.connection"),
-        *(
-            "net.events",
-            "net.faults",
-            "net.kernel",
-            "net.layer",
-            "net.layers",
-            "net.results",
-            "net.serial_line",
-            "net.sim",
-        ),
-        *("files", "plc", "project", "recording.journal", "recording.replay", "recording.seam"),
+        *("bench", "blocks", "commands", "dialects", "files", "history", "net.connection", "net.events"),
+        *("net.faults", "net.kernel", "net.layer", "net.layers", "net.results", "net.serial_line"),
+        *("net.sim", "plc", "project", "recording.journal", "recording.replay", "recording.seam"),
         *("replay", "scenario.scenario", "udt"),
     )
 )

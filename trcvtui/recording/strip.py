@@ -39,7 +39,6 @@ class LeaveOut:
 
 
 def dissector() -> str:
-    """Return the Lua that shows the journal in Wireshark."""
     return Path(__file__).with_name(DISSECTOR).read_text(encoding="utf-8")
 
 

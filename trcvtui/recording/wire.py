@@ -73,7 +73,6 @@ class Flow:
         self.ended_in = -9  # the scan of its FIN or RST
 
     def tell(self, data: bytes) -> None:
-        """Note bytes that have a packet now."""
         self.told += len(data)
         self.whole = max(self.whole, self.told)
         self.tail += data
@@ -170,7 +169,6 @@ class WirePackets:
         }
 
     def of(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield the packets of one call, none for most."""
         made = self._at.get(call.call)
         return made(call) if made else iter(())
 

@@ -44,7 +44,6 @@ class AnswerOnItsWay:
 
 
 def newest_in(path: Path) -> list[str]:
-    """Return the file, of a folder of numbered ones the newest."""
     files = [path] if not path.is_dir() else sorted(path.glob(f"*{SUFFIX}"), key=os.path.getmtime)
     return [str(file) for file in files[-1:]]
 
@@ -60,14 +59,12 @@ class ProcessJudge:
         return self._answer is not None
 
     def go_on(self) -> None:
-        """Find out whether it has ended, or how far it is."""
         if self._answer is not None:
             content, self.progress = self._answer.go_on(), self._answer.progress
             if content is not None:
                 self.judged, self._answer = content, None
 
     def close(self) -> None:
-        """Let it look no more."""
         if self._answer is not None:
             self._answer.close()
 

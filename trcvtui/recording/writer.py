@@ -74,7 +74,6 @@ class WriterProcess:
 
     @property
     def is_behind(self) -> bool:
-        """Return whether something waits for the pipe."""
         return bool(self._waiting)
 
     def take(self, entries: Iterable[Entry]) -> None:
@@ -143,7 +142,6 @@ class WriterProcess:
             self._lose_writer()
 
     def post(self) -> None:
-        """Let the entries up to here cross as one block."""
         block, self._block = self._block.block(), BlockWriter(0)
         self._append(block)
 
@@ -167,7 +165,6 @@ class WriterProcess:
             self.trouble = str(_refusal(said, self.path))
 
     def kill(self) -> None:
-        """End the process, whatever it does."""
         self._process.kill()
         if not self._answers.closed:
             self._end()

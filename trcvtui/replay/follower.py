@@ -202,7 +202,6 @@ class LastKeyframe:
         """Do nothing: the run beside it takes them."""
 
     def keyframe(self, frame: Keyframe) -> None:
-        """Keep it in place of the one before."""
         self._frame = frame
 
     def close(self) -> None:
@@ -227,5 +226,4 @@ def writer_main(path: str, asked: str) -> None:
 
 
 def state_main(path: str, asked: str) -> None:
-    """Be a process that writes the last state of a run."""
     write_all(asked, lambda _: _ToTheEnd(LastKeyframe(path), path), path)

@@ -17,7 +17,7 @@ from trcvtui.recording.journal import STEP, Answered, Entry, Keyframe, RunBegins
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.recording.replay import Replay
 from trcvtui.recording.state import NOTHING_ELSE, Instead, Shared, from_state, state_of
-from trcvtui.replay.run_again import ReplayRun, Roots, declared
+from trcvtui.replay.run_again import ReplayRun, declared
 
 OtherRun = TypeVar("OtherRun", bound=ReplayRun)
 SPACING: Final = 2_000  # scans from one to the next, at first
@@ -86,10 +86,8 @@ class Keyframes:
         first = Replay(journal.entries(), where)
         if first.begins is None:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
-        self._roots = (
-            declared(first.begins, first.files) if project is None else (first.begins, None, project)
-        )
-        self._shared = Shared(self._roots)
+        self.roots = declared(first.begins, first.files) if project is None else (first.begins, None, project)
+        self._shared = Shared(self.roots)
         self._scans: list[int] = []
         self._kept: list[Keyframe] = []
         self._size = 0
@@ -101,10 +99,6 @@ class Keyframes:
             frame = journal.keyframe(self._places[0])
             self.first = frame.scan
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
-
-    @property
-    def roots(self) -> Roots:
-        return self._roots
 
     def begin(self) -> ReplayRun:
         """Return the run before its first scan, or at the first keyframe of a file without that."""
@@ -158,7 +152,7 @@ class Keyframes:
         Raise UserError where none fits.
         """
         if not scan:
-            return ReplayRun(EntriesFrom(self._journal), self._where, roots=self._roots)
+            return ReplayRun(EntriesFrom(self._journal), self._where, roots=self.roots)
         if scan in self._scans:
             return self._run_from(self._kept[self._scans.index(scan)])
         at = [place.scans for place in self._places].index(scan)

@@ -231,7 +231,6 @@ class ReplayedPartners(Replay):
         return None
 
     def note_guess(self, why: WhyGuess) -> None:
-        """Note that the answer is a guess from this scan on."""
         if self.guess_from is None:
             self.guess_from, self.guess_why = max(self.scan, 1), why
 

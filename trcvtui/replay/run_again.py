@@ -61,12 +61,7 @@ class ReplayRun:
     """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
 
     def __init__(
-        self,
-        entries: Iterator[Entry],
-        where: str,
-        replay: Replay | None = None,
-        sets: Sequence[str] = (),
-        roots: Roots | None = None,
+        self, entries: Iterator[Entry], where: str, replay: Replay | None = None, roots: Roots | None = None
     ) -> None:
         self.replay = replay or Replay(entries, where)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
@@ -79,19 +74,15 @@ class ReplayRun:
         if begins is None or begins.kernel not in KERNELS:
             raise mistake(where, "a journal without its beginning", "one that begins with a run")
         self.begins = begins
-        self.roots = roots or declared(begins, self.replay.files, sets)
+        self.roots = roots or declared(begins, self.replay.files)
         _, self.scenario, project = self.roots
-        self.bench = Bench(self.project_to_run(project), begins.kernel, self.replay)
+        self.bench = Bench(project, begins.kernel, self.replay)
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a keyframe keeps: the file that has it may get another name."""
         return self.__dict__ | {"where": ""}
 
-    def project_to_run(self, project: Project) -> Project:
-        return project
-
     def take_lines(self) -> list[str]:
-        """Return what the bench was told since this was asked."""
         lines = [*self._lines]
         self._lines.clear()
         return lines
@@ -164,7 +155,6 @@ class ReplayRun:
             self.act(command)
 
     def act(self, command: BenchCommand) -> None:
-        """Carry out a command."""
         self.bench.do(command)
 
     def differs(self) -> UserError:

@@ -72,7 +72,6 @@ class Survey:
 
     @property
     def last(self) -> int:
-        """Return the last scan that was seen."""
         return self._scans[-1] if self._scans else self.first
 
     def time_of(self, scan: int) -> int:
@@ -97,7 +96,6 @@ class Survey:
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
     def notes_before(self, scan: int) -> list[str]:
-        """Return the last notes up to a scan."""
         before = bisect_right(self._notes, scan, key=lambda note: note[0])
         return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
 

@@ -48,7 +48,6 @@ class WhatIfRun:
         self._seen: tuple[JobHistory, WaveformRecorder] | None = None
 
     def go_on(self, until: int) -> None:
-        """Let scans of both runs pass, until this moment."""
         while not self.is_over and clock.now_ns() < until:
             history, _ = self._looking_on()
             self.is_over = not self.run.scan()
@@ -96,7 +95,6 @@ class ReplayController(Controller):
 
     @property
     def at(self) -> int:
-        """Return the scan at which it stands, 0 before the first one."""
         return self.bench.runtime.scans
 
     @property
@@ -115,13 +113,11 @@ class ReplayController(Controller):
         return passed
 
     def disarm(self) -> None:
-        """Wait for no trigger any more."""
         self.fired = ""
         if self._trigger_watch.is_armed:
             self._trigger_watch.arm("off", "")
 
     def follow(self, before: Controller) -> None:
-        """Take the place of another bench on the screen."""
         self._answers.extend(before._answers)
         self._bench_number = before._bench_number + 1
         self._project_number = before._project_number + 1
@@ -196,7 +192,6 @@ class TimeLine:
     # -- lines -----------------------------------------------------------------------------------------
 
     def take(self, number: int, line: str) -> None:
-        """Carry out a line of the screen."""
         self._note = ""
         self.controller.take(number, line)
         if line.startswith("trigger ") and self.controller.armed:
@@ -292,7 +287,6 @@ class TimeLine:
 
     @property
     def plays(self) -> bool:
-        """Return whether the clock moves it."""
         return self._since is not None
 
     def _goal(self) -> int:
@@ -378,7 +372,6 @@ class TimeLine:
         return has_moved
 
     def close(self) -> None:
-        """Let the doctor look no more."""
         if self._judge is not None:
             self._judge.close()
 

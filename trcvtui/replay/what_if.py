@@ -85,7 +85,6 @@ def _paths(sets: Sequence[str]) -> list[list[str]]:
 
 
 def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
-    """Return the inputs that are held: instance and pin."""
     return frozenset((path[1], path[2]) for path in _paths(sets) if path[0] == "instance")
 
 
@@ -140,7 +139,7 @@ class WhatIf:
         self, keyframes: Keyframes, sets: Sequence[str], dialect: str | None, change: Change | None = None
     ) -> None:
         self._keyframes, self._sets = keyframes, tuple(sets)
-        self._recorded = recorded = keyframes.begin()
+        self.recorded_run = recorded = keyframes.begin()
         recorded.take_lines()  # a keyframe may have some that were told long before
         self._where = recorded.where
         if recorded.replay.is_in_the_middle:
@@ -175,7 +174,7 @@ class WhatIf:
             path = text.partition("=")[0].strip()
             if is_played(path.split(".")):
                 continue
-            begins = self._recorded.begins
+            begins = self.recorded_run.begins
             expected = "inputs of instances, data, a task's interval and priority, options, --dialect"
             if begins.is_scenario and begins.kernel == "sim":
                 expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
@@ -188,7 +187,7 @@ class WhatIf:
             return (begins, None, made), [*told]
         notes: list[str] = []
         if self._sets:
-            begins, scenario, project = declared(begins, self._recorded.replay.files, self._sets)
+            begins, scenario, project = declared(begins, self.recorded_run.replay.files, self._sets)
         if dialect is not None:
             project, told = in_dialect(project, dialect_named(dialect))
             notes += told
@@ -219,7 +218,6 @@ class WhatIf:
 
     @property
     def pins(self) -> frozenset[tuple[str, str]]:
-        """Return the inputs that are held: instance and pin."""
         return pins_of(self._sets)
 
     @property
@@ -227,12 +225,8 @@ class WhatIf:
         return self._changed[2]
 
     @property
-    def recorded_run(self) -> ReplayRun:
-        return self._recorded
-
-    @property
     def recorded(self) -> Bench:
-        return self._recorded.bench
+        return self.recorded_run.bench
 
     @property
     def what_if(self) -> Bench:
@@ -311,11 +305,11 @@ class WhatIf:
 
     def _go_first(self) -> bool:
         try:
-            if self._recorded.scan():
+            if self.recorded_run.scan():
                 self._told.go_on()
-                self._lines = self._recorded.take_lines()
+                self._lines = self.recorded_run.take_lines()
                 return True
-            self.trouble = "" if self._recorded.is_whole else str(self._recorded.differs())
+            self.trouble = "" if self.recorded_run.is_whole else str(self.recorded_run.differs())
         except UserError as wrong:
             self.trouble = str(wrong)
         return False

@@ -49,7 +49,6 @@ class RecordedPace:
         self._inner, self._recorder = inner, recorder
 
     def next_scan(self, bench: Bench) -> None:
-        """Let one scan pass, and hand over what it brought."""
         self._inner.next_scan(bench)
         self._recorder.gap(bench)
 

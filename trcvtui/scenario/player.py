@@ -54,12 +54,10 @@ class Player:
         return self._current == len(self._steps) or self._stage.is_over
 
     def tried(self) -> TrialSnapshot | None:
-        """Return the table of the last `try-splits`."""
         return self._stage.trial.snapshot() if self._stage.trial is not None else None
 
     @property
     def wants_scan(self) -> bool:
-        """Return whether the step under way waits for a scan to pass."""
         return self._under_way is not None
 
     def step(self) -> None:
@@ -71,7 +69,6 @@ class Player:
             self._go_on()
 
     def run(self) -> None:
-        """Take all steps that are left."""
         self.is_to_end, self._wanted = True, 0
         if self._under_way is None:
             self._go_on()

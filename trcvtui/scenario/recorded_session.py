@@ -75,7 +75,6 @@ class Seen:
         self._count = 0
 
     def add(self, scan: Scan) -> None:
-        """Append one called scan."""
         if scan == self._scan:
             self._long.add(self._count)
             return
@@ -87,7 +86,6 @@ class Seen:
 
     @property
     def is_full(self) -> bool:
-        """Return whether of what comes only the newest runs count."""
         return self._count > FIRST_RUNS
 
     def lose(self) -> None:
@@ -264,7 +262,6 @@ class Session:
 
     @property
     def is_overfull(self) -> bool:
-        """Return whether there were more commands than are kept."""
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
     def _new(self, instance: str) -> _Shown:

@@ -31,11 +31,10 @@ Write = Callable[[str], object]
 LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
 WHOLE: Final = "the scenario runs to its end"
 NOT_REACHED: Final = "not reached: a wait before it failed"
-OUTCOMES: Final = ("failure", "error", "skipped")
 
 
 class Case(Struct, frozen=True):
-    """One test case. `outcome` is "" or one of OUTCOMES; `kind`, `message` and `text` tell it."""
+    """One test case. `outcome` is "", failure, error or skipped; `kind`, `message` and `text` tell it."""
 
     name: str
     ns: int = 0
@@ -55,11 +54,9 @@ class Suite(Struct, frozen=True):
 
     @property
     def ns(self) -> int:
-        """Return how long the scenario ran."""
         return sum(case.ns for case in self.cases)
 
     def count(self, outcome: str) -> int:
-        """Return how many cases ended so."""
         return sum(case.outcome == outcome for case in self.cases)
 
 
@@ -106,7 +103,6 @@ class Junit(Report):
         self._suites.append(suite)
 
     def wrong(self, path: Path, error: UserError) -> None:
-        """Add one case with an error that holds the lines."""
         lines = error.lines()
         case = Case("the file can be run", 0, "error", "file", lines[0], "\n".join(lines))
         self._suites.append(Suite(str(path), path.stem, (case,)))
@@ -130,7 +126,7 @@ def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
             found = f"found: {one_line(one.failure.found)}"
             told = [f"ERROR {one_line(str(error))}" for error in one.errors]
             text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
-            yield Case(name, ns, "failure", _verb(one.step), found, text)
+            yield Case(name, ns, "failure", one.step.line.split(maxsplit=1)[0], found, text)
 
 
 def _not_reached(steps: Iterable[Step]) -> Iterator[Case]:
@@ -150,10 +146,6 @@ def _judges(step: Step) -> bool:
     command = step.command
     is_asked = isinstance(command, Doctor) and bool(command.cause)
     return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
-
-
-def _verb(step: Step) -> str:
-    return step.line.split(maxsplit=1)[0]
 
 
 def _name(step: Step) -> str:
@@ -227,7 +219,6 @@ class JsonLines(Report):
     def scan(
         self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
-        """Write one line for each instance that changed."""
         for edge in changed:
             sent = deliveries.get(edge.instance)
             self.line(scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict())
@@ -240,7 +231,6 @@ class JsonLines(Report):
         self.write({"scan": scan, **times, **record})
 
     def verdict(self, verdict: Verdict) -> None:
-        """Write the line of the scenario."""
         told = [
             {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
             for one in verdict.taken
@@ -287,7 +277,6 @@ class Text(Report):
     """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
 
     def verdict(self, verdict: Verdict) -> None:
-        """Write one line for the scenario, then its traces and its failures."""
         word = "passed" if verdict.passed else "FAILED"
         late = f", {verdict.late_scans} of them late" if verdict.late_scans else ""
         self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans{late})\n")

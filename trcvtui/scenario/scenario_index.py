@@ -51,7 +51,8 @@ def shown_by(path: Path) -> frozenset[Shown]:
     try:
         document = read_toml(path)
         lines = [line.partition(" #")[0].split() for line in _steps(document)]
-        blocks = _blocks(document, path) | _created(lines)
+        created = {words[2]: words[1] for words in lines if words[:1] == ["create"] and len(words) > 2}
+        blocks = _blocks(document, path) | created
         return frozenset((code, blocks[words[1]]) for words in lines for code in _codes(words, blocks))
     except UserError:
         return frozenset()
@@ -71,11 +72,6 @@ def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
     instances = (read_toml(path.parent / other) if isinstance(other, str) else document).get("instance")
     tables = instances if isinstance(instances, list) else []
     return {str(table.get("name")): str(table.get("block")) for table in tables if isinstance(table, Mapping)}
-
-
-def _created(lines: list[list[str]]) -> dict[str, str]:
-    """Return the block of each instance that a step such as `create TRCV_C X connect=C1` makes."""
-    return {words[2]: words[1] for words in lines if words[:1] == ["create"] and len(words) > 2}
 
 
 # -- which codes a line speaks of --------------------------------------------------------------------------

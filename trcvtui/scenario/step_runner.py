@@ -42,7 +42,6 @@ class Section(Struct, frozen=True):
         return (not self.lost or pattern.atoms[0] == ANY) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
-        """Return the scans in the notation of a pattern."""
         lost = f"{self.lost} older scans, no longer kept ({MOST_RUNS_SINCE} changes are), then "
         return lost * bool(self.lost) + collapse(self.runs)
 
@@ -142,7 +141,6 @@ class StepRunner:
                 self._do(step, command)
 
     def scanned(self) -> None:
-        """Keep what the scan that has just passed shows."""
         for edge in self.bench.runtime.called:
             self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
 

@@ -164,11 +164,9 @@ class FaultyKernel:
     # -- never made to fail ------------------------------------------------------------------------
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, loopback among them."""
         return self.inner.local_addresses()
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
         return self.inner.set_link(owner, up)
 
     def readable(self, handle: Handle) -> bool:
@@ -176,7 +174,6 @@ class FaultyKernel:
         return self.inner.readable(handle) or handle in self._held
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
         return self.inner.renew(handle)
 
     def _readable_ones(self) -> Collection[Handle]:
@@ -195,15 +192,12 @@ class FaultyKernel:
             return {handle: owners[handle] for handle in ready if handle in owners}
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; return the names of those that this system refused."""
         return self.inner.set_options(handle, options)
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
-        """Limit how long sent data may stay unacknowledged; 0 = no own limit."""
         self.inner.set_user_timeout(handle, milliseconds)
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
         return self.inner.local_end(handle)
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
@@ -211,15 +205,12 @@ class FaultyKernel:
         return self.inner.connect_result(handle)
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data."""
         return self.inner.loss(handle)
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes; no planned fault counts this."""
         return self.inner.discard(handle, most)
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait in the stack."""
         return self.inner.unread(handle)
 
     def left(self, handles: Collection[Handle]) -> list[Handle]:
@@ -229,7 +220,6 @@ class FaultyKernel:
         return self.inner.peek(handle, skip)
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, or None where the system does not say."""
         return self.inner.path(handle)
 
     # -- fail as planned -----------------------------------------------------------------------------
@@ -249,22 +239,18 @@ class FaultyKernel:
         return made
 
     def set_reuse(self, handle: Handle) -> Fault | None:
-        """Allow the address and port to be bound while old connections of it linger."""
         return self._take("set_reuse", handle) or self.inner.set_reuse(handle)
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; port 0 takes a free one."""
         return self._take("bind", handle) or self.inner.bind(handle, end)
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         return self._take("listen", handle) or self.inner.listen(handle, backlog)
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set."""
         return self._take("poll_add", handle) or self.inner.poll_add(handle)
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        """Take the handle out of the poll set."""
         return self._take("poll_del", handle) or self.inner.poll_del(handle)
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
@@ -285,11 +271,9 @@ class FaultyKernel:
         return self._take("resolve", handle) or self.inner.resolve(handle, name)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending."""
         return self._take("connect", handle) or self.inner.connect(handle, end)
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes; 0 = the partner's FIN."""
         if self.plan.active:
             fault = self._take("recv", handle)
             if fault is not None:
@@ -297,7 +281,6 @@ class FaultyKernel:
         return self.inner.recv(handle, into)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return that count."""
         if self.plan.active:
             fault = self._take("send", handle)
             if fault is not None:
@@ -305,7 +288,6 @@ class FaultyKernel:
         return self.inner.send(handle, data)
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole."""
         return self._take("send", handle) or self.inner.send_to(handle, data, end)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
@@ -358,22 +340,18 @@ class FaultyPort:
         return fault or shown
 
     def read(self, most: int) -> bytes | Fault:
-        """Return the bytes that have come."""
         return self._broken("read") or self._port.read(most)
 
     def write(self, payload: bytes) -> int | Fault:
-        """Hand bytes over."""
         return self._broken("write") or self._port.write(payload)
 
     def close(self) -> None:
         self._port.close()
 
     def arrive(self, payload: bytes) -> bool:
-        """Let bytes come over a simulated line."""
         return self._port.arrive(payload)
 
     def line_errors(self) -> LineErrors | None:
-        """Return what the driver has counted."""
         return self._port.line_errors()
 
     def _broken(self, call: str) -> Fault | None:

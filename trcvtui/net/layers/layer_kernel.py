@@ -161,7 +161,6 @@ class LayerKernel:
         return self._has_news(stream) or self.inner.readable(handle)
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
         is_gone = self.inner.renew(handle)
         stream = self._streams.get(handle)
         if stream is None or is_gone:
@@ -174,7 +173,6 @@ class LayerKernel:
         return stream.session.has_data or stream.is_over or stream.session.ended is not None
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles with news and their owners; None: look at everything."""
         seen = self._ready_inside()
         if seen is None:
             return None
@@ -240,7 +238,6 @@ class LayerKernel:
         return None
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
         return self._ends.get(handle) or self.inner.local_end(handle)
 
     def poll_add(self, handle: Handle) -> Fault | None:
@@ -270,7 +267,6 @@ class LayerKernel:
         return Accepted(got.handle, got.peer)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending."""
         fault = self.inner.connect(handle, end)
         if fault is None and handle in self._wanted:
             self._connecting[handle] = end
@@ -302,7 +298,6 @@ class LayerKernel:
     # -- data ------------------------------------------------------------------------------------------------
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes; 0 = the partner's FIN."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.recv(handle, into)
@@ -331,7 +326,6 @@ class LayerKernel:
         return self.inner.send(handle, data) if stream is None else stream.send(data)
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.loss(handle)
@@ -401,7 +395,6 @@ class LayerKernel:
         return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle: FIN, or RST when unread data is queued."""
         self._goodbye(handle)
         return None if self._forget(handle) else self.inner.close(handle)
 

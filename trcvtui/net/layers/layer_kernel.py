@@ -19,9 +19,8 @@ from trcvtui.net.kernel import (
     Accepted,
     Handle,
     Kernel,
+    KernelFront,
     KernelLoss,
-    LocalAddress,
-    PathInfo,
     SocketOptions,
 )
 from trcvtui.net.layer import LayerSettings
@@ -58,7 +57,7 @@ def nothing_known() -> Mapping[Handle, str] | None:
     return None
 
 
-class LayerKernel:
+class LayerKernel(KernelFront):
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `caught` takes an exception in a session of a CONNECT, which ends then.
@@ -75,7 +74,7 @@ class LayerKernel:
         polls: bool = True,
         work: ScanBudget | None = None,
     ) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self._work = work or ScanBudget()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
@@ -92,16 +91,6 @@ class LayerKernel:
         self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
         self._ready_inside: Callable[[], Mapping[Handle, str] | None]
         self._ready_inside = getattr(inner, "ready_handles", nothing_known)
-        # What nothing is done to goes to the kernel without a second call.
-        self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
-        self.set_link: Callable[[str, bool], str] = inner.set_link
-        self.set_user_timeout: Callable[[Handle, int], None] = inner.set_user_timeout
-        self.set_reuse: Callable[[Handle], Fault | None] = inner.set_reuse
-        self.datagram_socket: Callable[[str], Handle | Fault] = inner.datagram_socket
-        self.send_to: Callable[[Handle, memoryview, Endpoint], int | WouldBlock | Fault] = inner.send_to
-        self.resolve: Callable[[Handle, str], str | WouldBlock | Fault] = inner.resolve
-        self.path: Callable[[Handle], PathInfo | None] = inner.path
-        self.probe: Callable[[Handle], Fault | None] = inner.probe
 
     # -- what the poll saw ---------------------------------------------------------------------------------
 
@@ -245,9 +234,6 @@ class LayerKernel:
         if handle in self._ends or (handle in self._streams and handle not in self._connecting):
             return None
         return self.inner.poll_add(handle)
-
-    def poll_del(self, handle: Handle) -> Fault | None:
-        return self.inner.poll_del(handle)
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
         """Take one client whose handshake is over, or that has asked for this CONNECT."""

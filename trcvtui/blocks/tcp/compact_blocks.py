@@ -47,14 +47,6 @@ class TrcvC:
             return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
-    @property
-    def usual_job(self) -> ReceiveJob | None:
-        """Return the job of a block that calls nothing but it until an input or the connection changes."""
-        inputs = self._inputs
-        if inputs is None or not inputs.en_r or self._course.request_connects or not self._part.stands():
-            return None
-        return self.job if self.job.is_usual(inputs) else None
-
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)

@@ -105,17 +105,6 @@ class ReceiveJob:
         rival = rival_of(self._env, self.connection, self.claim)
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
-    def is_usual(self, inputs: Inputs) -> bool:
-        """Return whether the jobs to come are as the last one, and fill all of DATA from a stream."""
-        data, request = self.data, self._wish(inputs.len, inputs.adhoc)
-        return (
-            data is not None
-            and not (request.adhoc or self.adhoc or self._is_message_oriented)
-            and self.need == (request.length or data.size) == data.size == len(self.buffer)
-            and self._unfit is None
-            and fits(self._env, data, request)
-        )
-
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or when another reader lets go.
 
@@ -224,11 +213,6 @@ class ReceiveJob:
         """Return the outcome of a job that waits; the same object while nothing changes."""
         part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
         return _receiving(self.have, self.need, self.complete, part)
-
-    def outcome_at(self, have: int) -> Outcome:
-        """Return what a job that fills `need` bytes shows when it has so many of them."""
-        part = self._env.rules.receiving_part if have else Condition.RECEIVING
-        return _receiving(have, self.need, have == self.need, part)
 
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""

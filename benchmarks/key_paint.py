@@ -1,4 +1,4 @@
-"""M5: from a key to the frame that shows its effect, and what the screen costs, beside 256 instances.
+"""M5: from a key to the frame that shows its effect, and what the screen costs; 8 and 256 instances.
 
 The real program in a pseudo terminal of 200 x 50. The key goes to the next instance or to the one before, so
 that every pane shows another instance; the clock stops when the instance's name has been written both in the
@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from benchmarks.figures import Effort, Figure, percentile, spread
 from benchmarks.terminal import Terminal
 from benchmarks.traffic import project, traffic
 
-INSTANCES: Final = 256
+INSTANCES: Final = (8, 256)
 CONNECTIONS: Final = 32  # a T4 has no more: eight instances share each CONNECT
 INTERVAL_NS: Final = 10_000_000
 BESIDE: Final = (("256 B a scan", 256), ("a flood of 64 KiB jobs", 65536))
@@ -43,20 +44,22 @@ class Quiet:
 
 def measure(effort: Effort) -> Iterator[Figure]:
     """Yield key to paint, and the screen's processor time, beside steady traffic and beside a flood."""
-    for traffic_words, message in BESIDE:
+    for instances, (traffic_words, message) in product(INSTANCES, BESIDE):
+        words = f"{instances} instances, {traffic_words}"
         try:
-            yield from _beside(traffic_words, message, effort)
+            yield from _beside(words, instances, message, effort)
         except TimeoutError as failed:
-            yield Figure.missing(traffic_words, f"the screen did not answer: {failed}")
+            yield Figure.missing(words, f"the screen did not answer: {failed}")
 
 
-def _beside(words: str, message: int, effort: Effort) -> Iterator[Figure]:
+def _beside(words: str, instances: int, message: int, effort: Effort) -> Iterator[Figure]:
+    connections = min(CONNECTIONS, instances)
     with (
         tempfile.TemporaryDirectory() as folder,
-        traffic(CONNECTIONS, CONNECTIONS, message, INTERVAL_NS) as ports,
+        traffic(connections, connections, message, INTERVAL_NS) as ports,
     ):
         file, pauses = Path(folder) / "bench.toml", Path(folder) / "pauses"
-        file.write_text(project("T#10ms", ports, INSTANCES, CONNECTIONS, message))
+        file.write_text(project("T#10ms", ports, instances, connections, message))
         with Terminal([sys.executable, *map(str, (WATCHED, pauses, "run", file))]) as terminal:
             terminal.wait_for(FIRST_PICTURE)
             terminal.read_for(2.0)
@@ -66,7 +69,7 @@ def _beside(words: str, message: int, effort: Effort) -> Iterator[Figure]:
                 began = time.perf_counter()
                 for _ in range(KEYS_A_ROUND):
                     terminal.read_for(random.uniform(*PAUSE_S))
-                    key, place = (DOWN, place + 1) if place < CONNECTIONS - 1 else (UP, place - 1)
+                    key, place = (DOWN, place + 1) if place < connections - 1 else (UP, place - 1)
                     keys.append(1000 * _key(terminal, key, f"TRCV_C_{place}"))
                     if key == UP:
                         place = _home(terminal)
@@ -112,5 +115,5 @@ def _figures(words: str, keys: Sequence[float], quiet: Sequence[Quiet]) -> Itera
         ms = percentile(keys, share)
         yield Figure(f"key to paint p{100 * share:.0f}, {words}", f"{ms:.1f} ms", ms, count)
     cost, frames = spread([window.share for window in quiet]), spread([window.frames for window in quiet])
-    note = f"{frames.text(1)} pictures a second; {INSTANCES} instances, 200 x 50"
+    note = f"{frames.text(1)} pictures a second; 200 x 50"
     yield Figure.of(f"screen's share of a core, {words}", cost, note=note)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.figures import Figure
-from benchmarks.targets import WHERE_THE_TIME_GOES, Aim, Target, aim_of
+from benchmarks.targets import Aim, Target, aim_of
 
 Measured = Sequence[tuple[Target, Sequence[Figure]]]
 
@@ -20,7 +20,7 @@ INTRODUCTION: Final = """# Benchmarks
 Written by `make bench`. Every ratio is taken in short alternating slices of one run, ours against its
 reference: the median of the pairs [10th .. 90th percentile]. Only such ratios mean something on another
 machine; absolute figures stand in the notes and are no promise. Aims are no gates: what is reached is
-reported as it is. "Before": measured before the work on speed, on another machine of this kind.
+reported as it is. "Before": measured before, on a machine of this kind.
 
 An overrun is the engine's when more processor time than an interval was used from the end of the scan before
 to the end of this one, work between the scans included; with less the scan would have ended in time, had it
@@ -56,7 +56,6 @@ def markdown(facts: Sequence[str], measured: Measured, command: str) -> str:
         "Machine": "\n".join(f"* {fact}" for fact in (*facts, f"command: `{command}`")),
         "Figures": "\n".join(rows),
         "What stands in the way": "\n".join(missed) or "Every aim is reached.",
-        "Where the time goes": WHERE_THE_TIME_GOES,
     }
     return INTRODUCTION + "".join(f"\n## {title}\n\n{text}\n" for title, text in parts.items())
 

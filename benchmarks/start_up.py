@@ -10,7 +10,8 @@ import compileall
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -24,11 +25,13 @@ EMPTY_SCREEN: Final = ("ready",)
 EMPTY_APP: Final = (sys.executable, str(HERE / "empty_app.py"))
 PYTHON: Final = (sys.executable, "-c", "pass")
 TYPES: Final = str(SOURCE / "demo" / "telegram.st")
-SCENARIO: Final = HERE.parent / "configs" / "scenarios" / "baosky"
+SCENARIOS: Final = HERE.parent / "configs" / "scenarios" / "baosky"
+FIRST: Final = str(min(SCENARIOS.glob("*.toml")))
+TALKS: Final = str(SCENARIOS / "80aa-receive-fails.toml")
 COMMANDS: Final = (
-    ("status", ("status", "7006")),
+    ("status", ("status", "80C5")),
     ("udt show", ("udt", "show", TYPES, "--type", "Telegram")),
-    ("scenario", ("scenario", str(min(SCENARIO.glob("*.toml"))))),
+    ("scenario", ("scenario", FIRST)),
 )
 
 
@@ -47,7 +50,15 @@ def measure(effort: Effort) -> Iterator[Figure]:
         yield _compared("first full screen / empty Textual app", figures)
     except TimeoutError as failed:
         yield Figure.missing("first full screen", f"the screen did not open: {failed}")
-    for name, words in COMMANDS:
+    with tempfile.TemporaryDirectory() as folder:
+        capture = Path(folder) / "run.pcapng"
+        given = [str(TRCVTUI), "scenario", TALKS, "--record", str(capture)]
+        subprocess.run(given, stdout=subprocess.DEVNULL, check=True)
+        yield from _commands(effort, (*COMMANDS, ("conversations", ("conversations", str(capture)))))
+
+
+def _commands(effort: Effort, commands: Iterable[tuple[str, Sequence[str]]]) -> Iterator[Figure]:
+    for name, words in commands:
         command = [str(TRCVTUI), *words]
         _used_s(command), _used_s(PYTHON)  # warm: both have been read from the disk once
         pairs = alternate(lambda: _used_s(command), lambda: _used_s(PYTHON), 2 * effort.starts)  # noqa: B023

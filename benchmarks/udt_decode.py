@@ -54,20 +54,21 @@ def measure(effort: Effort) -> Iterator[Figure]:
             yield _quicker(name, make(layout), layout, data, effort.pairs)
     yield _page(effort.pairs)
     for argv in LARGEST:
-        yield from _large(*argv)
+        yield from _large(f"{MOST_LEAVES} leaves", f"ARRAY[1..{MOST_LEAVES // 4}] OF Point", *argv)
+    yield from _large("65535 bytes", "ARRAY[1..65535] OF BYTE", "show")
 
 
-def _large(*argv: str) -> Iterator[Figure]:
-    """Yield what a command costs for as many leaves as a type may have."""
+def _large(size: str, declared: str, *argv: str) -> Iterator[Figure]:
+    """Yield what a command costs for a type of many leaves."""
     with tempfile.TemporaryDirectory() as folder:
         source, content = Path(folder, "big.st"), Path(folder, "zeros.hex")
-        source.write_text(f"{POINT} TYPE Big : ARRAY[1..{MOST_LEAVES // 4}] OF Point; END_TYPE")
+        source.write_text(f"{POINT} TYPE Big : {declared}; END_TYPE")
         content.write_text("00" * 2 * MOST_LEAVES)
         given = [str(source), "--type", "Big", *(["@" + str(content)] if argv[0] == "decode" else [])]
         program = [sys.executable, "-c", CHILD, sys.executable, "-m", "trcvtui", "udt", argv[0]]
         ran = subprocess.run([*program, *given, *argv[1:]], capture_output=True, text=True, check=True)
     seconds, mib = map(float, ran.stdout.split())
-    case = f"udt {' '.join(argv)} of {MOST_LEAVES} leaves"
+    case = f"udt {' '.join(argv)} of {size}"
     yield Figure(f"{case}: processor time", f"{seconds:.2f} s", seconds)
     yield Figure(f"{case}: peak memory", f"{mib:.0f} MiB", mib)
 

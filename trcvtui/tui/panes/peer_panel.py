@@ -290,7 +290,8 @@ class PeerPanel(Vertical):
         if self._trial is not None:
             answers = self._view_model.answers.values()
             if any(answer.error and answer.line == self._trial_line for answer in answers):
-                self._trial.dismiss(None)  # the prompt says why
+                trial, self._trial = self._trial, None
+                trial.dismiss(None)  # the prompt says why
             else:
                 self._trial.show()
 

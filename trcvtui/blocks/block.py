@@ -18,22 +18,24 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim
 
 
-class Binding(Struct, frozen=True):
-    """What an instance is tied to. `data` None: the pin is open; `priority` is that of its task.
-
-    `address`: what stands at ADDR, which only datagrams ask for.
-    """
+class JobBinding(Struct, frozen=True, kw_only=True):
+    """What every job asks for. `data` None: the pin is open; `priority` is that of its task."""
 
     env: Environment
-    connection: Connection
     data: DataArea | None
     instance: str
     priority: int = 1
-    address: RemoteAddress | None = None
 
     def claim(self) -> Claim:
         """Return this instance's claim on one direction of its connection."""
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
+
+
+class Binding(JobBinding, frozen=True, kw_only=True):
+    """What an instance on a CONNECT is tied to; `address`: what stands at ADDR, for datagrams alone."""
+
+    connection: Connection
+    address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
         """Return the class of a block on a CONNECT: single instructions where the vendor has them."""
@@ -103,21 +105,30 @@ class JobBlock:
         self.job.detach(reason)
 
 
-class ScriptBlock:
-    """A block that moves no bytes: it shows what is in its script, one outcome a call."""
+class JoblessBlock:
+    """A block that moves no bytes."""
 
     def __init__(self) -> None:
         self.job = NoJob()
+
+    def stop(self, reason: str) -> None: ...
+
+    def detach(self, reason: str) -> None: ...
+
+
+class ScriptBlock(JoblessBlock):
+    """It shows what is in its script, one outcome a call."""
+
+    def __init__(self) -> None:
+        super().__init__()
         self._req = False
         self._script: deque[Outcome] = deque()
 
     def stop(self, reason: str) -> None:
         self._script.clear()
 
-    def detach(self, reason: str) -> None: ...
 
-
-class StoppedBlock(ScriptBlock):
+class StoppedBlock(JoblessBlock):
     """What stands in the place of a block that an internal error has stopped; it is called no more."""
 
     def call(self, inputs: Inputs) -> Outcome:

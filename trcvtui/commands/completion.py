@@ -7,6 +7,8 @@ from typing import Final
 
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.peer import VERBS as PEER_VERBS
+from trcvtui.commands.reader import may_be_fed
+from trcvtui.commands.tokens import FORMS
 from trcvtui.project.edit import fields_of, first_name, keys_of_line, kinds_named
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.keys import names_of
@@ -15,7 +17,7 @@ from trcvtui.project.project import Project
 NextWords = Callable[[list[str], Project], Iterable[str]]
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
-SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
+SEND_MODES: Final = tuple(FORMS)
 SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
 CALLS: Final = (
     "recv", "connect", "bind", "listen", "accept", "socket", "send", "shutdown", "close", "set_reuse",
@@ -119,11 +121,7 @@ def after_fault(words: list[str], project: Project) -> Iterable[str]:
 def after_feed(words: list[str], project: Project) -> Iterable[str]:
     """Offer a ComBuffer, a form of payload."""
     if len(words) == 1:
-        return [
-            buffer.name
-            for buffer in project.combuffers
-            if buffer.source in ("sim", "serial") and not buffer.line
-        ]
+        return [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
     return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
 
 

@@ -549,45 +549,33 @@ class ActsOnPeer(Protocol):
     """What the rows ask of a peer; each answers what is wrong, or ""."""
 
     @property
-    def replies(self) -> ActsOnReplies:
-        """Return what the peer answers by itself."""
+    def replies(self) -> ActsOnReplies: ...
 
-    def connect(self, now: int) -> str:
-        """Try once."""
+    def connect(self, now: int) -> str: ...
 
-    def listen(self) -> str:
-        """Open the listener."""
+    def listen(self) -> str: ...
 
-    def close(self) -> str:
-        """Send FIN."""
+    def close(self) -> str: ...
 
-    def rst(self) -> str:
-        """Send RST."""
+    def rst(self) -> str: ...
 
-    def shutdown(self) -> str:
-        """Send FIN, and go on reading."""
+    def shutdown(self) -> str: ...
 
-    def stall(self) -> str:
-        """Stop reading."""
+    def stall(self) -> str: ...
 
-    def resume(self) -> str:
-        """Read again."""
+    def resume(self) -> str: ...
 
-    def send(self, command: PeerSend, now: int) -> str:
-        """Send a message."""
+    def send(self, command: PeerSend, now: int) -> str: ...
 
-    def play(self, command: PeerPlay, now: int) -> str:
-        """Play a sequence."""
+    def play(self, command: PeerPlay, now: int) -> str: ...
 
 
 class ActsOnReplies(Protocol):
     """What the rows ask of the rules by which a peer answers."""
 
-    def add(self, rule: ReplyOn) -> str:
-        """Take one more rule."""
+    def add(self, rule: ReplyOn) -> str: ...
 
-    def remove(self, number: int, peer: str) -> str:
-        """Forget a rule, or all of them (0)."""
+    def remove(self, number: int, peer: str) -> str: ...
 
 
 class SimpleVerb(NamedTuple):

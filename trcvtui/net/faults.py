@@ -9,22 +9,14 @@ from __future__ import annotations
 import errno
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
 from msgspec import Struct, structs
 
 from trcvtui.errors import mistake
-from trcvtui.net.kernel import (
-    CALLS,
-    Accepted,
-    Handle,
-    Kernel,
-    KernelLoss,
-    LocalAddress,
-    PathInfo,
-    SocketOptions,
-)
-from trcvtui.net.results import Datagram, Endpoint, Fault, Unread, WouldBlock
+from trcvtui.net.kernel import CALLS, Accepted, Handle, Kernel, KernelFront
+from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.net.serial_line import SERIAL_CALLS, LineErrors, Opening, SerialPort
 
 # The errno of a call when the plan names none: what Linux answers.
@@ -145,39 +137,45 @@ class FaultPlan:
 
 
 NOTHING: Final[Mapping[Handle, str]] = {}
+# The calls that a planned fault only stands before, and what the plan calls them.
+STOPPED: Final = {
+    "set_reuse": "set_reuse",
+    "bind": "bind",
+    "listen": "listen",
+    "poll_add": "poll_add",
+    "poll_del": "poll_del",
+    "resolve": "resolve",  # each look is a call
+    "connect": "connect",
+    "recv": "recv",
+    "recv_from": "recv",
+    "send": "send",
+    "send_to": "send",
+    "shutdown": "shutdown",
+    "probe": "shutdown",
+}
 
 
-class FaultyKernel:
+class FaultyKernel(KernelFront):
     """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
 
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self.plan = plan
         self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._readable_ones)
-        self.poll: Callable[[], None] = inner.poll
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail
+        for name, call in STOPPED.items():
+            setattr(self, name, partial(self._stopped, call, getattr(inner, name)))
+
+    def _stopped(self, call: str, act: Callable[..., Any], handle: Handle, *more: Any, **named: Any) -> Any:
+        return (self.plan.active and self._take(call, handle)) or act(handle, *more, **named)
 
     def _take(self, call: str, handle: Handle) -> Fault | None:
-        return self.plan.take(call, self._owners.get(handle, "")) if self.plan.active else None
-
-    # -- never made to fail ------------------------------------------------------------------------
-
-    def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, loopback among them."""
-        return self.inner.local_addresses()
-
-    def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
-        return self.inner.set_link(owner, up)
+        return self.plan.take(call, self._owners.get(handle, ""))
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw something, or a client still waits after a planned fault."""
         return self.inner.readable(handle) or handle in self._held
-
-    def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
-        return self.inner.renew(handle)
 
     def _readable_ones(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
@@ -194,78 +192,17 @@ class FaultyKernel:
         except KeyError:  # a peer's handle is in the poll set, too
             return {handle: owners[handle] for handle in ready if handle in owners}
 
-    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; return the names of those that this system refused."""
-        return self.inner.set_options(handle, options)
-
-    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
-        """Limit how long sent data may stay unacknowledged; 0 = no own limit."""
-        self.inner.set_user_timeout(handle, milliseconds)
-
-    def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
-        return self.inner.local_end(handle)
-
-    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return the verdict of a connect that was not made to fail."""
-        return self.inner.connect_result(handle)
-
-    def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data."""
-        return self.inner.loss(handle)
-
-    def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes; no planned fault counts this."""
-        return self.inner.discard(handle, most)
-
-    def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait in the stack."""
-        return self.inner.unread(handle)
-
-    def left(self, handles: Collection[Handle]) -> list[Handle]:
-        return self.inner.left(handles)
-
-    def peek(self, handle: Handle, skip: int) -> Unread:
-        return self.inner.peek(handle, skip)
-
-    def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, or None where the system does not say."""
-        return self.inner.path(handle)
-
-    # -- fail as planned -----------------------------------------------------------------------------
-
     def socket(self, owner: str) -> Handle | Fault:
-        fault = self.plan.take("socket", owner)
-        made = fault or self.inner.socket(owner)
-        if not isinstance(made, Fault):
-            self._owners[made] = owner
-        return made
+        return self._made(owner, self.inner.socket)
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        fault = self.plan.take("socket", owner)
-        made = fault or self.inner.datagram_socket(owner)
+        return self._made(owner, self.inner.datagram_socket)
+
+    def _made(self, owner: str, make: Callable[[str], Handle | Fault]) -> Handle | Fault:
+        made = self.plan.take("socket", owner) or make(owner)
         if not isinstance(made, Fault):
             self._owners[made] = owner
         return made
-
-    def set_reuse(self, handle: Handle) -> Fault | None:
-        """Allow the address and port to be bound while old connections of it linger."""
-        return self._take("set_reuse", handle) or self.inner.set_reuse(handle)
-
-    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; port 0 takes a free one."""
-        return self._take("bind", handle) or self.inner.bind(handle, end)
-
-    def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        return self._take("listen", handle) or self.inner.listen(handle, backlog)
-
-    def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set."""
-        return self._take("poll_add", handle) or self.inner.poll_add(handle)
-
-    def poll_del(self, handle: Handle) -> Fault | None:
-        """Take the handle out of the poll set."""
-        return self._take("poll_del", handle) or self.inner.poll_del(handle)
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
         """Take one finished handshake; no client is no attempt, and a planned fault leaves him waiting."""
@@ -280,65 +217,21 @@ class FaultyKernel:
         self._owners[got.handle] = self._owners.get(handle, "")
         return got
 
-    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name, or WOULD_BLOCK while nobody knows it yet; each look is a call."""
-        return self._take("resolve", handle) or self.inner.resolve(handle, name)
-
-    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending."""
-        return self._take("connect", handle) or self.inner.connect(handle, end)
-
-    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes; 0 = the partner's FIN."""
-        if self.plan.active:
-            fault = self._take("recv", handle)
-            if fault is not None:
-                return fault
-        return self.inner.recv(handle, into)
-
-    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return that count."""
-        if self.plan.active:
-            fault = self._take("send", handle)
-            if fault is not None:
-                return fault
-        return self.inner.send(handle, data)
-
-    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole."""
-        return self._take("send", handle) or self.inner.send_to(handle, data, end)
-
-    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; a planned fault leaves it waiting."""
-        return self._take("recv", handle) or self.inner.recv_from(handle, into)
-
-    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN; a planned fault sends none."""
-        return self._take("shutdown", handle) or self.inner.shutdown(handle, both)
-
-    def probe(self, handle: Handle) -> Fault | None:
-        """Answer as `shutdown` would; a fault planned for shutdown hits the probe."""
-        return self._take("shutdown", handle) or self.inner.probe(handle)
-
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle, also when it is made to fail."""
-        fault = self._take("abort", handle)
-        self._forget(handle)
-        answer = self.inner.abort(handle)
-        return fault or answer
+        return self._freed("abort", handle, self.inner.abort)
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle, also when it is made to fail."""
-        fault = self._take("close", handle)
-        self._forget(handle)
-        answer = self.inner.close(handle)
-        return fault or answer
+        return self._freed("close", handle, self.inner.close)
 
-    def _forget(self, handle: Handle) -> None:
+    def _freed(self, call: str, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
+        """Free the handle, also when it is made to fail."""
+        fault = self._take(call, handle)
         self._owners.pop(handle, None)
         waiting = self._held.pop(handle, None)
         if waiting is not None:
             self.inner.abort(waiting.handle)
+        answer = free(handle)
+        return fault or answer
 
 
 class FaultyPort:
@@ -358,22 +251,18 @@ class FaultyPort:
         return fault or shown
 
     def read(self, most: int) -> bytes | Fault:
-        """Return the bytes that have come."""
         return self._broken("read") or self._port.read(most)
 
     def write(self, payload: bytes) -> int | Fault:
-        """Hand bytes over."""
         return self._broken("write") or self._port.write(payload)
 
     def close(self) -> None:
         self._port.close()
 
     def arrive(self, payload: bytes) -> bool:
-        """Let bytes come over a simulated line."""
         return self._port.arrive(payload)
 
     def line_errors(self) -> LineErrors | None:
-        """Return what the driver has counted."""
         return self._port.line_errors()
 
     def _broken(self, call: str) -> Fault | None:

@@ -9,7 +9,7 @@ The facts that every kernel must share are the contract suite tests/net/contract
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Final, NewType, Protocol
+from typing import Any, Final, NewType, Protocol
 
 from msgspec import Struct
 
@@ -234,3 +234,16 @@ class Kernel(Protocol):
     def close(self, handle: Handle) -> Fault | None:
         """Free the handle: FIN, or RST when unread data is queued. Frees it even when it answers a Fault."""
         ...
+
+
+_Passed: Any = object  # for mypy: a front has every call of a Kernel
+
+
+class KernelFront(_Passed):  # type: ignore[misc]
+    """A kernel in front of a kernel: a call that it does not define goes there, without a second call."""
+
+    def __init__(self, inner: Kernel) -> None:
+        self.inner = inner
+        for name in vars(Kernel):
+            if not name.startswith("_") and not hasattr(type(self), name):
+                setattr(self, name, getattr(inner, name))

@@ -80,7 +80,6 @@ class SimSerialPort:
         self.is_open = True
 
     def read(self, most: int) -> bytes:
-        """Return the bytes that have come."""
         got = bytes(self._waiting[:most])
         del self._waiting[:most]
         return got
@@ -93,7 +92,6 @@ class SimSerialPort:
         self._waiting.clear()
 
     def arrive(self, payload: bytes) -> bool:
-        """Let bytes come."""
         if self.is_open:
             self._waiting += payload[: SIMULATED_LINE_BYTES - len(self._waiting)]
         return True

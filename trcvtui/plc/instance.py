@@ -12,8 +12,6 @@ from trcvtui.blocks.pins import Inputs, PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import Reception
 from trcvtui.blocks.table import block_row
-from trcvtui.blocks.tcp.compact_blocks import TrcvC
-from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.containment import INTERNAL_ERROR
 from trcvtui.plc.ledger import InputEdge, Outputs, StatusEdge
@@ -141,14 +139,6 @@ class Instance:
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
         return self.take(Outcome(Condition.INTERNAL_FAULT, Cause(Why.INTERNAL, INTERNAL_ERROR, detail=why)))
-
-    @property
-    def usual_job(self) -> ReceiveJob | None:
-        """Return the job that each call goes on with, as long as no input and no connection changes."""
-        if self._stream is not None or self._pulsed or self._fading or self._blinking:
-            return None
-        block = self._block
-        return block.usual_job if isinstance(block, TrcvC) and self._frozen is not None else None
 
     def _would_read(self, waits: bool) -> bool:
         pins = self.inputs | dict.fromkeys(self._blinking, True)

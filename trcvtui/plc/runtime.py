@@ -161,13 +161,14 @@ class Runtime:
     def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding | SerialBinding:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
-        called = decl.name, task.priority if task else 1
+        priority = task.priority if task else 1
         if block_row(decl.block).on_buffer:
-            return self._lines.binding(self._env, decl, self._data, called[1])
+            return self._lines.binding(self._env, decl, self._data, priority)
+        common: dict[str, Any] = {"env": self._env, "data": data, "instance": decl.name, "priority": priority}
         addr = self._addrs[decl.addr] if decl.addr is not None else None
         if addr is not None and decl.on_config:
-            return UdpBinding(self._env, self._ports[decl.connect], addr, data, *called)
-        return Binding(self._env, self._connections[decl.connect], data, *called, address=addr)
+            return UdpBinding(**common, port=self._ports[decl.connect], address=addr)
+        return Binding(**common, connection=self._connections[decl.connect], address=addr)
 
     def _new_call_order(self) -> CallOrder:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""

@@ -62,7 +62,8 @@ class Net:
 
     def inside(self, handle: Handle) -> int:
         """Return how many bytes a session holds itself."""
-        return self.kernel.unread(handle) - self.faulty.unread(handle)
+        below: int = self.faulty.unread(handle)
+        return self.kernel.unread(handle) - below
 
 
 class IsoBench(Bench):

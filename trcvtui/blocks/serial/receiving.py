@@ -7,7 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import NoJob
+from trcvtui.blocks.block import JobBlock, JoblessBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
@@ -81,7 +81,7 @@ class Reception:
         received = self._buffer.look()
         if self._buffer.ends != self._ends:
             self._ends = self._buffer.ends
-            self.drop(self._buffer.end_reason)
+            self.abandon(self._buffer.end_reason)
             self._idle = self._idle if self._idle.condition is not Condition.FRAME_PART else AWAITED
         if self.framer.differs(framing) or (self.framer.busy and target != self._target):
             return self.refuse(
@@ -100,22 +100,24 @@ class Reception:
 
     def reset(self) -> Outcome:
         """Throw the part away; the ComBuffer keeps its bytes."""
-        self.drop("Reset")
+        self.abandon("Reset")
         self._idle = AWAITED
         return RESET
 
     def refuse(self, condition: Condition, cause: Cause) -> Outcome:
         """End the part with an error."""
-        self.drop(cause.name)
+        self.abandon(cause.name)
         if (self._idle.condition, self._idle.cause) != (condition, cause):
             self._idle = Outcome(condition, cause)
         return self._idle
 
-    def drop(self, reason: str) -> None:
+    def abandon(self, reason: str) -> None:
         """Throw the part away, and tell the ledger."""
         part = self.framer.drop()
         if part:
             self._note_dropped(part, reason)
+
+    detach = abandon
 
     def _waiting(self) -> Outcome:
         if self.framer.busy:
@@ -158,7 +160,7 @@ class Reception:
 MILLISECOND = 1_000_000
 
 
-class ReceiveData:
+class ReceiveData(JobBlock):
     """One ReceiveData instance."""
 
     def __init__(self, bound: SerialBinding) -> None:
@@ -180,13 +182,6 @@ class ReceiveData:
             inputs.timeout * MILLISECOND,
         )
         return self.job.call(framing, self._data.shape)
-
-    def stop(self, reason: str) -> None:
-        """Throw the part of a frame away."""
-        self.job.drop(reason)
-
-    def detach(self, reason: str) -> None:
-        self.job.drop(reason)
 
     def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
         """Return the first of errors 21, 22 and 20 that the inputs have."""
@@ -226,7 +221,7 @@ TEXTS: Final = {
 }
 
 
-class ReceiveString:
+class ReceiveString(JobBlock):
     """One ReceiveString instance."""
 
     longest = 80
@@ -245,13 +240,6 @@ class ReceiveString:
         timeout = inputs.timeout * MILLISECOND
         framing = Framing(longest, text_of(self._prefix), text_of(self._suffix), timeout, text=True)
         return self.job.call(framing, self._data.shape)
-
-    def stop(self, reason: str) -> None:
-        """Throw the part of a text away."""
-        self.job.drop(reason)
-
-    def detach(self, reason: str) -> None:
-        self.job.drop(reason)
 
     def _deliver(self, content: bytes) -> None:
         assert self._data is not None
@@ -273,11 +261,11 @@ EMPTY: Final = Cause(Why.WAITING, "no byte waits")
 TAKEN: Final = Cause(Why.BYTES, "a byte was taken", have=1, need=1)
 
 
-class ReceiveByte:
+class ReceiveByte(JoblessBlock):
     """One ReceiveByte instance; ReceivedByte keeps its value until the next byte."""
 
     def __init__(self, bound: SerialBinding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._buffer = bound.buffer
         self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY)
 
@@ -287,9 +275,3 @@ class ReceiveByte:
         byte = self._buffer.take(1)[0]
         self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY, byte=byte)
         return Outcome(Condition.FRAME_RECEIVED, TAKEN, lamp=Lamp.DONE, byte=byte)
-
-    def stop(self, reason: str) -> None:
-        """Nothing runs."""
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance."""

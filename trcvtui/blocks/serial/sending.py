@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.block import NoJob
+from trcvtui.blocks.block import JoblessBlock, NoJob
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
@@ -17,15 +17,10 @@ from trcvtui.blocks.serial.receiving import text_of
 NOT_CALLED: Final = Cause(Why.INPUT, "EN is 0", pin="EN", value=0)
 
 
-class Sending:
+class Sending(NoJob):
     """What the three have in common; `have` of `need` bytes are in the ComBuffer."""
 
-    adhoc = False
-
     def __init__(self, bound: SerialBinding) -> None:
-        self.running = False
-        self.have = self.need = 0
-        self.last_bytes: int | None = None
         self._env = bound.env
         self._buffer = bound.buffer
         self._data = bound.data
@@ -36,22 +31,16 @@ class Sending:
     def job(self) -> Sending:
         return self
 
-    def partial(self) -> bytes:
-        """Return nothing: the bytes are in the ComBuffer."""
-        return b""
-
     def call(self, inputs: Inputs) -> Outcome:
         if not inputs.en:
             return self._idle
         return self._keep(self._send(inputs))
 
     def stop(self, reason: str) -> None:
-        """Forget the rest."""
+        """Forget the rest; what is in the ComBuffer goes its way."""
         self.running = False
 
-    def detach(self, reason: str) -> None:
-        """Detach the instance; what is in the ComBuffer goes its way."""
-        self.running = False
+    detach = stop
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
         """Return the bytes, or what is wrong with the inputs."""
@@ -122,11 +111,11 @@ IDLE: Final = Outcome(Condition.NO_JOB, NOT_CALLED)
 EMPTIED: Final = Outcome(Condition.BUFFER_EMPTY, Cause(Why.INPUT, "EN is 1", pin="EN", value=1))
 
 
-class ClearComBuffer:
+class ClearComBuffer(JoblessBlock):
     """One ClearComBuffer instance; it has no outputs."""
 
     def __init__(self, bound: SerialBinding) -> None:
-        self.job = NoJob()
+        super().__init__()
         self._buffer = bound.buffer
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -135,9 +124,3 @@ class ClearComBuffer:
             return IDLE
         self._buffer.empty(f"{type(self).__name__}")
         return EMPTIED
-
-    def stop(self, reason: str) -> None:
-        """Nothing runs."""
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance."""

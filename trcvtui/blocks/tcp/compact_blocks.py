@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import Binding, JobBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import NEXT_REQ, Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
@@ -16,7 +16,7 @@ from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss
 
 
-class TrcvC:
+class TrcvC(JobBlock):
     """One TRCV_C instance."""
 
     def __init__(self, bound: Binding) -> None:
@@ -47,14 +47,6 @@ class TrcvC:
             return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
-    @property
-    def usual_job(self) -> ReceiveJob | None:
-        """Return the job of a block that calls nothing but it until an input or the connection changes."""
-        inputs = self._inputs
-        if inputs is None or not inputs.en_r or self._course.request_connects or not self._part.stands():
-            return None
-        return self.job if self.job.is_usual(inputs) else None
-
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
@@ -67,14 +59,9 @@ class TrcvC:
         waits = self._begins or self._part.phase is not Phase.CONNECTED
         return self._goes_on(inputs) and (self.job.running or waits)
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._part.detach()
-        self.job.detach(reason)
+        super().detach(reason)
 
     def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
@@ -125,7 +112,7 @@ class TrcvC:
 EN_R_IS_0 = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
 
 
-class TsendC:
+class TsendC(JobBlock):
     """One TSEND_C instance."""
 
     def __init__(self, bound: Binding) -> None:
@@ -184,14 +171,9 @@ class TsendC:
     def _reset_error(self) -> Condition | None:
         return self._course.reset_ends_send if self.job.running else None
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
-
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._part.detach()
-        self.job.detach(reason)
+        super().detach(reason)
 
     # -- 80A1: asked for data, not connected -------------------------------------
 

@@ -13,11 +13,11 @@ from typing import Final
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded, JobMode, JobStarted
+from trcvtui.blocks.environment import JobMode
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import JobRequest, fits, refuse, reserve, rival_of, unfit
-from trcvtui.blocks.tcp.job_checks import changed as area_changed
+from trcvtui.blocks.tcp.jobs import IncomingJob
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
 from trcvtui.net.results import Datagram, Endpoint, WouldBlock
@@ -30,36 +30,21 @@ SOME_BYTES: Final = "bytes are missing"
 COMPLETE: Final = "the frame is complete and shows in the next scan"
 
 
-class ReceiveJob:
+class ReceiveJob(IncomingJob):
     """One instance's receive jobs, one after the other."""
 
     def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
-        self.number = 0
-        self.running = False
+        super().__init__(bound, bound.connection)
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
-        self.have = 0
-        self.need = 0
-        self.adhoc = False
         self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
-        self.last_bytes: int | None = None
-        self.claim = bound.claim()
-        self._env = bound.env
         self._area = bound.env.rules.area
-        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
-        self.data = bound.data
-        self.buffers = bound.env.resources.buffers
-        self.connection = bound.connection
-        self._connect = bound.connection.config.name
         self._is_message_oriented = bound.connection.config.is_message_oriented
         self._unfit = unfit(bound, needs_datagrams, receives=True)
         self._address = bound.address if bound.connection.config.is_datagram else None
         self._limit = bound.env.rules.max_datagram if self._address is not None else None
         self._source: Endpoint | None = None  # of the message that has come
-        self._instance = bound.instance
-        self.buffer = bytearray()
         self.view = memoryview(self.buffer)
-        self._incarnation = 0  # of the connection that the running job receives on
-        self.first_offset = self.span_offset = self.next_offset = 0  # in the received stream
+        self.span_offset = self.next_offset = 0  # in the received stream
         self._spans: list[tuple[int, int]] = []  # before the present span: offset and size
 
     # -- one scan with EN_R = 1, connected ----------------------------------------------------------
@@ -105,17 +90,6 @@ class ReceiveJob:
         rival = rival_of(self._env, self.connection, self.claim)
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
-    def is_usual(self, inputs: Inputs) -> bool:
-        """Return whether the jobs to come are as the last one, and fill all of DATA from a stream."""
-        data, request = self.data, self._wish(inputs.len, inputs.adhoc)
-        return (
-            data is not None
-            and not (request.adhoc or self.adhoc or self._is_message_oriented)
-            and self.need == (request.length or data.size) == data.size == len(self.buffer)
-            and self._unfit is None
-            and fits(self._env, data, request)
-        )
-
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or when another reader lets go.
 
@@ -140,26 +114,12 @@ class ReceiveJob:
         has_data = self.have > 0 or self.complete
         return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
 
-    def _changed(self, length: int) -> Outcome | None:
-        assert self._asked is not None and self.data is not None
-        if self._asked == (length, self.data.shape):
-            return None
-        outcome = area_changed("DATA" if self._asked[0] == length else "LEN")
-        self.abandon(outcome.cause.name)
-        return outcome
-
-    def _start(self, need: int, adhoc: bool) -> None:
-        self.number += 1
-        self.running, self.complete, self.adhoc, self.need = True, False, adhoc, need
-        if len(self.buffer) != need:
-            self.buffer = bytearray(need)
+    def _start(self, need: int, adhoc: bool = False) -> None:
+        super()._start(need, adhoc)
+        self.complete, self.adhoc = False, adhoc
         self.view = memoryview(self.buffer)
-        incarnation = self._incarnation = self.connection.incarnation
-        offset = self.first_offset = self.span_offset = self.next_offset = self.connection.bytes_received
+        self.span_offset = self.next_offset = self.first_offset
         self._spans.clear()
-        self._env.write(
-            JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
-        )
 
     def _switch(self, adhoc: bool) -> None:
         self.adhoc = adhoc
@@ -225,11 +185,6 @@ class ReceiveJob:
         part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
         return _receiving(self.have, self.need, self.complete, part)
 
-    def outcome_at(self, have: int) -> Outcome:
-        """Return what a job that fills `need` bytes shows when it has so many of them."""
-        part = self._env.rules.receiving_part if have else Condition.RECEIVING
-        return _receiving(have, self.need, have == self.need, part)
-
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
         size, data = self.have, self.data
@@ -266,28 +221,10 @@ class ReceiveJob:
             kept -= skipped
             self.connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
 
-    def let_go(self) -> None:
-        """Give the CONNECT's receive side back (EN_R fell)."""
-        self.connection.receiving.give_back(self.claim)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset."""
-        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
-        if not self.claim.is_orphan:
-            self.let_go()
-        self.abandon(reason)
-
-    def partial(self) -> bytes:
-        return bytes(self.buffer[: self.have]) if self.running else b""
-
     def _end(self, done: bool, reason: str, size: int) -> None:
-        self.buffers.release()
-        self.running = self.complete = self.claim.has_frame = False
-        self.have = self.whole = 0
-        incarnation, offset = self._incarnation, self.first_offset
-        self._env.write(
-            JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
-        )
+        self.complete = self.claim.has_frame = False
+        self.whole = 0
+        super()._end(done, reason, size)
 
 
 @lru_cache(OUTCOMES_KEPT)

@@ -13,10 +13,10 @@ from typing import Final
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import JobRequest, changed, no_target, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.job_checks import JobRequest, no_target, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.jobs import OutgoingJob
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
 from trcvtui.net.connection.connection import ConnectionLoss
@@ -27,52 +27,36 @@ from trcvtui.net.results import Fault, WouldBlock
 UNREACHED: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
 
 
-class SendJob:
+class SendJob(OutgoingJob):
     """One instance's send jobs, one after the other."""
 
-    adhoc = False
-
     def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
-        self.number = 0
-        self.running = False
-        self.have = 0  # bytes of this job that the stack has taken
-        self.need = 0
-        self.last_bytes: int | None = None
-        self.claim = bound.claim()
-        self._env = bound.env
+        super().__init__(bound, bound.connection, bound.connection.sending)
         self._must_stay = bound.env.rules.area.must_stay
-        self._shape: tuple[str, int] | None = None  # of DATA when the job began
-        self._data = bound.data
-        self._buffers = bound.env.resources.buffers
-        self._connection = bound.connection
-        self._connect = bound.connection.config.name
         self._needs_len = needs_datagrams and bound.env.rules.area.datagram_needs_len
         self._unfit = unfit(bound, needs_datagrams)
         self._address = bound.address
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
-        self._instance = bound.instance
         self._unsent = memoryview(b"")
         self._refusal = FULL  # what the stack said when it took nothing
-        self._incarnation = 0
-        self._first_offset = 0
 
     # -- one scan, connected ------------------------------------------------------------------------
 
     def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
         """Start a job in the scan of the edge and send at once."""
-        loss = self._connection.look_before_sending()
+        loss = self.connection.look_before_sending()
         if loss is not None:
             return loss
         if (wrong := self._wrong_way()) is not None:
             return wrong
-        sending = self._connection.sending
-        refused = refuse(self._env, self._data, self._wish(inputs.len), sending, self.claim, self._connect)
+        request = self._wish(inputs.len)
+        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
-            sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
+            self.let_go()  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
-        assert self._data is not None
-        self._shape = self._data.shape
-        self._start(bytes(self._data.content[: inputs.len or self._data.size]))
+        assert self.data is not None
+        self._asked = inputs.len, self.data.shape
+        self._start(bytes(self.data.content[: inputs.len or self.data.size]))
         ended = self._push()
         if ended is not None:
             return ended
@@ -83,24 +67,22 @@ class SendJob:
         return _sending(self.have, self.need)
 
     def _wish(self, length: int) -> JobRequest:
-        least = self._data.text_lens.sent if self._data is not None else 0
-        rival = rival_of(self._env, self._connection, self.claim)
+        least = self.data.text_lens.sent if self.data is not None else 0
+        rival = rival_of(self._env, self.connection, self.claim)
         return JobRequest(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the send side for the job that begins in the next call; False: it would be refused."""
         request = self._wish(inputs.len)
         return self._wrong_way() is None and reserve(
-            self._env, self._data, request, self._connection.sending, self.claim
+            self._env, self.data, request, self._direction, self.claim
         )
 
     def go_on(self) -> Outcome | ConnectionLoss:
         """Send what is left; end the job when the stack has it all."""
-        if self._must_stay and self._data is not None and self._data.shape != self._shape:
-            outcome = changed("DATA")
-            self.abandon(outcome.cause.name)
-            return outcome
-        ended: Outcome | ConnectionLoss | None = self._connection.look_before_sending()
+        if self._must_stay and (moved := self._changed()) is not None:
+            return moved
+        ended: Outcome | ConnectionLoss | None = self.connection.look_before_sending()
         if ended is None and self._unsent:
             ended = self._push()
         if ended is not None:
@@ -111,17 +93,11 @@ class SendJob:
         return _sent(self.need)
 
     def _start(self, payload: bytes) -> None:
-        self.number += 1
-        self.running, self.have, self.need = True, 0, len(payload)
+        super()._start(payload)
         self._unsent = memoryview(payload)
-        incarnation = self._incarnation = self._connection.incarnation
-        offset = self._first_offset = self._connection.bytes_sent
-        self._env.write(
-            SendStarted(self._instance, self.number, self._connect, incarnation, offset, self.need)
-        )
 
     def _wrong_way(self) -> Outcome | None:
-        is_datagram = self._connection.config.is_datagram
+        is_datagram = self.connection.config.is_datagram
         return self._unfit or (no_target(self._address) if is_datagram and self._address else None)
 
     def _push(self) -> Outcome | ConnectionLoss | None:
@@ -141,24 +117,24 @@ class SendJob:
         return got
 
     def _full(self) -> Outcome:
-        blames = not self._refusal.injected and not self._connection.config.is_datagram
+        blames = not self._refusal.injected and not self.connection.config.is_datagram
         name = "the stack takes no byte: the partner does not read" if blames else "the stack takes no byte"
         cause = full_cause(self._refusal, name, self.need, self._peer())
         return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
     def _peer(self) -> str:
-        if self._address is not None and isinstance(self._connection, UdpEndpoint):
-            return self._connection.where(self._address)
-        return str(self._connection.peer or "")
+        if self._address is not None and isinstance(self.connection, UdpEndpoint):
+            return self.connection.where(self._address)
+        return str(self.connection.peer or "")
 
     def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
-        if self._address is not None and isinstance(self._connection, UdpEndpoint):
-            return self._connection.send_to(self._unsent, self._address, self._instance)
-        return self._connection.send(self._unsent, self._instance)
+        if self._address is not None and isinstance(self.connection, UdpEndpoint):
+            return self.connection.send_to(self._unsent, self._address, self._instance)
+        return self.connection.send(self._unsent, self._instance)
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""
-        return self._connection.check_loss()
+        return self.connection.check_loss()
 
     def show_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
@@ -167,34 +143,9 @@ class SendJob:
         self.abandon("connection lost")
         return outcomes
 
-    def abandon(self, reason: str) -> None:
-        """End a running job without DONE; what the stack has not taken is dropped, never sent later."""
-        if self.running:
-            self._end(done=False, reason=reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset."""
-        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
-        self.abandon(reason)
-        if not self.claim.is_orphan:
-            self._connection.sending.give_back(self.claim)  # also of a job that was to begin next
-
-    def partial(self) -> bytes:
-        """Return nothing: a send job collects no bytes."""
-        return b""
-
     def _end(self, done: bool, reason: str) -> None:
-        self.running = False
         self._unsent = memoryview(b"")
-        self._buffers.release()
-        if not self.claim.is_orphan:
-            self._connection.sending.give_back(self.claim)
-        incarnation, offset = self._incarnation, self._first_offset
-        self._env.write(
-            SendEnded(
-                self._instance, self.number, self._connect, incarnation, offset, self.have, done, reason
-            )
-        )
+        super()._end(done, reason)
 
 
 @lru_cache(OUTCOMES_KEPT)

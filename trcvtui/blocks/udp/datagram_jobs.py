@@ -4,72 +4,48 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from msgspec import Struct
-
+from trcvtui.blocks.block import JobBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import Environment, JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.table import BlockRow
-from trcvtui.blocks.tcp.job_checks import JobRequest, changed, refuse
+from trcvtui.blocks.tcp.job_checks import JobRequest, refuse
+from trcvtui.blocks.tcp.jobs import IncomingJob, OutgoingJob
 from trcvtui.net.connection.config import RemoteAddress
-from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
 
 
-class UdpBinding(Struct, frozen=True):
-    """CONFIG, ADDR and DATA of one instance. `data` None: the pin is open; `priority` is that of its task."""
+class UdpBinding(JobBinding, frozen=True, kw_only=True):
+    """CONFIG, ADDR and DATA of one instance."""
 
-    env: Environment
     port: UdpEndpoint
     address: RemoteAddress
-    data: DataArea | None
-    instance: str
-    priority: int = 1
-
-    def claim(self) -> Claim:
-        """Return this instance's claim on one direction of its UDP_CONFIG."""
-        return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
     def class_of(self, row: BlockRow) -> str:
         return row.on_config
 
 
-class DatagramOut:
+class DatagramOut(OutgoingJob):
     """One instance's send jobs: each is one datagram, copied from DATA at the edge."""
 
-    adhoc = False
-
     def __init__(self, bound: UdpBinding) -> None:
-        self.number = 0
-        self.running = False
-        self.have = 0
-        self.need = 0
-        self.last_bytes: int | None = None
-        self.claim = bound.claim()
-        self._env = bound.env
-        self._shape: tuple[str, int] | None = None  # of DATA when the job began
-        self._data = bound.data
+        super().__init__(bound, bound.port, bound.port.sending)
         self._address = bound.address
         self._port = bound.port
-        self._config = bound.port.config.name
-        self._instance = bound.instance
-        self._incarnation = self._first_offset = 0
         self._peer = ""  # whom the datagram went to
 
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
         rules = self._env.rules
         request = JobRequest(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
-        refused = refuse(self._env, self._data, request, self._port.sending, self.claim, self._config)
+        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
-            self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
+            self.let_go()  # the lock lasts from the edge to DONE or ERROR
             return refused
-        assert self._data is not None
-        self._shape = self._data.shape
-        payload = bytes(self._data.content[: length or self._data.size])
-        self._start(len(payload))
+        assert self.data is not None
+        self._asked = length, self.data.shape
+        payload = bytes(self.data.content[: length or self.data.size])
+        self._start(payload)
         got = self._port.send_to(memoryview(payload), self._address, self._instance)
         if isinstance(got, int):
             self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
@@ -84,44 +60,10 @@ class DatagramOut:
 
     def go_on(self) -> Outcome:
         """Show in the next scan that the datagram went."""
-        data = self._data
-        if self._env.rules.area.must_stay and data is not None and data.shape != self._shape:
-            outcome = changed("DATA")
-            self.abandon(outcome.cause.name)
-            return outcome
+        if self._env.rules.area.must_stay and (ended := self._changed()) is not None:
+            return ended
         self._end(done=True, reason="complete")
         return _sent(self.need, self._peer)
-
-    def _start(self, need: int) -> None:
-        self.number += 1
-        self.running, self.have, self.need = True, 0, need
-        incarnation, offset = self._port.incarnation, self._port.bytes_sent
-        self._incarnation, self._first_offset = incarnation, offset
-        self._env.write(SendStarted(self._instance, self.number, self._config, incarnation, offset, need))
-
-    def abandon(self, reason: str) -> None:
-        """End a running job without DONE."""
-        if self.running:
-            self._end(done=False, reason=reason)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until the socket is closed."""
-        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
-        self.abandon(reason)
-        if not self.claim.is_orphan:
-            self._port.sending.give_back(self.claim)  # also of a job that was to begin next
-
-    def partial(self) -> bytes:
-        """Return nothing: a send job collects no bytes."""
-        return b""
-
-    def _end(self, done: bool, reason: str) -> None:
-        self.running = False
-        self._env.resources.buffers.release()
-        if not self.claim.is_orphan:
-            self._port.sending.give_back(self.claim)
-        place = self._config, self._incarnation, self._first_offset
-        self._env.write(SendEnded(self._instance, self.number, *place, self.have, done, reason))
 
 
 @lru_cache(64)
@@ -136,28 +78,14 @@ def _sent(size: int, peer: str) -> Outcome:
     return Outcome(Condition.SENT, cause)
 
 
-class DatagramIn:
+class DatagramIn(IncomingJob):
     """One instance's receive jobs. LEN and the size of DATA are latched when a job starts."""
 
-    adhoc = False
-
     def __init__(self, bound: UdpBinding) -> None:
-        self.number = 0
-        self.running = False
-        self.have = 0
-        self.need = 0
-        self.last_bytes: int | None = None
-        self.claim = bound.claim()
-        self._env = bound.env
-        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
-        self._data = bound.data
+        super().__init__(bound, bound.port)
         self._address = bound.address
         self._port = bound.port
-        self._config = bound.port.config.name
-        self._instance = bound.instance
-        self._buffer = bytearray()
         self._source: Endpoint | None = None  # of the datagram that is here and shows in the next scan
-        self._incarnation = self._first_offset = 0
 
     def call(self, length: int) -> Outcome:
         """Start, go on or end: one datagram a scan at most, and one scan of "receiving" before each DONE."""
@@ -173,36 +101,17 @@ class DatagramIn:
 
     def _begin(self, length: int) -> Outcome:
         request = JobRequest(length, most=self._env.rules.max_datagram)
-        refused = refuse(self._env, self._data, request, self._port.receiving, self.claim, self._config)
+        refused = refuse(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
             return refused
-        assert self._data is not None
-        self._asked = length, self._data.shape
-        self._start(length or self._data.size)
+        assert self.data is not None
+        self._asked = length, self.data.shape
+        self._start(length or self.data.size)
         return self._collect() or self._receiving()
 
-    def _changed(self, length: int) -> Outcome | None:
-        assert self._asked is not None and self._data is not None
-        if self._asked == (length, self._data.shape):
-            return None
-        outcome = changed("DATA" if self._asked[0] == length else "LEN")
-        self.abandon(outcome.cause.name)
-        return outcome
-
-    def _start(self, need: int) -> None:
-        self.number += 1
-        self.running, self.have, self.need, self._source = True, 0, need, None
-        if len(self._buffer) != need:
-            self._buffer = bytearray(need)
-        incarnation, offset = self._port.incarnation, self._port.bytes_received
-        self._incarnation, self._first_offset = incarnation, offset
-        self._env.write(
-            JobStarted(self._instance, self.number, self._config, incarnation, offset, need, False)
-        )
-
     def _collect(self) -> Outcome | None:
-        self._first_offset = self._port.bytes_received
-        got = self._port.receive_from(memoryview(self._buffer), self._instance)
+        self.first_offset = self._port.bytes_received
+        got = self._port.receive_from(memoryview(self.buffer), self._instance)
         if isinstance(got, Fault):
             self._end(done=False, reason="receiving failed", size=0)
             return Outcome(Condition.RECEIVE_FAILED, cause_of(got))
@@ -228,9 +137,9 @@ class DatagramIn:
         return _receiving(self.have, self.need, self._source is not None)
 
     def _deliver(self, source: Endpoint) -> Outcome:
-        size, data = self.have, self._data
+        size, data = self.have, self.data
         assert data is not None
-        data.write(0, memoryview(self._buffer)[:size].toreadonly())
+        data.write(0, memoryview(self.buffer)[:size].toreadonly())
         self._address.take(source)
         kept = min(size, data.size)
         self._drop(kept, size - kept, "DATA resized")
@@ -239,7 +148,7 @@ class DatagramIn:
         return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
 
     def _drop(self, begin: int, size: int, reason: str) -> None:
-        self._port.drop(self._first_offset + begin, size, reason, self._incarnation)
+        self._port.drop(self.first_offset + begin, size, reason, self._incarnation)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; a datagram that is already here is dropped and noted."""
@@ -247,27 +156,9 @@ class DatagramIn:
             self._drop(0, self.have, reason)
             self._end(done=False, reason=reason, size=self.have)
 
-    def let_go(self) -> None:
-        """Give the receive side back (EN_R fell)."""
-        self._port.receiving.give_back(self.claim)
-
-    def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until the socket is closed."""
-        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
-        if not self.claim.is_orphan:
-            self.let_go()
-        self.abandon(reason)
-
-    def partial(self) -> bytes:
-        """Return a copy of the datagram that shows in the next scan."""
-        return bytes(self._buffer[: self.have]) if self.running else b""
-
     def _end(self, done: bool, reason: str, size: int) -> None:
-        self.running = False
-        self.have, self._source = 0, None
-        self._env.resources.buffers.release()
-        place = self._config, self._incarnation, self._first_offset
-        self._env.write(JobEnded(self._instance, self.number, *place, size, done, reason))
+        self._source = None
+        super()._end(done, reason, size)
 
 
 @lru_cache(1024)

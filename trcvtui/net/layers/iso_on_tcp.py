@@ -413,7 +413,6 @@ class IsoOnTcp:
 
     @property
     def unfinished(self) -> int:
-        """Return the number of the message that has begun and not ended, 0: there is none."""
         return self._finished + 1 if self._has_begun or self._reader.held else 0
 
     def give_up(self, why: str) -> None:
@@ -436,7 +435,6 @@ class IsoOnTcp:
             self._end("ECONNREFUSED", "closed instead of a CC")
 
     def take_output(self) -> bytes:
-        """Return what must be sent, once."""
         output = bytes(self._output)
         self._output.clear()
         return output
@@ -455,7 +453,6 @@ class IsoOnTcp:
         return segments(data, self._most)
 
     def drop_data(self) -> int:
-        """Drop what could be read and return how many bytes it was."""
         dropped = self._waiting()
         self._messages.clear()
         return dropped

@@ -19,9 +19,8 @@ from trcvtui.net.kernel import (
     Accepted,
     Handle,
     Kernel,
+    KernelFront,
     KernelLoss,
-    LocalAddress,
-    PathInfo,
     SocketOptions,
 )
 from trcvtui.net.layer import LayerSettings
@@ -58,7 +57,7 @@ def nothing_known() -> Mapping[Handle, str] | None:
     return None
 
 
-class LayerKernel:
+class LayerKernel(KernelFront):
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `caught` takes an exception in a session of a CONNECT, which ends then.
@@ -75,7 +74,7 @@ class LayerKernel:
         polls: bool = True,
         work: ScanBudget | None = None,
     ) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self._work = work or ScanBudget()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
@@ -92,16 +91,6 @@ class LayerKernel:
         self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
         self._ready_inside: Callable[[], Mapping[Handle, str] | None]
         self._ready_inside = getattr(inner, "ready_handles", nothing_known)
-        # What nothing is done to goes to the kernel without a second call.
-        self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
-        self.set_link: Callable[[str, bool], str] = inner.set_link
-        self.set_user_timeout: Callable[[Handle, int], None] = inner.set_user_timeout
-        self.set_reuse: Callable[[Handle], Fault | None] = inner.set_reuse
-        self.datagram_socket: Callable[[str], Handle | Fault] = inner.datagram_socket
-        self.send_to: Callable[[Handle, memoryview, Endpoint], int | WouldBlock | Fault] = inner.send_to
-        self.resolve: Callable[[Handle, str], str | WouldBlock | Fault] = inner.resolve
-        self.path: Callable[[Handle], PathInfo | None] = inner.path
-        self.probe: Callable[[Handle], Fault | None] = inner.probe
 
     # -- what the poll saw ---------------------------------------------------------------------------------
 
@@ -161,7 +150,6 @@ class LayerKernel:
         return self._has_news(stream) or self.inner.readable(handle)
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
         is_gone = self.inner.renew(handle)
         stream = self._streams.get(handle)
         if stream is None or is_gone:
@@ -174,7 +162,6 @@ class LayerKernel:
         return stream.session.has_data or stream.is_over or stream.session.ended is not None
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles with news and their owners; None: look at everything."""
         seen = self._ready_inside()
         if seen is None:
             return None
@@ -240,7 +227,6 @@ class LayerKernel:
         return None
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
         return self._ends.get(handle) or self.inner.local_end(handle)
 
     def poll_add(self, handle: Handle) -> Fault | None:
@@ -248,9 +234,6 @@ class LayerKernel:
         if handle in self._ends or (handle in self._streams and handle not in self._connecting):
             return None
         return self.inner.poll_add(handle)
-
-    def poll_del(self, handle: Handle) -> Fault | None:
-        return self.inner.poll_del(handle)
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
         """Take one client whose handshake is over, or that has asked for this CONNECT."""
@@ -270,7 +253,6 @@ class LayerKernel:
         return Accepted(got.handle, got.peer)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending."""
         fault = self.inner.connect(handle, end)
         if fault is None and handle in self._wanted:
             self._connecting[handle] = end
@@ -302,7 +284,6 @@ class LayerKernel:
     # -- data ------------------------------------------------------------------------------------------------
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes; 0 = the partner's FIN."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.recv(handle, into)
@@ -331,7 +312,6 @@ class LayerKernel:
         return self.inner.send(handle, data) if stream is None else stream.send(data)
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.loss(handle)
@@ -401,7 +381,6 @@ class LayerKernel:
         return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle: FIN, or RST when unread data is queued."""
         self._goodbye(handle)
         return None if self._forget(handle) else self.inner.close(handle)
 

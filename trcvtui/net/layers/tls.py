@@ -129,12 +129,10 @@ class Tls:
 
     @property
     def has_data(self) -> bool:
-        """Return whether something can be read."""
         return bool(self._plain)
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed."""
         return self.ended is None and not self.partner_is_done and self.held < CAP
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
@@ -145,7 +143,6 @@ class Tls:
 
     @property
     def held(self) -> int:
-        """Return how many bytes are kept, read and unread."""
         return len(self._plain) + self._incoming.pending
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
@@ -171,7 +168,6 @@ class Tls:
 
     @property
     def is_dear(self) -> bool:
-        """Return whether the next step is one of the handshake."""
         return not self.is_up
 
     def partner_closed(self) -> None:
@@ -207,11 +203,9 @@ class Tls:
         return self._has_said_goodbye
 
     def take_output(self) -> bytes:
-        """Return what must be sent, once."""
         return self._outgoing.read()
 
     def read(self, into: memoryview) -> LayerMessage | None:
-        """Put the next bytes into `into`."""
         size = min(len(self._plain), len(into))
         if not size:
             return None
@@ -232,7 +226,6 @@ class Tls:
         return self._outgoing.read()
 
     def drop_data(self) -> int:
-        """Drop what could be read and return how many bytes it was."""
         dropped = len(self._plain)
         self._plain.clear()
         return dropped

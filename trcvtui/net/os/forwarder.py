@@ -194,21 +194,17 @@ class Forwarder:
     # -- the poll set -----------------------------------------------------------------------------------
 
     def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
-        """Call `ready` with what the poll set says of a descriptor."""
         self._poll.register(fd, mask)
         self._heard[fd] = ready
 
     def want(self, fd: int, mask: int) -> None:
-        """Change what is wanted of a descriptor."""
         self._poll.modify(fd, mask)
 
     def forget(self, fd: int) -> None:
-        """Hear of a descriptor no more."""
         if self._heard.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
     def at(self, ns: int, call: Callable[[], None]) -> None:
-        """Call at a time of the monotonic clock."""
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
     def next_number(self) -> int:

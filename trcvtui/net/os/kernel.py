@@ -123,7 +123,6 @@ class OsKernel:
         return bool(self._look(handle, IN))
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
         sock = self._sockets.get(handle)
         if sock is None:
             return True
@@ -137,7 +136,6 @@ class OsKernel:
         return seen[0][1] if seen else 0
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set."""
         return self._do("poll_add", handle, self._register)
 
     def _register(self, sock: Socket) -> None:
@@ -147,7 +145,6 @@ class OsKernel:
         self._polled.add(sock.fileno())
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        """Take the handle out of the poll set."""
         self._polled.discard(handle)
         self._ready.pop(handle, None)
         return self._do("poll_del", handle, self._unregister)
@@ -178,30 +175,24 @@ class OsKernel:
         return handle
 
     def set_reuse(self, handle: Handle) -> Fault | None:
-        """Allow the address and port to be bound while old connections of it linger."""
         return self._do("set_reuse", handle, lambda sock: sock.setsockopt(BASE, REUSE, 1))
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; return the names of those that this system refused."""
         sock = self._sockets.get(handle)
         return () if sock is None else apply_options(sock, options)
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
-        """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
         sock = self._sockets.get(handle)
         if sock is not None:
             limit_unacknowledged(sock, milliseconds)
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; port 0 takes a free one."""
         return self._do("bind", handle, lambda sock: sock.bind(pair(end)))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
         return self._do("listen", handle, lambda sock: sock.listen(backlog))
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
         sock = self._sockets.get(handle)
         try:
             address, port = sock.getsockname() if sock else ("", 0)
@@ -210,7 +201,6 @@ class OsKernel:
         return Endpoint(address, port) if port else None
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
-        """Take one finished handshake from a listener."""
         if handle in self._polled and handle not in self._ready:
             return WOULD_BLOCK
         try:
@@ -286,7 +276,6 @@ class OsKernel:
         return taken
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return that count."""
         if handle in self._held:
             return self._tell_held("send", handle)
         try:
@@ -297,7 +286,6 @@ class OsKernel:
             return self._failed("send", handle, problem) or Fault("send", "EPIPE")
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data; None while it stands."""
         polled = handle in self._polled
         if polled and handle not in self._ready:
             return None
@@ -328,7 +316,6 @@ class OsKernel:
             return True
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes and return how many."""
         return read_away(self._sockets.get(handle), most)
 
     def unread(self, handle: Handle) -> int:
@@ -336,7 +323,6 @@ class OsKernel:
         return unread_bytes(self._sockets.get(handle))
 
     def left(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the poll's handles at which something is unread, or an end was seen."""
         sockets, ready = self._sockets, self._ready
         return [
             handle
@@ -399,7 +385,6 @@ class OsKernel:
     # -- the end -------------------------------------------------------------------------------------
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN; both=False keeps reading (half-close)."""
         how = socket.SHUT_RDWR if both else socket.SHUT_WR
         return self._do("shutdown", handle, lambda sock: sock.shutdown(how))
 
@@ -408,13 +393,11 @@ class OsKernel:
         return self._do("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle."""
         fault = self._do("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))
         freed = self._free("abort", handle)
         return fault or freed
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle: FIN, or RST when unread data is queued."""
         return self._free("close", handle)
 
     def _free(self, call: str, handle: int) -> Fault | None:

@@ -134,7 +134,6 @@ class OsSerialPort:
         self._is_given_up = False  # the attempt that still runs
 
     def open(self) -> Fault | Opening | None:
-        """Open it; return what is in the way, OPENING as long as that is not known."""
         if self._attempt is None:
             self._attempt, self._is_given_up = OpenAttempt(self._made), False
         if not self._attempt.is_over:
@@ -165,7 +164,6 @@ class OsSerialPort:
         )
 
     def read(self, most: int) -> bytes | Fault:
-        """Return the bytes that have come."""
         try:
             return bytes(self._port.read(most))
         except (OSError, TypeError) as problem:  # TypeError: pyserial on a port that closed under it

@@ -91,7 +91,6 @@ class TcpTalk:
         far.want()
 
     def ended(self, lane: TapLane) -> None:
-        """Take the FIN of a lane's source."""
         lane.is_read = True
         if lane.end is None:
             lane.end = TapEventKind.FIN
@@ -99,20 +98,16 @@ class TcpTalk:
         lane.pass_end()
 
     def failed(self, lane: TapLane, failed: OSError) -> None:
-        """Take the RST of a lane's source: nothing is left to read."""
         lane.is_reset(True)
 
     def refused(self, lane: TapLane, failed: OSError) -> None:
-        """Take the RST of a lane's target, which may have said something before it."""
         lane.target.reads.is_reset(lane.target.reads.is_read)
 
     def is_on_its_way(self, end: TapEnd) -> bool:
-        """Return whether the stack still has bytes that the end has not acknowledged."""
         path = path_of(end.port)
         return path is not None and path.unacked + path.unsent > 0
 
     def pass_fin(self, lane: TapLane) -> None:
-        """Let the target see that no more comes."""
         self.tell(TapEventKind.FIN, lane.way, at=lane.at)
         try:
             lane.target.port.shutdown(socket.SHUT_WR)

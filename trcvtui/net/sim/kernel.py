@@ -305,7 +305,6 @@ class SimKernel:
         return socket is not None and not socket.polled and socket.is_readable
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
         socket = self._sockets.get(handle)
         if socket is None:
             return True
@@ -314,7 +313,6 @@ class SimKernel:
         return socket.is_gone
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set."""
         socket = self._sockets.get(handle)
         if socket is None or socket.polled:
             return Fault("poll_add", "EBADF" if socket is None else "EEXIST")
@@ -323,7 +321,6 @@ class SimKernel:
         return None
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        """Take the handle out of the poll set."""
         socket = self._sockets.get(handle)
         if socket is None or not socket.polled:
             return Fault("poll_del", "EBADF" if socket is None else "ENOENT")
@@ -363,18 +360,15 @@ class SimKernel:
         return None
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; return the names of those that were refused."""
         socket = self._sockets.get(handle)
         return () if socket is None else socket.set_options(options)
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
-        """Limit how long sent data may stay unacknowledged; 0 = no own limit."""
         socket = self._sockets.get(handle)
         if socket is not None:
             socket.tuning.user_timeout = milliseconds * MS
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; port 0 takes a free one."""
         socket = self._sockets.get(handle)
         return _fault("bind", "EBADF" if socket is None else socket.bind(end))
 
@@ -384,12 +378,10 @@ class SimKernel:
         return _fault("listen", "EBADF" if socket is None else socket.listen(backlog))
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
         socket = self._sockets.get(handle)
         return None if socket is None else socket.end
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
-        """Take one finished handshake from a listener."""
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK
@@ -410,12 +402,10 @@ class SimKernel:
         return self._names.get(name.rstrip(".").lower()) or Fault("resolve", "EAI_NONAME")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending."""
         socket = self._sockets.get(handle)
         return _fault("connect", "EBADF" if socket is None else socket.connect(end))
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when connected, WOULD_BLOCK while pending, the Fault once."""
         socket = self._sockets.get(handle)
         stream = socket.stream if socket is not None else None
         if stream is None:
@@ -446,7 +436,6 @@ class SimKernel:
         return Fault("recv", got) if isinstance(got, str) else got
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return that count."""
         socket = self._sockets.get(handle)
         if socket is None or socket.stream is None:
             return Fault("send", "EBADF" if socket is None else "EPIPE")
@@ -457,7 +446,6 @@ class SimKernel:
         return self._keep(SimDatagrams(self._datagrams, owner))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole."""
         socket = self._sockets.get(handle)
         if not isinstance(socket, SimDatagrams):
             return Fault("send", "EBADF" if socket is None else "EPIPE")
@@ -472,7 +460,6 @@ class SimKernel:
         return socket.take(into)
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data; None while it stands."""
         socket = self._sockets.get(handle)
         if socket is None:
             return KernelLoss(Fault("recv", "EBADF"), 0)
@@ -486,7 +473,6 @@ class SimKernel:
         return KernelLoss(fault, socket.stream.unread)
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes and return how many."""
         waste, gone = memoryview(bytearray(min(most, WASTE_BYTES))), 0
         while gone < most:
             taken = self.recv(handle, waste)
@@ -496,7 +482,6 @@ class SimKernel:
         return gone
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait in the stack."""
         socket = self._sockets.get(handle)
         return 0 if socket is None or socket.stream is None else socket.stream.unread
 
@@ -527,16 +512,13 @@ class SimKernel:
         return _fault("shutdown", "EBADF" if socket is None else socket.shut(both))
 
     def probe(self, handle: Handle) -> Fault | None:
-        """Answer as `shutdown` would; nothing crosses the wire."""
         socket = self._sockets.get(handle)
         return _fault("shutdown", "EBADF" if socket is None else socket.probe())
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle."""
         return self._free("abort", handle)
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle: FIN, or RST when unread data is queued."""
         return self._free("close", handle)
 
     def _free(self, call: str, handle: Handle) -> Fault | None:

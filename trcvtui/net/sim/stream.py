@@ -308,7 +308,6 @@ class SimStream:
 
     @property
     def unread(self) -> int:
-        """Return how many received bytes wait."""
         return len(self._in.inbox)
 
     @property
@@ -317,7 +316,6 @@ class SimStream:
         return self._out.waiting + (len(self.partner._in.inbox) if self.partner is not None else 0)
 
     def path(self) -> PathInfo:
-        """Return the send side's state."""
         often = self.tuning.longest_wait <= RTO_MAX
         return PathInfo(self._out.unacked, self._out.unsent, (self._wire.now - self.heard) // MS, often)
 

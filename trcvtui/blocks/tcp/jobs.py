@@ -1,0 +1,112 @@
+"""What the jobs of one direction have in common, on a CONNECT and on a UDP_CONFIG."""
+
+from __future__ import annotations
+
+from trcvtui.blocks.block import JobBinding
+from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.tcp.job_checks import changed
+from trcvtui.net.connection.connection import Connection
+from trcvtui.net.connection.resources import DirectionClaims
+
+
+class TransferJob:
+    """One instance's jobs, one after the other."""
+
+    adhoc = False
+
+    def __init__(self, bound: JobBinding, connection: Connection, direction: DirectionClaims) -> None:
+        self.number = 0
+        self.running = False
+        self.have = 0
+        self.need = 0
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self.data = bound.data
+        self.connection = connection
+        self._direction = direction
+        self._env = bound.env
+        self._connect = connection.config.name
+        self._instance = bound.instance
+        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
+        self._incarnation = 0  # of the connection that the running job works on
+        self.first_offset = 0  # in the stream
+
+    def _count(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
+        """Begin the next job; return what an event says of it."""
+        self.number += 1
+        self.running, self.have, self.need = True, 0, need
+        self._incarnation, self.first_offset = self.connection.incarnation, offset
+        return self._told()
+
+    def _told(self) -> tuple[str, int, str, int, int]:
+        return self._instance, self.number, self._connect, self._incarnation, self.first_offset
+
+    def _changed(self, length: int | None = None) -> Outcome | None:
+        """End the job where DATA has become another one, or LEN where it is given."""
+        assert self._asked is not None and self.data is not None
+        same_len = length in (None, self._asked[0])
+        if same_len and self._asked[1] == self.data.shape:
+            return None
+        outcome = changed("DATA" if same_len else "LEN")
+        self.abandon(outcome.cause.name)
+        return outcome
+
+    def let_go(self) -> None:
+        """Give this direction of the connection back."""
+        self._direction.give_back(self.claim)
+
+    def abandon(self, reason: str) -> None: ...
+
+    def detach(self, reason: str) -> None:
+        """Detach the instance; the lock of a job may stay (rules) until disconnect, reset or close."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        if not self.claim.is_orphan:
+            self.let_go()  # also of a job that was to begin next
+        self.abandon(reason)
+
+
+class OutgoingJob(TransferJob):
+    """A job that sends a copy of DATA."""
+
+    def _start(self, payload: bytes) -> None:
+        told = self._count(len(payload), self.connection.bytes_sent)
+        self._env.write(SendStarted(*told, self.need))
+
+    def abandon(self, reason: str) -> None:
+        """End a running job without DONE; what the stack has not taken is dropped, never sent later."""
+        if self.running:
+            self._end(done=False, reason=reason)
+
+    def partial(self) -> bytes:
+        return b""
+
+    def _end(self, done: bool, reason: str) -> None:
+        self.running = False
+        self._env.resources.buffers.release()
+        if not self.claim.is_orphan:
+            self.let_go()
+        self._env.write(SendEnded(*self._told(), self.have, done, reason))
+
+
+class IncomingJob(TransferJob):
+    """A job that collects bytes in a buffer of its own."""
+
+    def __init__(self, bound: JobBinding, connection: Connection) -> None:
+        super().__init__(bound, connection, connection.receiving)
+        self.buffer = bytearray()
+
+    def _start(self, need: int, adhoc: bool = False) -> None:
+        told = self._count(need, self.connection.bytes_received)
+        if len(self.buffer) != need:
+            self.buffer = bytearray(need)
+        self._env.write(JobStarted(*told, need, adhoc))
+
+    def partial(self) -> bytes:
+        return bytes(self.buffer[: self.have]) if self.running else b""
+
+    def _end(self, done: bool, reason: str, size: int) -> None:
+        self.running = False
+        self.have = 0
+        self._env.resources.buffers.release()
+        self._env.write(JobEnded(*self._told(), size, done, reason))

@@ -18,20 +18,20 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim
 
 
-class JobBinding(Struct, frozen=True, kw_only=True):
+class JobBinding(Struct, frozen=True):
     """What every job asks for. `data` None: the pin is open; `priority` is that of its task."""
 
     env: Environment
     data: DataArea | None
     instance: str
-    priority: int = 1
+    priority: int
 
     def claim(self) -> Claim:
         """Return this instance's claim on one direction of its connection."""
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
 
-class Binding(JobBinding, frozen=True, kw_only=True):
+class Binding(JobBinding, frozen=True):
     """What an instance on a CONNECT is tied to; `address`: what stands at ADDR, for datagrams alone."""
 
     connection: Connection

@@ -15,7 +15,7 @@ from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
 
 
-class UdpBinding(JobBinding, frozen=True, kw_only=True):
+class UdpBinding(JobBinding, frozen=True):
     """CONFIG, ADDR and DATA of one instance."""
 
     port: UdpEndpoint

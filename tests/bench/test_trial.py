@@ -54,8 +54,8 @@ def test_on_a_static_job_every_split_ends_as_the_whole_message_does(driver: Loca
     assert (trial.state, trial.runs, trial.differing) == ("finished", 8, 0)
     assert trial_text(trial) == (
         "P1: 8 bytes to TRCV_C_1, every split · all 7 splits end as the whole message does\n"
-        "    whole  same     7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
-        "      1-7  same     7006+ 7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
+        "whole  same  7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
+        "  1-7  same  7006+ 7008 7006, DONE 1, RCVD_LEN 8, DATA equal\n"
     )
 
 

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from tests import golden
 from tests.bench.told import UP, Told
@@ -167,7 +168,9 @@ def test_a_situation_is_told_by_its_rule(section: str) -> None:
 def stranger(*lines: str) -> Evidence:
     """Return what is known of a partner that is no peer of this bench."""
     known = Told(*UP, *lines).evidence("X")
-    return replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    return replace(
+        known, facts=structs.replace(known.facts, sender="", messages=type(known.facts.messages)())
+    )
 
 
 @pytest.mark.parametrize(

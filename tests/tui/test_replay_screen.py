@@ -153,7 +153,7 @@ async def test_space_plays_and_stops_and_the_speed_is_seen() -> None:
         assert "‖ fastest" in looker.position
 
 
-@pytest.mark.parametrize("keys", ["n", "A", "E", "ctrl+z", "S", "D", "K", "R", "t"])
+@pytest.mark.parametrize("keys", ["n", "A", "E", "ctrl+z", "S", "K", "R", "t"])
 async def test_a_key_that_changes_the_bench_says_that_nothing_can_be_changed(keys: str) -> None:
     async with on_a_recording() as looker:
         before = looker.scan

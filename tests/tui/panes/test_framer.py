@@ -121,9 +121,9 @@ async def test_the_gap_timer_runs_or_says_why_not() -> None:
     async with on_a_line() as shown:
         await shown.press("2")
         await shown.do(NOISE)
-        assert "0 of 50 ms · waits for a first byte" in shown.words
+        assert "0 ms of 50 ms · waits for a first byte" in shown.words
         await shown.do(HALF, scans=4)
-        assert "30 of 50 ms" in shown.words
+        assert "30 ms of 50 ms" in shown.words
         await shown.do("set RD Timeout=0")
         assert "Timeout is 0: no gap ends a frame" in shown.words
 
@@ -132,10 +132,10 @@ async def test_the_gap_timer_stands_while_the_scans_are_held_and_while_the_view_
     async with on_a_line() as shown:
         await shown.do(HALF, scans=2)
         await shown.press("2", "F")
-        assert "10 of 50 ms · frozen view" in shown.words
+        assert "10 ms of 50 ms · frozen view" in shown.words
         await shown.press("F")
         await shown.do("hold", scans=3)
-        assert "10 of 50 ms · frozen: the scans are held" in shown.words
+        assert "10 ms of 50 ms · frozen: the scans are held" in shown.words
 
 
 # -- what is thrown away -------------------------------------------------------------------------------------

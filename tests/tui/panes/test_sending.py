@@ -99,13 +99,3 @@ def test_a_dead_link_shows_when_the_wire_line_says(interval: int) -> None:
     assert runtime.outputs("TSEND_C_1").error
     assert runtime.scans - began >= 100 * 3 * interval
     bench.console.bench.close()
-
-
-async def test_y_yanks_the_call_with_the_inputs_of_now() -> None:
-    async with looking(WIDE) as looker:
-        await looker.press("y", "c")
-        await looker.app.workers.wait_for_complete()
-        await looker.settle()
-        text = looker.app.clipboard
-        assert "TRCV_C_1(" in text and "EN_R:=TRUE" in text and "CONNECT:=C1" in text
-        assert "yanked the call in Structured Text" in looker.text

@@ -60,7 +60,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
 class IdleAgent:
     """What the page asks of an agent."""
 
-    is_running, is_up, queued, dropped, restarts = True, False, 3, 2, 1
+    is_running, is_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
 
     def __init__(self) -> None:
         project = load_bench(PROJECT)

@@ -18,11 +18,14 @@ from trcvtui.engine.driver import EngineDriver, EngineStopped
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
+from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
-from trcvtui.fleet.publisher import DiskQueue, Publisher
-from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
+from trcvtui.fleet.publisher import Publisher
+from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
 from trcvtui.history.bench_update import UpdateRequest
-from trcvtui.project.project import Project, TapDecl
+from trcvtui.net.os.service_manager import notify
+from trcvtui.plc.snapshot import Snapshot
+from trcvtui.project.project import Project, TapDecl, WatchDecl
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.worker_process import newest_in
 
@@ -37,7 +40,12 @@ HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one aga
 MOST_LINES: Final = 20_000
 DOCTOR_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
 FIRST_LOOK_NS: Final = 10 * NS
-RESTS: Final = 50  # times as long as he looked: a long recording takes him long
+RESTS: Final = 50  # times as long as it looked: a long recording takes it long
+RECENT_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
+PAGE_NS: Final = 10 * NS  # before the place of the page is tried again
+BEGINS_S: Final = 30.0  # an engine that has not told its project by then hangs
+STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: it is told, the engine is started anew
+STALE_SCANS: Final = 10  # but so many intervals at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,23 +83,39 @@ class Agent:
 
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
-        self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label, self._recorded_in)
+        rows: tuple[WatchDecl | TapDecl, ...] = (*project.watches, *project.taps)
+        names = {row.connect: row.name for row in rows} | {row.back: f"{row.name} back" for row in rows}
+        boot = f"{clock.wall_ns():x}"
+        self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
         self._engine: EngineDriver | None = None
         self._taps, self._tap = project.taps, None if not project.taps else _new_tap(settings, project.taps)
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
         self._figures_at: dict[str, int] = {}
-        self._doctor_at = self._asked_at = 0  # when he looks next, and was asked
+        self._doctor_at = self._asked_at = 0  # when the doctor looks next, and was asked
         self._looks = 0
-        self._judged_at: tuple[object, ...] = ()  # what there was when he was asked
+        self._judged_at: tuple[object, ...] = ()  # what there was when it was asked
         self.restarts: int = 0
+        self._scan, self._scanned_at, self._patience = -1, 0, STALE_NS  # the last one, when it was told
+        self._state = ""
+        self._has_cleared = False
+        self._page_at = 0
 
     # -- what the page tells -----------------------------------------------------------------------------
 
     @property
     def is_running(self) -> bool:
-        return self._engine is not None
+        return self._engine is not None and not self.is_stale
+
+    @property
+    def is_stale(self) -> bool:
+        """Return whether the figures are old: no scan has been told for a while."""
+        return clock.now_ns() > self._scanned_at + self._patience
+
+    @property
+    def scan_age_s(self) -> float:
+        return round((clock.now_ns() - self._scanned_at) / NS, 1)
 
     @property
     def is_up(self) -> bool:
@@ -110,20 +134,14 @@ class Agent:
     def run(self) -> int:
         with ExitStack() as opened:
             ended = opened.enter_context(_signals())
-            if self._settings.page is not None:
-                from trcvtui.fleet.metrics import serve_page
-
-                server = serve_page(*self._settings.page, self)
-                opened.callback(server.server_close)
-                opened.callback(server.shutdown)
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
             opened.callback(self._end_tap)
             opened.callback(self._end_engine)
+            notify("READY=1")
             while not ended:
-                self._turn()
-                if self._engine is not None:
-                    self._engine.wait(TURN_S)
+                self._turn(opened)
+                notify("WATCHDOG=1")
                 if not ended:
                     clock.sleep_until(clock.now_ns() + int(TURN_S * NS))
         return 0
@@ -134,34 +152,54 @@ class Agent:
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
-        connection = BrokerConnection(broker, client_id, LastWill(topic, self._state("offline")))
-        queue = DiskQueue(queue_path(settings.site, settings.name))
+        connection = BrokerConnection(broker, client_id, LastWill(topic, self._state_message("offline")))
+        queue = DiskQueue(queue_path(settings.site, settings.name), say)
         opened.callback(queue.close)
         self._publisher = Publisher(connection, queue, say)
-        self._publisher.retain(topic, self._state("online"))
+        self._tell_state()
         connection.open()
-        opened.callback(lambda: connection.close(LastWill(topic, self._state("offline"))))
+        opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
 
-    def _turn(self) -> None:
+    def _turn(self, opened: ExitStack) -> None:
         now = clock.now_ns()
+        if self._settings.page is not None and now >= self._page_at >= 0:
+            self._open_page(*self._settings.page, opened, now)
         try:
             if self._engine is None and now >= self._start_at:
                 self._start(now)
             if self._engine is not None:
                 self._look(self._engine, now)
-        except (EngineStopped, UserError) as stopped:
+        except (EngineStopped, UserError, OSError) as stopped:  # OSError: no process or file more for it
             self._failed(stopped, now)
         if self._publisher is not None:
-            self._tell_figures(now)
+            self._tell_state()
+            if not self.is_stale:
+                self._tell_figures(now)
             self._publisher.turn(now)
+
+    def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
+        """Open the page; where its place is taken try again later: that is no reason to end a bench."""
+        from trcvtui.fleet.metrics import serve_page
+
+        try:
+            server = serve_page(address, port, self)
+        except OSError as failed:
+            if not self._page_at:
+                say(f"--metrics: {failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s")
+            self._page_at = now + PAGE_NS
+            return
+        self._page_at = -1
+        opened.callback(server.server_close)
+        opened.callback(server.shutdown)
 
     def _start(self, now: int) -> None:
         settings = self._settings
-        self._engine = self._new_engine()
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
+        self._scan, self._scanned_at = -1, now
+        self._engine = self._new_engine()
         self.seen.begin_run()
         if not (settings.packets or self._tap):
-            self._engine.project()  # first: with a request unread its last words would be lost
+            self._engine.project(BEGINS_S)  # first: with a request unread its last words would be lost
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
 
     def _new_engine(self) -> EngineDriver:
@@ -205,6 +243,10 @@ class Agent:
 
     def _look(self, engine: EngineDriver, now: int) -> None:
         update = engine.picture()
+        if update is not None:
+            self._heard(update.snapshot, now)
+        if now > self._scanned_at + max(HUNG_NS, 2 * self._patience):
+            raise EngineStopped(f"no scan for {(now - self._scanned_at) // NS} s")
         if update is None:
             return
         if update.over:
@@ -231,6 +273,22 @@ class Agent:
         )
         engine.request(known)
 
+        if self._publisher is not None and not self._has_cleared:
+            self._has_cleared = True
+            self._publisher.clear_all_but(self._is_used)
+
+    def _heard(self, snapshot: Snapshot, now: int) -> None:
+        """Take when the last scan was: a picture without a new one is no sign of life."""
+        if snapshot.scan != self._scan or self._settings.packets or self._tap:
+            self._scan, self._scanned_at = snapshot.scan, now
+            self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
+
+    def _is_used(self, topic: str) -> bool:
+        of = topic_of(topic)
+        instance = self.seen.instances.get(of.instance)
+        is_its = not of.instance or (instance is not None and instance.line == of.line)
+        return of.kind == "state" or (of.line in self.seen.lines and is_its)
+
     def _recorded_in(self) -> str:
         record = self._settings.record
         if record is None:
@@ -251,7 +309,8 @@ class Agent:
     def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
         if self._publisher is not None:
             self._publisher.event(self._topic("event", instance.line, instance.name), event.to_json())
-            self._retain(instance.recent_message(_wall()), instance.line, instance.name)
+            recent = self._topic("recent", instance.line, instance.name)
+            self._publisher.retain(recent, lambda: instance.recent_message(_wall()).to_json(), RECENT_NS)
 
     def _tell_figures(self, now: int) -> None:
         assert self._publisher is not None
@@ -269,7 +328,15 @@ class Agent:
     def _topic(self, kind: str, line: str = "", instance: str = "") -> str:
         return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
 
-    def _state(self, state: str) -> bytes:
+    def _tell_state(self) -> None:
+        state = "stale" if self._engine is not None and self.is_stale else "online"
+        if state != self._state and self._publisher is not None:
+            self._state = state
+            self._publisher.retain(self._topic("state"), self._state_message(state))
+            if state == "stale":
+                say(f"no scan for {self._patience // NS} s: what is shown is old")
+
+    def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Final
 
 from msgspec.structs import replace
@@ -123,12 +124,19 @@ class SeenLine:
 
 
 class SeenBench:
-    """A bench: its lines and instances by name; `boot` names this run of the agent."""
+    """A bench: its lines and instances by name; `boot` names this run of the agent.
+
+    `names`: of the lines whose name is not that of their CONNECT or ComBuffer.
+    """
 
     def __init__(
-        self, boot: str, label: Callable[[str], str], recorded_in: Callable[[], str] = lambda: ""
+        self,
+        boot: str,
+        label: Callable[[str], str],
+        recorded_in: Callable[[], str] = lambda: "",
+        names: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.boot, self._label, self._recorded_in = boot, label, recorded_in
+        self.boot, self._label, self._recorded_in, self._names = boot, label, recorded_in, names
         self.lines: dict[str, SeenLine] = {}
         self.instances: dict[str, SeenInstance] = {}
         self.seq = 0  # of the ledger, up to which it was read
@@ -156,7 +164,8 @@ class SeenBench:
                 }
                 events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
         for each in snapshot.instances:
-            self.instances.setdefault(each.name, SeenInstance(each.connect, each.name))
+            line_name = self._names.get(each.connect, each.connect)
+            self.instances.setdefault(each.name, SeenInstance(line_name, each.name))
         file = self._file() if update.lines else {}
         for line in update.lines:
             self.seq = line.seq
@@ -192,7 +201,8 @@ class SeenBench:
         self._looks, found = doctor.looks, set()
         for one in doctor.findings:
             for seen in self.instances.values():
-                is_its = one.instance == seen.name or (not one.instance and one.connect in ("", seen.line))
+                line = self._names.get(one.connect, one.connect)
+                is_its = one.instance == seen.name or (not one.instance and line in ("", seen.line))
                 if not is_its or (seen.name, one.cause) in found:
                     continue
                 found.add((seen.name, one.cause))
@@ -215,10 +225,10 @@ class SeenBench:
 
     def _lines_of(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
         for each in update.snapshot.connections:
-            line = self._line(each.name)
+            line = self._line(self._names.get(each.name, each.name))
             yield line if line.show(*_counted(each)) else None
         for buffer in update.snapshot.combuffers:
-            line = self._line(buffer.name)
+            line = self._line(self._names.get(buffer.name, buffer.name))
             yield line if line.show("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
 
     def _line(self, name: str) -> SeenLine:

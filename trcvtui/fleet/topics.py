@@ -96,11 +96,11 @@ class FleetMessage(msgspec.Struct, frozen=True):
 
 
 class StateMessage(FleetMessage, frozen=True):
-    """Whether an agent is there; its last will says offline."""
+    """Whether an agent is there: online, stale without a new scan, offline as its last will says."""
 
     KIND = "state"
     TEXTS = ("version", "host")
-    state: Annotated[str, _like("online|offline")]
+    state: Annotated[str, _like("online|stale|offline")]
     t: Number
     version: str
     host: str

@@ -6,9 +6,12 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
@@ -17,11 +20,14 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
+from trcvtui.fleet import agent as fleet_agent
+from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.broker import Broker, BrokerConnection, IncomingMessage
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.net.os.service_manager import notify
 from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
@@ -190,3 +196,65 @@ def test_sigterm_ends_an_agent_cleanly_and_says_offline(broker: Mosquitto, tmp_p
         agent.kill()
         connection.close()
     assert (tmp_path / "said").read_text().count("\n") == 2  # no TLS; the broker is there
+
+
+# -- what fails beside it --------------------------------------------------------------------------------
+
+
+def agent_without_a_broker(page: tuple[str, int] | None = None) -> Agent:
+    settings = AgentSettings(PROJECT, "sim", "s", "n", None, page, None)
+    return Agent(settings, load_bench(PROJECT))
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_an_engine_that_hangs_is_told_as_stale_and_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet_agent, "STALE_NS", SECOND)
+    monkeypatch.setattr(fleet_agent, "HUNG_NS", 2 * SECOND)
+    agent = agent_without_a_broker()
+    agent._patience = SECOND
+    with ExitStack() as opened:
+        opened.callback(agent._end_engine)
+
+        def turned() -> bool:
+            agent._turn(opened)
+            return agent.is_running and bool(agent.seen.instances)
+
+        until(turned)
+        first = agent._engine
+        assert first is not None and first.pid is not None
+        os.kill(first.pid, signal.SIGSTOP)
+        until(lambda: not turned() and agent.is_stale and agent.restarts == 0)
+        until(lambda: turned() and agent.restarts == 1)
+        assert agent._engine is not first
+
+
+@pytest.mark.live
+def test_a_page_whose_place_is_taken_is_tried_again_and_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fleet_agent, "PAGE_NS", 0)
+    with socket.create_server(("127.0.0.1", 0)) as rival:
+        place = rival.getsockname()[:2]
+        agent = agent_without_a_broker(place)
+        with ExitStack() as opened:
+            opened.callback(agent._end_engine)
+            agent._turn(opened)
+            assert (
+                agent.is_running
+                and f"Address already in use at 127.0.0.1:{place[1]}" in capsys.readouterr().err
+            )
+            rival.close()
+            agent._turn(opened)
+            assert urlopen(f"http://127.0.0.1:{place[1]}/metrics").status == 200
+
+
+def test_a_service_manager_hears_that_an_agent_is_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notify("READY=1")  # there is none
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        notify("READY=1")
+        assert manager.recv(100) == b"READY=1"

@@ -30,7 +30,8 @@ USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "T
 KEEP_ALIVE_S: Final = 30
 CONNECT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
-RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # where another connection has our name
+RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # where another program has our name
+SHORT_NS, MOST_SHORT = 30_000_000_000, 2  # connections that end so soon, in a row: perhaps for that reason
 CLOSE_S: Final = 1.5  # at most, for the last message
 TAKEN_OVER: Final = 0x8E  # MQTT 5, 3.14.2.1: another connection has our client id
 NOT_HEARD: Final = 0x10  # MQTT 5, 3.4.2.1: taken, nobody has subscribed
@@ -201,7 +202,8 @@ class BrokerConnection:
         self._client: Client | None = None
         self._is_up = False
         self._why = ""  # the connection has ended
-        self._rival_pause = 0.0  # another connection with our client id has ended it: we come back so late
+        self._rival_pause = 0.0  # another program of our name has ended it: we come back so late
+        self._up_at = self._short = 0  # since when it stands, how often in a row it stood for a short time
         self._ends = threading.Event()
         self._something = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
@@ -338,16 +340,20 @@ class BrokerConnection:
             self._begin()
 
     def _begin(self) -> None:
-        self._is_up = True
+        self._is_up, self._up_at = True, clock.now_ns()
         self._append(Connected())
 
     def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
-        if reason.value == TAKEN_OVER:
+        is_told = reason.value == TAKEN_OVER
+        is_short = self._is_up and not flags.is_disconnect_packet_from_server
+        self._short = self._short + 1 if is_short and clock.now_ns() < self._up_at + SHORT_NS else 0
+        if is_told or self._short >= MOST_SHORT:  # not every broker says why
+            has = "has" if is_told else "may have"
+            self._why = f"another program {has} the name '{one_line(self._id)}'; each name is for one"
             self._rival_pause = min(MOST_RIVAL_PAUSE_S, 2 * self._rival_pause or RIVAL_PAUSE_S)
-            self._why = f"another program has come as '{one_line(self._id)}': each name is for one program"
         else:
-            self._rival_pause = 0.0
             self._why = self._why or one_line(f"the connection ended: {reason}")
+            self._rival_pause = 0.0
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
         if reason is not None and reason.is_failure and reason.value != NOT_HEARD:

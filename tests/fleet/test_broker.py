@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -170,6 +171,10 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
         broker.kill()
 
 
+def says_that_the_name_is_taken(connection: BrokerConnection) -> bool:
+    return any("may have the name 's/a'" in str(news) for news in connection.news())
+
+
 @needs_mosquitto
 def test_two_of_one_name_both_say_so(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_broker, "LEAST_PAUSE_S", 0.05)
@@ -179,7 +184,7 @@ def test_two_of_one_name_both_say_so(broker: Mosquitto, monkeypatch: pytest.Monk
         each.open()
         seen(each, Connected)
     for each in (one, other):
-        until(lambda each=each: any("may have the name 's/a'" in str(news) for news in each.news()))
+        until(partial(says_that_the_name_is_taken, each))
     for each in (one, other):
         each.close()
 

@@ -28,6 +28,7 @@ class SeenInstance:
     def __init__(self, line: str, name: str) -> None:
         self.line, self.name = line, name
         self.status: StatusMessage | None = None
+        self.finding = ""  # the surest cause that the doctor has found in its last look
         self.recent: deque[EventMessage] = deque(maxlen=MOST_RECENT)
         self.count = 0
         self.jobs_done = self.errors = 0  # since the agent began, whatever engine has counted them
@@ -78,6 +79,7 @@ class SeenInstance:
             shown.have,
             shown.need,
             round(age_s, 3),
+            self.finding,
         )
         before, self.status = self.status, status
         return before is None or replace(before, t=status.t, age_s=status.age_s) != status
@@ -198,18 +200,21 @@ class SeenBench:
         """Yield an event for each cause that the doctor has found anew, of each instance."""
         if doctor.looks == self._looks:
             return
-        self._looks, found = doctor.looks, set()
+        self._looks, found, surest = doctor.looks, set(), dict[str, str]()
         for one in doctor.findings:
             for seen in self.instances.values():
                 line = self._names.get(one.connect, one.connect)
                 is_its = one.instance == seen.name or (not one.instance and line in ("", seen.line))
                 if not is_its or (seen.name, one.cause) in found:
                     continue
+                surest.setdefault(seen.name, one.cause)
                 found.add((seen.name, one.cause))
                 if (seen.name, one.cause) not in self._known:
                     cause = _finding_record(one, with_payload) | self._file()
                     yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
         self._known = found
+        for seen in self.instances.values():
+            seen.finding = surest.get(seen.name, "")
 
     def _changed(
         self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float

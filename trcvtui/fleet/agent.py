@@ -22,7 +22,7 @@ from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.net.os.service_manager import notify
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
@@ -97,10 +97,12 @@ class Agent:
         self._looks = 0
         self._judged_at: tuple[object, ...] = ()  # what there was when it was asked
         self.restarts: int = 0
-        self._scan, self._scanned_at, self._patience = -1, 0, STALE_NS  # the last one, when it was told
+        self._scan, self._scanned_at = -1, clock.now_ns()  # the last one, when it was told
+        self._patience = STALE_NS
         self._state = ""
         self._has_cleared = False
         self._page_at = 0
+        self._failure = ""  # of publishing, as it was told last
 
     # -- what the page tells -----------------------------------------------------------------------------
 
@@ -171,11 +173,23 @@ class Agent:
                 self._look(self._engine, now)
         except (EngineStopped, UserError, OSError) as stopped:  # OSError: no process or file more for it
             self._failed(stopped, now)
-        if self._publisher is not None:
-            self._tell_state()
-            if not self.is_stale:
-                self._tell_figures(now)
-            self._publisher.turn(now)
+        with self._going_on():
+            if self._publisher is not None:
+                self._tell_state()
+                if not self.is_stale:
+                    self._tell_figures(now)
+                self._publisher.turn(now)
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        """Tell what goes wrong beside the bench: nothing of it ends the bench."""
+        try:
+            yield
+        except Exception as failed:
+            line = f"publishing has failed: {type(failed).__name__} {failed}; the bench goes on"
+            if line != self._failure:
+                self._failure = line
+                say(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
         """Open the page; where its place is taken try again later: that is no reason to end a bench."""
@@ -195,7 +209,7 @@ class Agent:
     def _start(self, now: int) -> None:
         settings = self._settings
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
-        self._scan, self._scanned_at = -1, now
+        self._scan = -1
         self._engine = self._new_engine()
         self.seen.begin_run()
         if not (settings.packets or self._tap):
@@ -245,12 +259,25 @@ class Agent:
         update = engine.picture()
         if update is not None:
             self._heard(update.snapshot, now)
-        if now > self._scanned_at + max(HUNG_NS, 2 * self._patience):
-            raise EngineStopped(f"no scan for {(now - self._scanned_at) // NS} s")
+        silence = now - max(self._scanned_at, self._started_at)
+        if silence > max(HUNG_NS, 2 * self._patience):
+            raise EngineStopped(f"no scan for {silence // NS} s")
         if update is None:
             return
         if update.over:
             raise EngineStopped(update.over)
+        with self._going_on():
+            self._tell_update(update, now)
+        known = UpdateRequest(
+            since_seq=self.seen.seq,
+            most_lines=MOST_LINES,
+            bench=update.bench,
+            project=update.project_number,
+            doctor=self._is_doctor_due(now),
+        )
+        engine.request(known)
+
+    def _tell_update(self, update: BenchUpdate, now: int) -> None:
         changed, events, moved = self.seen.take(update, _wall())
         for instance in changed:
             if instance.status is not None:
@@ -264,15 +291,6 @@ class Agent:
         if update.doctor.looks != self._looks:
             self._looks = update.doctor.looks
             self._doctor_at = max(self._doctor_at, now + RESTS * (now - self._asked_at))
-        known = UpdateRequest(
-            since_seq=self.seen.seq,
-            most_lines=MOST_LINES,
-            bench=update.bench,
-            project=update.project_number,
-            doctor=self._is_doctor_due(now),
-        )
-        engine.request(known)
-
         if self._publisher is not None and not self._has_cleared:
             self._has_cleared = True
             self._publisher.clear_all_but(self._is_used)
@@ -329,7 +347,7 @@ class Agent:
         return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
 
     def _tell_state(self) -> None:
-        state = "stale" if self._engine is not None and self.is_stale else "online"
+        state = "stale" if self.is_stale else "online"
         if state != self._state and self._publisher is not None:
             self._state = state
             self._publisher.retain(self._topic("state"), self._state_message(state))

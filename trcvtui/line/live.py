@@ -33,7 +33,6 @@ from trcvtui.capture.reassembly import (
     ConversationEvent,
     Conversations,
     SegmentKind,
-    WireDirection,
 )
 from trcvtui.errors import UserError
 from trcvtui.files import unnamed
@@ -238,12 +237,8 @@ def _partner_of(address: str) -> PlcEnd | None:
 
 
 def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int]) -> Conversation:
-    made = Conversation(number, "tcp", 0)
-    there = made.there = WireDirection(made, caller, b"")
-    back = made.back = WireDirection(made, listener, b"")
-    there.other, back.other = back, there
-    made.begins_with_syn = made.is_established = True
-    made.listener = back
+    made = Conversation(number, "tcp", 0, (caller, listener))
+    made.build()
     return made
 
 

@@ -311,7 +311,7 @@ class Conversations:
                 self._leave_out(conversation.last_ns, direction, direction.position + left)
 
     def forget_over(self, ns: int) -> list[int]:
-        """Forget who ended long before this time, and the silent where there are too many; return numbers."""
+        """Forget what ended long before this time, and the silent where there are many; return numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.kept_ns)]
         if not over:

@@ -1,7 +1,7 @@
-"""Who looks on at a tap, in a process of his own: shadows on its bytes, and bench commands for it.
+"""The observer of a tap, a process of its own: shadows on its bytes, and bench commands for it.
 
 Events come over stdin, and go back as orders over the same socket; what shadows show goes to stdout.
-Who reads that too slowly makes us miss events, not the tap wait: bytes that are missed are a hole.
+A reader that is too slow makes it miss events, and not the tap wait: bytes that are missed are a hole.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from trcvtui.commands import words
 from trcvtui.commands.table import parse_line
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
-from trcvtui.line.capture_player import CapturePlayer, Played, ShadowLines
+from trcvtui.line.capture_player import CaptureOutcome, CapturePlayer, ShadowLines
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.shadows import plan_ad_hoc, plan_of_project
 from trcvtui.line.watch_command import WatchLines
@@ -319,7 +319,7 @@ class TapObserver:
     def end_all(self) -> None:
         self._talks.end_all()
 
-    def close(self) -> Played:
+    def close(self) -> CaptureOutcome:
         """Let the shadows settle; return what became of the conversations."""
         self._player.shadows.settle()
         played = self._player.close()
@@ -361,5 +361,5 @@ def look_on(asked: str) -> None:
             sys.stdout.flush()
         looking.close()
         sys.stdout.flush()
-    except BrokenPipeError:  # nobody reads what shadows show
+    except BrokenPipeError:  # the reader of what shadows show is gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

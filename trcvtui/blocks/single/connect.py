@@ -83,11 +83,9 @@ class SingleTcon:
         return IDLE
 
     def stop(self, reason: str) -> None:
-        """Forget the attempt."""
         self._is_building = self._keeps = False
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._connection.keeping.give_back(self._claim)
 
     def _begin(self) -> Outcome:
@@ -179,7 +177,6 @@ class SingleTdiscon(ScriptBlock):
         self._connection.set_up.is_closing = False
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self.stop(reason)
 
     def _begin(self) -> Outcome:

@@ -67,7 +67,6 @@ class Tcon(ScriptBlock):
         return self._part.lost(outcomes, "the connection is gone")
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._part.detach()
 
 

@@ -328,7 +328,6 @@ class IsoSettings(Struct, frozen=True):
     shares_port: bool = True
 
     def new(self, is_active: bool) -> IsoOnTcp:
-        """Return a fresh session."""
         return IsoOnTcp(self, is_active)
 
 
@@ -360,16 +359,13 @@ class IsoOnTcp:
 
     @property
     def is_up(self) -> bool:
-        """Return whether messages may flow."""
         return self.phase is IsoPhase.UP
 
     @property
     def has_data(self) -> bool:
-        """Return whether a message is complete."""
         return bool(self._messages)
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
-        """Return the messages that are complete."""
         found = [WaitingMessage(peer, *one) for one in islice(self._messages, skip, None)]
         return Unread(is_full=not self.wants_more, messages=tuple(found), has_session=True)
 
@@ -385,7 +381,6 @@ class IsoOnTcp:
 
     @property
     def held(self) -> int:
-        """Return how many bytes are kept: complete messages, and what is not complete yet."""
         return self._reader.held + len(self._collected) + self._waiting()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
@@ -398,7 +393,6 @@ class IsoOnTcp:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether TPDUs wait here that may be taken now."""
         return self._reader.stopped_short and self.wants_more
 
     @property
@@ -449,7 +443,6 @@ class IsoOnTcp:
         return LayerMessage(data[:size], whole)
 
     def encode(self, data: bytes) -> bytes:
-        """Return the DTs that carry one message."""
         return segments(data, self._most)
 
     def drop_data(self) -> int:

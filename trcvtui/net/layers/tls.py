@@ -136,7 +136,6 @@ class Tls:
         return self.ended is None and not self.partner_is_done and self.held < CAP
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
-        """Return the bytes that are decrypted."""
         return Unread(
             len(self._plain), bytes(self._plain[skip:]), is_full=not self.wants_more, has_session=True
         )
@@ -163,7 +162,6 @@ class Tls:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether records wait that may be read now."""
         return self._stopped_short and len(self._plain) < CAP and self.wants_more
 
     @property

@@ -49,12 +49,10 @@ class PollList:
         self._wanted[fd] = mask
 
     def unregister(self, fd: int) -> None:
-        """Take fd out; ENOENT when it is not in."""
         if self._wanted.pop(fd, None) is None:
             raise OSError(errno.ENOENT, "not in the poll set")
 
     def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]:
-        """Return (descriptor, events) of those that are ready now."""
         return look_at(self._wanted) if self._wanted else []
 
     def close(self) -> None:
@@ -365,7 +363,6 @@ class CutLinks:
         self._deaf.pop(handle, None)
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
         if not CAN_CUT:
             return CANNOT_CUT
         if up:

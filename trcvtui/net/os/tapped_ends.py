@@ -118,7 +118,6 @@ class TcpTalk:
             self.close()
 
     def pass_reset(self, lane: TapLane) -> None:
-        """Let the target see an RST; the source has sent one."""
         self.tell(TapEventKind.RST, lane.way, at=lane.at)
         self.close(reset=True)
 

@@ -236,7 +236,6 @@ class SimKernel:
 
     @property
     def now_ns(self) -> int:
-        """Return the virtual time in ns."""
         return self._wire.now
 
     @property
@@ -373,7 +372,6 @@ class SimKernel:
         return _fault("bind", "EBADF" if socket is None else socket.bind(end))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        """Start to listen; backlog + 1 handshakes are finished without accept."""
         socket = self._sockets.get(handle)
         return _fault("listen", "EBADF" if socket is None else socket.listen(backlog))
 
@@ -486,11 +484,9 @@ class SimKernel:
         return 0 if socket is None or socket.stream is None else socket.stream.unread
 
     def left(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the handles that are readable still."""
         return [each for each in handles if each in self._sockets and self._sockets[each].is_readable]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what lies unread; all of it is in the queues."""
         socket = self._sockets.get(handle)
         if isinstance(socket, SimDatagrams):
             return socket.peek(skip)
@@ -500,7 +496,6 @@ class SimKernel:
         return socket.stream.peek(skip)
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, or None without a connection."""
         socket = self._sockets.get(handle)
         return None if socket is None or socket.stream is None else socket.stream.path()
 

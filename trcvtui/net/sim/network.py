@@ -133,7 +133,6 @@ class SimWire:
 
     @property
     def now(self) -> int:
-        """Return the virtual time in ns."""
         return self.agenda.now
 
     def at(self, due: int, act: Callable[[], None]) -> Ticket:
@@ -145,7 +144,6 @@ class SimWire:
     # -- links ---------------------------------------------------------------------------------------
 
     def set_link(self, owner: str, up: bool) -> None:
-        """Let all traffic of the owner's handles go silent, or return."""
         if up:
             self._down.pop(owner, None)
         else:
@@ -383,7 +381,6 @@ class SimSocket:
 
     @property
     def end(self) -> Endpoint | None:
-        """Return the local end, None while there is none."""
         return self.stream.local if self.stream is not None else self.claim.end
 
     def __str__(self) -> str:
@@ -394,7 +391,6 @@ class SimSocket:
         return f"{self.owner} {state} {self.claim.end or ''}".rstrip()
 
     def set_options(self, options: SocketOptions) -> tuple[str, ...]:
-        """Obey the options; return the names of those that were refused."""
         low, high = KEEP_ALIVE_LIMITS_S
         is_valid = low <= options.keep_alive_s <= high
         self.tuning.keep_alive = options.keep_alive_s * SECOND if is_valid else KEEP_ALIVE_DEFAULT
@@ -407,7 +403,6 @@ class SimSocket:
         return () if is_valid else ("TCP_KEEPIDLE", "TCP_KEEPINTVL")
 
     def bind(self, end: Endpoint) -> str:
-        """Bind to a local end; port 0 takes a free one."""
         return self._cannot_bind(end) or self._wire.ports.bind(self.claim, end)
 
     def _cannot_bind(self, end: Endpoint) -> str:
@@ -419,7 +414,6 @@ class SimSocket:
         return ""
 
     def listen(self, backlog: int) -> str:
-        """Start to listen; backlog + 1 handshakes are finished without accept."""
         if self.stream is not None:
             return "EINVAL"
         if self.listener is not None:
@@ -433,7 +427,6 @@ class SimSocket:
         return error
 
     def connect(self, end: Endpoint) -> str:
-        """Start to connect; "" = pending."""
         if self.listener is not None:
             return "EISCONN"
         if self.stream is not None:
@@ -477,7 +470,6 @@ class SimSocket:
         return remote if self._wire.owns(remote) else self._wire.addresses[0]
 
     def probe(self) -> str:
-        """Return what `shut` would answer, without a FIN."""
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
     def shut(self, both: bool) -> str:

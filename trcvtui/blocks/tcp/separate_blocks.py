@@ -10,7 +10,7 @@ from trcvtui.blocks.block import Binding, JobBlock, ScriptBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0, no_req
+from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0
 from trcvtui.blocks.tcp.connection_control import (
     ConnectionControl,
     Phase,
@@ -179,12 +179,7 @@ class Tsend(JobBlock):
         )
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
-        if self.job.running:
-            got = self.job.go_on()
-        elif req_rose:
-            got = self.job.begin(inputs)
-        else:
-            got = self.job.check_loss() or no_req(self.job)
+        got = self.job.call(inputs, req_rose)
         return got if isinstance(got, Outcome) else self._lost(got, req_rose)
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:

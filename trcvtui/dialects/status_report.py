@@ -317,12 +317,9 @@ def _anchor(heading: str, before: int) -> str:
 
 def _plain(text: str) -> str:
     return "`".join(
-        part if within_code else "".join(_escaped(part)) for within_code, part in _page_parts(text.split("`"))
+        part if place % 2 else "".join(_escaped(part))  # every other part is code
+        for place, part in enumerate(text.split("`"))
     )
-
-
-def _page_parts(parts: Sequence[str]) -> Iterator[tuple[bool, str]]:
-    return ((bool(place % 2), part) for place, part in enumerate(parts))
 
 
 def _escaped(text: str) -> Iterator[str]:

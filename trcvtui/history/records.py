@@ -278,5 +278,5 @@ class Facts(Struct, frozen=True):
     second_client: RejectedClients | None = None
     loss: LastLoss | None = None
     losses: int = 0
-    datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
+    datagrams: Sizes = Sizes()  # of a UDP socket, from any sender, as long as they were on the wire
     open_since: ScanStamp | None = None  # that socket

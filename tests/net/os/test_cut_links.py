@@ -10,8 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 import trcvtui.net.os.system_calls as os_link
-from tests.net.net_bench import Bench
-from tests.net.os.test_os_kernel import OsNetwork
+from tests.net.net_bench import Bench, OsNetwork
 from trcvtui.net.kernel import KernelLoss, SocketOptions
 from trcvtui.net.os import system_calls as os_options
 from trcvtui.net.os.kernel import OsKernel

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import resource
-import select
 import socket
 import subprocess
 import sys
@@ -18,7 +17,8 @@ import pytest
 import trcvtui.net.os.system_calls as os_poll
 import trcvtui.net.os.system_calls as os_queues
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
-from tests.net.net_bench import Bench
+from tests.net.facts_data import five_bytes_and_a_rst
+from tests.net.net_bench import Bench, OsNetwork
 from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, SocketOptions
 from trcvtui.net.os import kernel as os_kernel
 from trcvtui.net.os.kernel import OsKernel
@@ -27,32 +27,6 @@ from trcvtui.net.results import WOULD_BLOCK, Endpoint
 from trcvtui.net.results import Fault as Failed
 
 OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
-
-
-class OsNetwork:
-    """This machine's network; a breath waits a millisecond on a socket that is never ready."""
-
-    def __init__(self, kernel: OsKernel) -> None:
-        self.kernel = kernel
-        self._quiet, self._other = socket.socketpair()
-
-    def breathe(self) -> None:
-        """Let a millisecond pass."""
-        select.select([self._quiet], [], [], 0.001)
-
-    def close(self) -> None:
-        """Free everything."""
-        self.kernel.close_all()
-        self._quiet.close()
-        self._other.close()
-
-
-@pytest.fixture
-def network() -> Iterator[OsNetwork]:
-    made = OsNetwork(OsKernel())
-    yield made
-    made.close()
-    assert made.kernel.leaks() == ()
 
 
 def only_poll(patch: pytest.MonkeyPatch) -> None:
@@ -300,11 +274,7 @@ def test_a_real_cut_link_is_etimedout_idle_and_with_data_in_flight() -> None:
 
 def test_a_loss_found_after_bytes_is_kept_for_the_next_call(network: OsNetwork) -> None:
     b = Bench(network)
-    one = b.pair()
-    b.send(one.client, b"five!")
-    b.until(lambda: b.kernel.unread(one.server) == 5)
-    b.kernel.abort(one.client)
-    b.settle()
+    one = five_bytes_and_a_rst(b)
     assert b.try_recv(one.server, 100) == b"five!"
     assert b.kernel.loss(one.server) == KernelLoss(Failed("recv", "ECONNRESET"), 0)
     assert b.try_recv(one.server) == 0

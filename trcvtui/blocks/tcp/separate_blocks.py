@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. What it has reset it builds anew, together with whoever else wants it."""
+    """One T_RESET instance. What it has reset it builds anew, together with other blocks that want it."""
 
     def __init__(self, bound: Binding) -> None:
         super().__init__()

@@ -32,7 +32,7 @@ NO_ADDR: Final = StepFault(
 class UdpSetUp(SetUp):
     """From socket to bound port; nobody has to come."""
 
-    needs_addr = False  # whoever opens it has none, and needs one
+    needs_addr = False  # the block that opens it has none, and needs one
 
     @property
     def listening(self) -> Endpoint | None:
@@ -221,15 +221,3 @@ class UdpEndpoint(Connection):
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         super()._end_incarnation(loss, state)
         self.set_up.local = None
-
-
-def connection_of(
-    config: ConnectConfig,
-    kernel: Kernel,
-    resources: Resources,
-    policy: Policy,
-    resolve: Callable[[str], int | None],
-    write: Callable[[ConnectionEvent], None],
-) -> Connection:
-    kind = UdpEndpoint if config.is_datagram else Connection
-    return kind(config, kernel, resources, policy, resolve, write)

@@ -52,11 +52,8 @@ class Code(IntEnum):
 class Refusal(IntEnum):
     """Reasons of a DR (RFC 905)."""
 
-    UNSPECIFIED = 0x00
     NOBODY_WAITS = 0x02
     UNKNOWN_TSAP = 0x03
-    NORMAL = 0x80
-    PROTOCOL_ERROR = 0x85
     NEGOTIATION_FAILED = 0x82
     REFUSED = 0x88
 
@@ -334,6 +331,9 @@ class IsoSettings(Struct, frozen=True):
 class IsoOnTcp:
     """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
 
+    is_dear = False  # a handshake of two TPDUs costs nothing
+    partner_is_done = False  # class 0 ends with its stream
+
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = IsoPhase.WAITS_FOR_CC if is_active else IsoPhase.WAITS_FOR_CR
         self.ended: Ended | None = None
@@ -394,16 +394,6 @@ class IsoOnTcp:
     @property
     def has_backlog(self) -> bool:
         return self._reader.stopped_short and self.wants_more
-
-    @property
-    def is_dear(self) -> bool:
-        """Return False: a handshake of two TPDUs costs nothing."""
-        return False
-
-    @property
-    def partner_is_done(self) -> bool:
-        """Return False: class 0 ends with its stream."""
-        return False
 
     @property
     def unfinished(self) -> int:

@@ -110,12 +110,12 @@ class LayeredStream:
             return session.feed(data, max(1, party.left))
 
         party.spend(party.work.shake(party, str(self.peer), step) if session.is_dear else step())
-        if session.partner_is_done:  # his last word is answered at once (RFC 5246 7.2.1)
+        if session.partner_is_done:  # its last word is answered at once (RFC 5246 7.2.1)
             self.is_over = True
             self.goodbye()
 
     def take_last_words(self) -> None:
-        """Take what a partner has left who went before he could have had an answer: no step is worth it."""
+        """Take what a partner has left that went before it could have had an answer: no step is worth it."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
@@ -270,7 +270,7 @@ class Choosing(Protocol):
     has_asked: bool
 
     def names(self, settings: LayerSettings) -> bool:
-        """Return whether it asks for the name of this CONNECT, whoever may have it."""
+        """Return whether it asks for the name of this CONNECT, which several may have."""
         ...
 
     def is_for(self, settings: LayerSettings) -> str:

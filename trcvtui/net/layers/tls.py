@@ -100,6 +100,8 @@ _RAISED: Final = (ssl.SSLError, OSError, ValueError)
 class Tls:
     """One end. `ended` is the reason of a failure; a partner who closed in good order `partner_is_done`."""
 
+    unfinished = 0  # records are no messages, and what is not complete of one is bounded
+
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: Ended | None = None
         self.can_take_back = False  # records are counted
@@ -178,11 +180,6 @@ class Tls:
         elif self._has_fed:
             self._end(Ended(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
-    @property
-    def unfinished(self) -> int:
-        """Return 0: records are no messages, and what is not complete of one is bounded."""
-        return 0
-
     def take_remarks(self) -> list[str]:
         """Return nothing: the library passes over nothing that it tells."""
         return []
@@ -193,7 +190,7 @@ class Tls:
             self._end(Ended(TlsError.SILENT, "the handshake does not go on"))
 
     def say_goodbye(self) -> bool:
-        """Tell the partner that nothing more comes (close_notify), once; return whether he has been told."""
+        """Tell the partner that nothing more comes (close_notify), once; return whether it has been told."""
         if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
             self._has_said_goodbye = True
             with suppress(*_RAISED):  # ours is in the output; the partner's own may come or not

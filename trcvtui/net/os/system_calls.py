@@ -321,7 +321,7 @@ def _ask(sock: socket.socket, request: int) -> int:
 # Linux lets a program put a classic BPF filter on its own sockets. "Take 0 bytes" on every socket of a
 # CONNECT, and on the bench's own sockets at the other end of them, silences that wire both ways without FIN
 # or RST; the stack's own timers find out. A partner outside this bench still hears the PLC's segments, only
-# his answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
+# its answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
 
 CAN_CUT: Final = sys.platform == "linux"
 CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"

@@ -124,7 +124,7 @@ class SimWire:
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
-        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that nobody answers by himself
+        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that no machine answers by itself
         self._down: dict[str, None] = {}
         self._listeners: dict[Endpoint, SimListener] = {}
         self._streams: dict[tuple[Endpoint, Endpoint], SimStream] = {}
@@ -217,7 +217,7 @@ class SimWire:
         client.connect()
 
     def syn(self, client: SimStream) -> None:
-        """Carry a SYN to whoever has the address."""
+        """Carry a SYN to the machine that has the address."""
         if client.owner in self._down or not self.owns(client.remote.address):
             return
         if client.local == client.remote:
@@ -231,7 +231,8 @@ class SimWire:
     def _syn_arrives(self, client: SimStream) -> None:
         if client.phase is not StreamPhase.SYN_SENT:
             return
-        listener = self._listener_at(client.remote)
+        at_any = Endpoint(ANY_ADDRESS, client.remote.port)
+        listener = self._listeners.get(client.remote) or self._listeners.get(at_any)
         if listener is None:
             self._refuse(client)
         elif self.is_up(client.owner, listener.owner):
@@ -288,9 +289,6 @@ class SimWire:
     def _refusal_arrives(self, client: SimStream) -> None:
         if client.owner not in self._down and client.phase is StreamPhase.SYN_SENT:
             client.arrive(RESET)
-
-    def _listener_at(self, end: Endpoint) -> SimListener | None:
-        return self._listeners.get(end) or self._listeners.get(Endpoint(ANY_ADDRESS, end.port))
 
     def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
         """Return the server side of a new connection, None when the queue holds backlog + 1 already."""

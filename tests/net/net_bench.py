@@ -30,8 +30,8 @@ class Network(Protocol):
 class OsNetwork:
     """This machine's network; a breath waits a millisecond on a socket that is never ready."""
 
-    def __init__(self, kernel: OsKernel | None = None) -> None:
-        self.kernel = kernel or OsKernel()
+    def __init__(self) -> None:
+        self.kernel = OsKernel()
         self._quiet, self._other = socket.socketpair()
 
     def breathe(self) -> None:

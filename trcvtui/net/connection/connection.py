@@ -96,7 +96,7 @@ class State(StrEnum):
 # Rule 3: where closed windows are probed often, an ACK older than the limit is a dead link.
 
 
-class Sent(Enum):
+class SentState(Enum):
     """How the bytes that were sent stand."""
 
     SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not say
@@ -127,16 +127,16 @@ class DeadLinkWatch:
         self._set_ms = 0
         self._limit(handle, closed_window=False)
 
-    def look(self, handle: Handle) -> Sent:
+    def look(self, handle: Handle) -> SentState:
         """Look once; done in each scan as long as bytes are under way."""
         path = self._kernel.path(handle)
         if path is None or not (path.unacked or path.unsent):
             self._limit(handle, closed_window=False)
-            return Sent.SETTLED
+            return SentState.SETTLED
         closed_window = path.unacked == 0
         self._limit(handle, closed_window)
         speaks = not path.probes_often or path.last_ack_ms < self._limit_ms
-        return Sent.DEAD if self._is_on and closed_window and not speaks else Sent.UNDER_WAY
+        return SentState.DEAD if self._is_on and closed_window and not speaks else SentState.UNDER_WAY
 
     def _limit(self, handle: Handle, closed_window: bool) -> None:
         limit = self._limit_ms if self._is_on and not closed_window else 0
@@ -529,10 +529,10 @@ class Connection:
 
     def watch(self) -> bool:
         """Look after bytes that are under way; return whether the link has turned out to be dead."""
-        sent = Sent.SETTLED if self.handle is None else self._dead_link.look(self.handle)
-        if sent is Sent.SETTLED:
+        sent = SentState.SETTLED if self.handle is None else self._dead_link.look(self.handle)
+        if sent is SentState.SETTLED:
             self._resources.unsettled.pop(self._name, None)
-        if sent is not Sent.DEAD or self.pending_loss is not None:
+        if sent is not SentState.DEAD or self.pending_loss is not None:
             return False
         self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
         return True

@@ -264,7 +264,7 @@ GAVE_WAY: Final = f"{CLIENTS_WAITING} clients were there before it was done, and
 FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
-class Choosing(Protocol):
+class ChoiceSession(Protocol):
     """A session whose partner asks for one of several: it waits until it is given to somebody, or refused."""
 
     has_asked: bool
@@ -284,9 +284,9 @@ class Choosing(Protocol):
         ...
 
 
-def choosing(session: object) -> Choosing | None:
+def choosing(session: object) -> ChoiceSession | None:
     """Return the session if its partner has asked for somebody; None: not yet, or it knows no such thing."""
-    found: Choosing | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
+    found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
 
@@ -385,7 +385,7 @@ class SharedListener:
             client.too_slow("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
-    def _give(self, client: LayeredStream, session: Choosing) -> None:
+    def _give(self, client: LayeredStream, session: ChoiceSession) -> None:
         members = list(self.members.values())
         named = [member for member in members if session.names(member.settings)]
         meant = [member for member in named if not session.is_for(member.settings)]

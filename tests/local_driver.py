@@ -41,6 +41,14 @@ class LocalDriver:
             self.scan(self._pause)
         return told
 
+    def play(self, *lines: str) -> None:
+        """Submit lines; `run` of some scans lets them pass."""
+        for line in lines:
+            if line.startswith("run "):
+                self.scan(int(line.removeprefix("run ")))
+            else:
+                self.submit(line)
+
     def scan(self, scans: int = 1) -> None:
         for _ in range(scans):
             self.console.scan()

@@ -177,7 +177,7 @@ class Bench:
         if seam is not None:
             seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
-        self.plan.fired = self._fault_fired
+        self.plan.fired = lambda owner, fault: self._tell(BenchNote(owner, "fault fired", str(fault)))
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
@@ -189,8 +189,9 @@ class Bench:
         for rule in read_replies(project):
             self.peers[rule.peer].replies.add(rule)
         for peer in self.peers.values():
-            if not peer.decl.active:
-                self._must_listen(peer)
+            if not peer.decl.active and (wrong := peer.listen()):
+                self.close()
+                raise mistake(f"{project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
         if seam is not None:
             seam.is_busy = False
 
@@ -310,12 +311,6 @@ class Bench:
 
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
-
-    def _must_listen(self, peer: Peer) -> None:
-        wrong = peer.listen()
-        if wrong:
-            self.close()
-            raise mistake(f"{self.project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
 
     def _resources(self, project: Project) -> Resources:
         return Resources(
@@ -643,9 +638,6 @@ class Bench:
         self.plan.clear()
         self.note("bench", "faults cleared")
         return ""
-
-    def _fault_fired(self, owner: str, fault: Fault) -> None:
-        self._tell(BenchNote(owner, "fault fired", str(fault)))
 
     def note(self, subject: str, what: str, detail: str = "") -> None:
         """Write into the ledger what came from outside of the PLC."""

@@ -16,7 +16,7 @@ from trcvtui.fleet.fleet_list import Entry, FleetGroup
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, FleetLine
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, row
 from trcvtui.wording import age, count
 
 STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
@@ -84,10 +84,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down,j", "move(1)", show=False),
-        Binding("up,k", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
+        *MOVES[:4],  # `g` groups
         Binding("home", "edge(-1)", show=False),
         Binding("end,G", "edge(1)", show=False),
         Binding("enter,right", "open", show=False),
@@ -123,9 +120,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def row_at(self, y: int) -> Row:
         if not self.entries:
-            return row((self.nothing[y], "dim")) if y < len(self.nothing) else EMPTY
-        if y >= len(self.entries):
-            return EMPTY
+            return row((self.nothing[y], "dim"))
         entry, columns = self.entries[y], columns_of(self.line_width - 1)
         parts = self._group(entry, columns) if isinstance(entry, FleetGroup) else self._line(entry, columns)
         mark = ("▸" if y == self.cursor else " ", "key")

@@ -125,10 +125,8 @@ class Index(NamedTuple):
 
 def index_of(snapshot: Snapshot | None) -> Index:
     """Return the index of a snapshot, without one an empty index."""
-    if snapshot is None:
-        return Index(None, {}, {})
-    instances = {instance.name: instance for instance in snapshot.instances}
-    return Index(snapshot, instances, {connection.name: connection for connection in snapshot.connections})
+    instances, connections = (snapshot.instances, snapshot.connections) if snapshot else ((), ())
+    return Index(snapshot, {each.name: each for each in instances}, {each.name: each for each in connections})
 
 
 class ViewModel:

@@ -1,4 +1,4 @@
-"""An instance alone: CONNECT and DATA are made on the way, and the first bytes of anybody are a DONE."""
+"""An instance alone: CONNECT and DATA are made on the way, and the first bytes that come are a DONE."""
 
 from __future__ import annotations
 

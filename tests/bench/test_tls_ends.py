@@ -1,4 +1,4 @@
-"""How a TLS connection ends in good order: who has said close_notify hears one (RFC 8446 6.1), in both roles.
+"""How a TLS connection ends in good order: each close_notify is answered (RFC 8446 6.1), in both roles.
 
 The partner is Python's own ssl on a thread, so that its unwrap() may wait while scans pass, or openssl.
 """

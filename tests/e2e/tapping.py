@@ -69,7 +69,7 @@ def calling(port: int, source: str = "127.0.0.1") -> socket.socket:
 
 
 def joined(door: socket.socket, port: int, source: str = "127.0.0.1") -> tuple[socket.socket, socket.socket]:
-    """Return who calls a port, and the end that `door` accepts for it."""
+    """Return the end that calls a port, and the end that `door` accepts for it."""
     near = calling(port, source)
     far = door.accept()[0]
     far.settimeout(PATIENCE)

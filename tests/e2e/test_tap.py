@@ -1,4 +1,4 @@
-"""The tap between plain sockets: ends as they are, back-pressure, refusals, who listens where."""
+"""The tap between plain sockets: ends as they are, back-pressure, refusals, where it listens."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_reset_shows_at_once_to_an_end_whose_fin_has_passed() -> None:
 
 
 def test_a_refusal_shows_as_a_reset_after_the_accept() -> None:
-    with socket.socket() as silent:  # it has the port, so nobody else listens there
+    with socket.socket() as silent:  # it has the port, so nothing else listens there
         silent.bind(("127.0.0.1", 0))
         refused_by(silent.getsockname()[1])
 

@@ -1,4 +1,4 @@
-"""`trcvtui tap --record`: what passed stands in the file, whoever is killed."""
+"""`trcvtui tap --record`: what passed stands in the file, whichever process is killed."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tm
     with tapped("--record", str(file)) as (tap, near, far):
         near.sendall(b"kept")
         assert exactly(far, 4) == b"kept"
-        recorder = min(children_of(tap.process.pid))  # started before who shows it
+        recorder = min(children_of(tap.process.pid))  # started before the one that shows it
         until(lambda: b"kept" in file.read_bytes(), lambda: (tap.process.poll(), file.read_bytes()))
         os.kill(recorder, signal.SIGKILL)
         assert tap.process.stderr is not None
@@ -107,7 +107,7 @@ def test_a_tap_that_is_killed_leaves_a_whole_recording(tmp_path: Path) -> None:
         assert exactly(far, 100_000)
         near.sendall(b"x")  # forwarded first, then told: what came before it has been told
         assert exactly(far, 1)
-        tap.end(signal.SIGKILL)  # the recorder holds stderr open: he has ended, too
+        tap.end(signal.SIGKILL)  # the recorder holds stderr open: it has ended, too
         assert {end_of(near)[1], end_of(far)[1]} <= {"FIN", "RST"}
     (row,) = conversations(file)
     assert bytes_in(row)[0] in (100_000, 100_001)

@@ -147,7 +147,7 @@ class Bench:
         self.project = project
         self._works_on = _what_each_works_on(project)
         self.kernel_name = kernel
-        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
+        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for a test's partners
         self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
         self._note_arrivals = _nothing
@@ -226,7 +226,7 @@ class Bench:
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-        from trcvtui.recording.seam import seam_kernel  # a bench that nobody records waits for none of it
+        from trcvtui.recording.seam import seam_kernel  # a bench that is not recorded waits for none of it
 
         return seam_kernel(seam, label, make, is_noted)
 
@@ -343,7 +343,7 @@ class Bench:
 
     @property
     def network(self) -> SimKernel:
-        """Return the simulated network, for who plays partners in it."""
+        """Return the simulated network, for a test's partners in it."""
         assert self._sim is not None
         return self._sim
 
@@ -671,7 +671,7 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
     """Return what an edit changes in the PLC; None: nothing, it is of the library."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
-        decl = edited.combuffer(decl.name)  # who writes and feeds it, its neighbours tell
+        decl = edited.combuffer(decl.name)  # what writes and feeds it, its neighbours tell
     match before, decl:
         case (None, InstanceDecl()):
             return commands.CreateInstance(decl, edit.place)

@@ -33,7 +33,7 @@ FIRST: Final = (
     "Save the project", "Save the session as a scenario", "Doctor", "Yank …", "Freeze the view",
     "View live again", "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
 )  # fmt: skip
-# Where the cursor goes by a key; by name nobody asks for it.
+# Where the cursor goes by a key; it is not asked for by name.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
 BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 

@@ -1,6 +1,6 @@
 """The list of `trcvtui fleet`: one row a line, or the head of a group; only rows in view are made.
 
-Rule: the list is ordered anew while somebody reads it. Until the cursor is moved it stays on the worst row;
+Rule: the list is ordered anew while it is read. Until the cursor is moved it stays on the worst row;
 then it stays on its line, at its place on the screen.
 """
 
@@ -96,7 +96,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self._wall = wall
         self.entries: Sequence[Entry] = ()
         self.cursor = 0
-        self._is_moved = False  # by somebody: from then on the cursor stays on its line
+        self._is_moved = False  # by a key or the mouse: from then on the cursor stays on its line
         self.nothing: Sequence[str] = NOTHING_YET
 
     # -- what is shown ------------------------------------------------------------------------------

@@ -134,7 +134,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def begin(self) -> str:
-        """Take the running job's bytes where nobody chose and no job has written DATA; return what to say."""
+        """Take the bytes of the running job where DATA was never written, unless others were chosen; say so."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)

@@ -276,7 +276,7 @@ class ViewModel:
     def request(self) -> UpdateRequest:
         """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
 
-        The others' come along while they are few: nobody knows before `F` whose will be looked at after it.
+        The others' come along while few: before `F` it is not known whose will be looked at after it.
         """
         instance = self.instance
         shown = (instance, *self._others(instance)) if instance else ()

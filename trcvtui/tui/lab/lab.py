@@ -134,7 +134,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def begin(self) -> str:
-        """Take those of the running job where none were chosen and DATA was never written; return what to say."""
+        """Take those of the running job where DATA was never written and none are chosen; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)

@@ -17,7 +17,7 @@ from trcvtui.tui.prompt import PromptInput
 SECOND = 1_000_000_000
 
 
-class Told:
+class TapStory:
     def __init__(self) -> None:
         self.talks = ConversationFigures()
         ends = (bytes([10, 0, 0, 9]), PARTNER[1]), (bytes([10, 0, 0, 5]), PLC[1])
@@ -35,8 +35,8 @@ class Told:
         return self.talks.snapshot()[0]
 
 
-def connected() -> Told:
-    told = Told()
+def connected() -> TapStory:
+    told = TapStory()
     told.tell(SegmentKind.SYN)
     assert told.shown.state == "connecting"
     told.tell(SegmentKind.ESTABLISHED, 0.002)
@@ -93,7 +93,7 @@ def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
     assert listed[0].number == 1 and len(listed) == 64
 
 
-def of_a_tap(told: Told, kernel: str = TAP) -> BenchUpdate:
+def of_a_tap(told: TapStory, kernel: str = TAP) -> BenchUpdate:
     return replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"}), kernel=kernel)
 
 

@@ -9,10 +9,11 @@ from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 
 
 class LocalDriver:
-    """A driver whose bench is in this process; `scan` lets scans pass."""
+    """A driver whose bench is in this process; `scan` lets scans pass, `do` some after each line."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, pause: int = 0) -> None:
         self.console = Controller(bench)
+        self._pause = pause
         self._number = 0
         self._picture: BenchUpdate | None = None
 
@@ -20,6 +21,33 @@ class LocalDriver:
         self._number += 1
         self.console.take(self._number, line)
         return self._number
+
+    @property
+    def bench(self) -> Bench:
+        return self.console.bench
+
+    def answer(self, line: str) -> str:
+        """Return what is said to a line: what it did, or ✗ and what is wrong with it."""
+        self.submit(line)
+        answer = self.console._answers[-1]
+        return f"✗ {answer.error}" if answer.error else answer.told
+
+    def do(self, *lines: str) -> str:
+        """Carry lines out; return what the last one did."""
+        told = ""
+        for line in lines:
+            told = self.answer(line)
+            assert not told.startswith("✗"), told
+            self.scan(self._pause)
+        return told
+
+    def play(self, *lines: str) -> None:
+        """Submit lines; `run` of some scans lets them pass."""
+        for line in lines:
+            if line.startswith("run "):
+                self.scan(int(line.removeprefix("run ")))
+            else:
+                self.submit(line)
 
     def scan(self, scans: int = 1) -> None:
         for _ in range(scans):
@@ -33,9 +61,9 @@ class LocalDriver:
         return picture
 
     def restart(self) -> None:
-        bench = self.console.bench
+        bench = self.bench
         bench.close()
         self.console = Controller(fresh_bench(bench.project, bench.kernel_name))
 
     def close(self) -> None:
-        self.console.bench.close()
+        self.bench.close()

@@ -7,9 +7,8 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 
+from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import RunScans
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
 
@@ -55,14 +54,7 @@ class Desk:
         self._quiet, self._other = socket.socketpair()
 
     def say(self, *lines: str) -> None:
-        for line in lines:
-            command = parse_line(line, self.bench.project, "w")
-            assert command is not None
-            if isinstance(command, RunScans):
-                for _ in range(command.scans):
-                    self.bench.step()
-            else:
-                assert self.bench.do(command) == ""
+        do(self.bench, *lines)
 
     def until(self, holds: Callable[[], object], most: int = 3000) -> None:
         """Let scans pass until it holds, a millisecond of real time each."""

@@ -5,62 +5,49 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests import golden
-from trcvtui.commands.snapshots import EngineTiming
+from tests.local_driver import LocalDriver
 from trcvtui.commands.table import parse_line, to_line
-from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 
 EMPTY = 'dialect = "twincat"\n'
 
 
-def desk(folder: Path) -> Controller:
+def desk(folder: Path) -> LocalDriver:
     """Return a console on a project with nothing in it."""
     file = folder / "empty.toml"
     file.write_text(EMPTY, encoding="utf-8")
-    return Controller(fresh_bench(load_project(file), "sim"))
-
-
-def do(console: Controller, *lines: str) -> None:
-    """Carry lines out and let one scan pass."""
-    for number, line in enumerate(lines):
-        console.take(number, line)
-    answers = console.picture(UpdateRequest(), EngineTiming(), 0).answers
-    assert [each.error for each in answers] == [""] * len(lines)
-    console.scan()
+    return LocalDriver(fresh_bench(load_project(file), "sim"), pause=1)
 
 
 def test_a_line_that_is_added_is_fed_and_read(tmp_path: Path) -> None:
     console = desk(tmp_path)
-    do(
-        console,
+    console.do(
         "add combuffer RX",
         "add data rx ARRAY[0..15] OF BYTE",
         "add instance RD block=ReceiveData RxBuffer=RX data=rx SizeReceiveData=4",
     )
-    do(console, "feed RX hex 01 02 03 04 05")
+    console.do("feed RX hex 01 02 03 04 05")
     assert console.bench.runtime.outputs("RD").done
     assert console.bench.runtime.data("rx", 5) == b"\1\2\3\4\0"
 
 
 def test_a_cable_that_is_added_carries_what_an_added_block_sends(tmp_path: Path) -> None:
     console = desk(tmp_path)
-    do(
-        console,
+    console.do(
         "add combuffer TX per_cycle=1",
         "add combuffer RX source=TX",
         "add instance SB block=SendByte TxBuffer=TX SendByte=65",
         "add instance RB block=ReceiveByte RxBuffer=RX",
     )
-    do(console, "pulse SB EN")
+    console.do("pulse SB EN")
     console.scan()
     assert console.bench.runtime.outputs("RB").byte == 65
 
 
 def test_a_stream_can_be_added_after_blocks_that_run(tmp_path: Path) -> None:
     console = desk(tmp_path)
-    do(
-        console,
+    console.do(
         "add connect C1 LocalAddress=127.0.0.1",
         "add data piece ARRAY[0..7] OF BYTE",
         "add data out ARRAY[0..7] OF BYTE",
@@ -69,12 +56,12 @@ def test_a_stream_can_be_added_after_blocks_that_run(tmp_path: Path) -> None:
         "add instance S block=TSEND_C connect=C1 data=out CONT=1",
         "add peer P remote=@C1",
     )
-    do(console, "add combuffer RX source=T", "add combuffer TX line=S")
-    do(console, "add instance SS block=SendString TxBuffer=TX data=text", "write text 'hello there'")
+    console.do("add combuffer RX source=T", "add combuffer TX line=S")
+    console.do("add instance SS block=SendString TxBuffer=TX data=text", "write text 'hello there'")
     for _ in range(5):
         console.scan()
-    do(console, "peer P connect")
-    do(console, "pulse SS EN", 'peer P send text "hi"')
+    console.do("peer P connect")
+    console.do("pulse SS EN", 'peer P send text "hi"')
     for _ in range(12):
         console.scan()
     assert console.bench.peers["P"].has_received(b"hello there")
@@ -89,7 +76,7 @@ def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
         "add combuffer TX size=500 per_cycle=2 line=RX",
         "add instance SB block=SendByte TxBuffer=TX task=MAIN SendByte=7",
     )
-    do(console, *lines, f"save project {tmp_path / 'saved.toml'}")
+    console.do(*lines, f"save project {tmp_path / 'saved.toml'}")
     saved = load_project(tmp_path / "saved.toml")
     assert saved.combuffers == console.bench.project.combuffers
     assert [buffer.is_written for buffer in saved.combuffers] == [False, True]
@@ -100,6 +87,6 @@ def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
 
 def test_what_is_no_combuffer_is_refused(tmp_path: Path) -> None:
     console = desk(tmp_path)
-    do(console, "add connect C9")
+    console.do("add connect C9")
     project = console.bench.project
     golden.mistakes("lines that add a ComBuffer", lambda line: parse_line(line, project, "w"))

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests import golden
-from trcvtui.engine.controller import Controller, fresh_bench
+from tests.local_driver import LocalDriver
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
 from trcvtui.scenario.scenario import load_bench, load_scenario
@@ -53,32 +54,17 @@ active = false
 """
 
 
-class Desk:
-    """A simulated bench, its lines and its answers."""
+class Desk(LocalDriver):
+    """A simulated bench of a project file."""
 
     def __init__(self, path: Path, text: str = PROJECT) -> None:
         path.write_text(text, encoding="utf-8")
         self.path = path
-        self.console = Controller(fresh_bench(load_bench(path), "sim"))
+        super().__init__(fresh_bench(load_bench(path), "sim"), pause=2)
         self.scan()
 
-    def scan(self, scans: int = 1) -> None:
-        for _ in range(scans):
-            self.console.scan()
-
-    def answer(self, line: str) -> str:
-        self.console.take(1, line)
-        answer = self.console._answers[-1]
-        return f"✗ {answer.error}" if answer.error else answer.told
-
-    def do(self, *lines: str) -> None:
-        for line in lines:
-            answer = self.answer(line)
-            assert not answer.startswith("✗"), answer
-            self.scan(2)
-
     def status(self, name: str) -> str:
-        return f"{self.console.bench.runtime.outputs(name).status:04X}"
+        return f"{self.bench.runtime.outputs(name).status:04X}"
 
 
 @pytest.fixture
@@ -89,25 +75,25 @@ def desk(tmp_path: Path) -> Desk:
 def test_set_of_a_connect_says_before_and_now_and_who_begins_anew(desk: Desk) -> None:
     desk.do("set R1 CONT=1 EN_R=1")
     desk.scan(3)
-    assert desk.console.bench.runtime.listening_port("C1") == 2000
+    assert desk.bench.runtime.listening_port("C1") == 2000
     told = desk.answer("set C1 LocalPort=2500")
     assert told == "CONNECT C1: LocalPort 2000 before, 2500 now; begins anew: CONNECT C1, instance R1"
     desk.scan(1)
     assert desk.status("R1") == "0001", "CONT is 1 as before, and counts as rising"
     desk.scan(5)
-    assert desk.console.bench.runtime.listening_port("C1") == 2500
+    assert desk.bench.runtime.listening_port("C1") == 2500
     desk.do("peer P1 connect")
     desk.scan(4)
     desk.do("peer P1 send hex 01 02 03 04 05 06 07 08")
     desk.scan(4)
-    assert desk.console.bench.runtime.data("rx") == bytes(range(1, 9))
-    desk.console.bench.close()
-    assert desk.console.bench.leaks() == ()
+    assert desk.bench.runtime.data("rx") == bytes(range(1, 9))
+    desk.bench.close()
+    assert desk.bench.leaks() == ()
 
 
 def test_set_of_pins_stays_what_it_was(desk: Desk) -> None:
     desk.do("set R1 CONT=1 EN_R=1 LEN=4")
-    assert desk.console.bench.runtime.inputs("R1")["LEN"] == 4
+    assert desk.bench.runtime.inputs("R1")["LEN"] == 4
     assert desk.answer("set R1 CONT=2").startswith("✗ prompt")
     assert desk.answer("undo").startswith("✗"), "pins are no edit of the project"
 
@@ -117,8 +103,8 @@ def test_a_name_of_two_kinds_is_refused_with_both_ways_to_say_it(desk: Desk) -> 
     assert both + "set connect C2 .. or set instance C2 .." in desk.answer("set C2 CONT=1")
     assert both + "remove connect C2 or remove instance C2" in desk.answer("remove C2")
     desk.do("set connect C2 SendDelayOpt=true", "set instance C2 CONT=1")
-    assert desk.console.bench.runtime.inputs("C2")["CONT"] is True
-    assert desk.console.bench.project.connect("C2").send_delay_opt  # type: ignore[union-attr]
+    assert desk.bench.runtime.inputs("C2")["CONT"] is True
+    assert desk.bench.project.connect("C2").send_delay_opt  # type: ignore[union-attr]
 
 
 def test_undo_takes_back_the_edits_one_by_one_and_no_pin_and_no_byte(desk: Desk) -> None:
@@ -127,26 +113,26 @@ def test_undo_takes_back_the_edits_one_by_one_and_no_pin_and_no_byte(desk: Desk)
     assert desk.answer("undo") == "taken back: DATA variable tx is removed"
     assert desk.answer("undo") == "taken back: peer P1 is added: active=true remote=@C1"
     desk.scan(2)
-    assert [peer.decl.name for peer in desk.console.bench.peers.values()] == ["P1", "P2"]
+    assert [peer.decl.name for peer in desk.bench.peers.values()] == ["P1", "P2"]
     desk.do("undo", "undo")
-    assert desk.console.bench.runtime.data("rx") == b"\x07" + bytes(7)
-    assert desk.console.bench.runtime.inputs("R1")["EN_R"] is True
+    assert desk.bench.runtime.data("rx") == b"\x07" + bytes(7)
+    assert desk.bench.runtime.inputs("R1")["EN_R"] is True
     assert desk.console._edits.unsaved == 0, "everything is as in the file"
     assert desk.answer("undo").startswith("✗")
 
 
 def test_twenty_edits_can_be_taken_back(desk: Desk) -> None:
     desk.do(*(f"set C1 LocalPort={2100 + number}" for number in range(23)), *["undo"] * 20)
-    assert desk.console.bench.project.connect("C1").local.port == 2102  # type: ignore[union-attr]
+    assert desk.bench.project.connect("C1").local.port == 2102  # type: ignore[union-attr]
     assert desk.answer("undo").startswith("✗")
 
 
 def test_an_instance_comes_back_to_its_place_in_the_call_order(desk: Desk) -> None:
     desk.do("remove R1", "undo")
-    assert [out.instance for out in desk.console.bench.runtime.called] == ["R1", "C2"]
+    assert [out.instance for out in desk.bench.runtime.called] == ["R1", "C2"]
     desk.do("add data tx REAL", "set R1 data=tx", "set R1 CONT=1")
     desk.scan(2)
-    assert desk.console.bench.project.instance("R1").data == "tx"  # type: ignore[union-attr]
+    assert desk.bench.project.instance("R1").data == "tx"  # type: ignore[union-attr]
 
 
 def test_a_combuffer_and_what_reads_it_are_built_anew(tmp_path: Path) -> None:
@@ -161,12 +147,12 @@ def test_a_combuffer_and_what_reads_it_are_built_anew(tmp_path: Path) -> None:
     assert told == "ComBuffer B1: size none before, 400 now; begins anew: ComBuffer B1, instance RD"
     desk.scan()
     desk.do("feed B1 hex 07 08 09")
-    assert desk.console.bench.runtime.data("rx")[:3] == b"\x07\x08\x09", "what was in it is gone"
+    assert desk.bench.runtime.data("rx")[:3] == b"\x07\x08\x09", "what was in it is gone"
     assert "in use by instance RD" in desk.answer("remove B1")
     desk.do("remove RD", "remove B1")
-    assert desk.console.bench.runtime.snapshot().combuffers == ()
+    assert desk.bench.runtime.snapshot().combuffers == ()
     desk.do("undo", "undo", "feed B1 hex 01 02 03")
-    assert desk.console.bench.runtime.data("rx")[:3] == b"\x01\x02\x03"
+    assert desk.bench.runtime.data("rx")[:3] == b"\x01\x02\x03"
 
 
 @pytest.mark.parametrize("dialect", ["s7-1500", "s7-1200", "s7-1200-legacy"])
@@ -205,7 +191,7 @@ def test_the_lines_work_in_a_scenario_and_a_saved_session_plays_them_again(
 ) -> None:
     desk.do("set R1 CONT=1", "set C1 LocalPort=2500", "remove P1", "undo", "set P1 reconnect=T#50ms")
     desk.scan(20)
-    assert desk.console.bench.peers["P1"].is_in("connected")
+    assert desk.bench.peers["P1"].is_in("connected")
     scenario = desk.path.parent / "played.toml"
     desk.do(f"save scenario {scenario}")
     assert run_files([scenario], "sim", "text", None, []) == 0, capsys.readouterr().out
@@ -214,6 +200,6 @@ def test_the_lines_work_in_a_scenario_and_a_saved_session_plays_them_again(
 
 
 def test_what_cannot_be_is_one_line_and_changes_nothing(desk: Desk) -> None:
-    before = desk.console.bench.project
+    before = desk.bench.project
     golden.answers("mending", lambda line: [desk.answer(line)])
-    assert desk.console.bench.project is before and desk.console._edits.unsaved == 0
+    assert desk.bench.project is before and desk.console._edits.unsaved == 0

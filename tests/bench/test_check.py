@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.bench.bench_lines import do
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.counters_and_checksums import Checker, frame
 from trcvtui.commands.snapshots import CheckSnapshot, CheckTally
-from trcvtui.commands.table import parse_line
 from trcvtui.project.file import load_project
 
 SIZE = 16
@@ -62,32 +62,18 @@ def checking(bench: Bench) -> CheckSnapshot:
     return found
 
 
-def say(bench: Bench, *lines: str) -> None:
-    for line in lines:
-        command = parse_line(line, bench.project, "w")
-        assert command is not None and bench.do(command) == ""
-
-
-def run(bench: Bench, scans: int) -> None:
-    for _ in range(scans):
-        bench.step()
-
-
 @pytest.fixture
 def bench() -> Bench:
     """Return TRCV_C_1 and TSEND_C_1 on one CONNECT, both with 8 bytes, and P1 connected."""
     bench = Bench(load_project(CONFIGS / "duplex.toml"), "sim")
-    say(bench, "resize rx ARRAY[0..15] OF BYTE", "resize tx ARRAY[0..15] OF BYTE")
-    say(bench, "set TRCV_C_1 CONT=1 EN_R=1", "set TSEND_C_1 CONT=1")
-    run(bench, 3)
-    say(bench, "peer P1 connect")
-    run(bench, 3)
+    do(bench, "resize rx ARRAY[0..15] OF BYTE", "resize tx ARRAY[0..15] OF BYTE")
+    do(bench, "set TRCV_C_1 CONT=1 EN_R=1", "set TSEND_C_1 CONT=1", scans=3)
+    do(bench, "peer P1 connect", scans=3)
     return bench
 
 
 def test_every_frame_is_found_again_in_data(bench: Bench) -> None:
-    say(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1")
-    run(bench, 50)
+    do(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1", scans=50)
     check = checking(bench)
     assert check.sent == 25
     assert check.data == CheckTally(25, 0, 0, 0, 0)
@@ -95,21 +81,18 @@ def test_every_frame_is_found_again_in_data(bench: Bench) -> None:
 
 
 def test_bytes_of_somebody_else_are_a_shift_in_data(bench: Bench) -> None:
-    say(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1")
-    run(bench, 10)
-    say(bench, "peer P1 send hex 00 00 00")
-    run(bench, 40)
+    do(bench, "peer P1 check on size=16 every=T#20ms on TRCV_C_1", scans=10)
+    do(bench, "peer P1 send hex 00 00 00", scans=40)
     data = checking(bench).data
     assert data is not None and (data.lost, data.doubled, data.shifts, data.strange) == (0, 0, 1, 3)
     bench.close()
 
 
 def test_what_the_plc_sends_back_is_judged_too(bench: Bench) -> None:
-    say(bench, "peer P1 check on size=16 every=T#10s")
+    do(bench, "peer P1 check on size=16 every=T#10s")
     for number in (0, 1, 3):
-        say(bench, f"write tx hex {frame(number, SIZE).hex()}", "pulse TSEND_C_1 REQ")
-        run(bench, 5)
+        do(bench, f"write tx hex {frame(number, SIZE).hex()}", "pulse TSEND_C_1 REQ", scans=5)
     assert checking(bench).echo == CheckTally(3, 1, 0, 0, 0)
-    say(bench, "peer P1 check off")
+    do(bench, "peer P1 check off")
     assert bench.peer_snapshots()[0].check is None
     bench.close()

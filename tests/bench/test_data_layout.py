@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from tests import golden
+from tests.local_driver import LocalDriver
 from trcvtui.commands.table import parse_line
-from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
 from trcvtui.scenario.scenario import load_bench, load_scenario
@@ -47,21 +48,6 @@ def written(folder: Path, keys: str = "", scenario: str = "") -> Path:
     path = folder / "bench.toml"
     path.write_text(PROJECT.format(keys=keys) + scenario)
     return path
-
-
-class Desk:
-    """A simulated bench and its lines."""
-
-    def __init__(self, path: Path) -> None:
-        self.console = Controller(fresh_bench(load_bench(path), "sim"))
-        self.console.scan()
-
-    def answer(self, line: str) -> str:
-        self.console.take(1, line)
-        answer = self.console._answers[-1]
-        self.console.scan()
-        self.console.scan()
-        return f"✗ {answer.error}" if answer.error else answer.told
 
 
 STEPS = f"""[scenario]
@@ -109,7 +95,7 @@ def test_what_a_packed_big_endian_sender_says_is_read_by_its_members(
 
 def test_a_layout_by_line_is_kept_by_save_project_and_taken_back_by_undo(tmp_path: Path) -> None:
     path = written(tmp_path)
-    desk = Desk(path)
+    desk = LocalDriver(fresh_bench(load_bench(path), "sim"))
     assert desk.answer("set rx layout=packed byte_order=big") == (
         "DATA variable rx: layout none before, packed now, byte_order none before, big now"
     )
@@ -119,14 +105,14 @@ def test_a_layout_by_line_is_kept_by_save_project_and_taken_back_by_undo(tmp_pat
     declared = load_project(path).data_decl("rx")
     assert declared is not None and declared.size == 9 and declared.layout.rules.byte_order == "big"
     desk.answer("undo")
-    now = desk.console.bench.project.data_decl("rx")
+    now = desk.bench.project.data_decl("rx")
     assert now is not None and now.size == 12 and str(now.choice) == ""
 
 
 def test_another_type_by_resize_lies_as_before(tmp_path: Path) -> None:
-    desk = Desk(written(tmp_path, PACKED))
+    desk = LocalDriver(fresh_bench(load_bench(written(tmp_path, PACKED)), "sim"))
     assert "✗" not in desk.answer("resize rx ARRAY[0..1] OF Telegram")
-    now = desk.console.bench.project.data_decl("rx")
+    now = desk.bench.project.data_decl("rx")
     assert now is not None and now.size == 18
 
 

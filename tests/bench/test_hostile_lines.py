@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.framing import KEPT_NOISE
 from trcvtui.blocks.serial.com_buffer import MOST_BYTES
-from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.serial_line import SIMULATED_LINE_BYTES, SimSerialPort
 from trcvtui.plc.ledger import KEPT_LINES
@@ -73,19 +73,8 @@ def bench_on(folder: Path, source: str, mark: str) -> Bench:
     file = folder / "line.toml"
     file.write_text(PROJECT.format(source=source, mark=mark), encoding="utf-8")
     bench = fresh_bench(load_project(file), "sim")
-    for line in ("plc run", "peer P connect"):
-        for _ in range(10):
-            bench.step()
-        do(bench, line)
-    for _ in range(10):
-        bench.step()
+    do(bench, "run 10", "plc run", "run 10", "peer P connect", scans=10)
     return bench
-
-
-def do(bench: Bench, line: str) -> None:
-    """Carry a line out."""
-    command = parse_line(line, bench.project, "test")
-    assert command is not None and bench.do(command) == ""
 
 
 def flood(bench: Bench, source: str, scans: int) -> int:

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from tests.bench.bench_lines import do, run
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.tcp.compact_blocks import TrcvC
 from trcvtui.cli.main import main
-from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.history.stream_index import StreamIndex
 from trcvtui.net.connection.connection import Connection
@@ -171,15 +171,6 @@ def said(bench: Bench) -> list[str]:
             if isinstance(line.event, BenchNote) and line.event.what == INTERNAL_ERROR]  # fmt: skip
 
 
-def run(bench: Bench, *lines: str, scans: int = 100) -> None:
-    for line in lines:
-        command = parse_line(line, bench.project, "test")
-        assert command is not None
-        assert bench.do(command) == ""
-    for _ in range(scans):
-        bench.step()
-
-
 @pytest.mark.parametrize("kernel", ["sim", "live"])
 @pytest.mark.parametrize("remedy", [("plc stop", "plc run"), ("download A",)])
 def test_a_stopped_instance_holds_nothing_and_comes_back_after_stop_and_run_or_a_download(
@@ -189,7 +180,7 @@ def test_a_stopped_instance_holds_nothing_and_comes_back_after_stop_and_run_or_a
     bench = fresh_bench(load_project(tmp_path / "four.toml"), kernel)
     with monkeypatch.context() as planted:
         PLACES["a block"][2](planted)
-        run(bench)
+        run(bench, 100)
         link = bench.runtime.snapshot().connection("C1")
         assert link is not None
         assert (bench.runtime.outputs("A").status, link.state, link.receivers) == (0x8FFF, "closed", ())
@@ -197,8 +188,8 @@ def test_a_stopped_instance_holds_nothing_and_comes_back_after_stop_and_run_or_a
         assert said(bench) == ["A"]
     before = bench.runtime.snapshot().instance("C")
     for line in remedy:
-        run(bench, line, scans=1)
-    run(bench)
+        do(bench, line, scans=1)
+    run(bench, 100)
     snapshot = bench.runtime.snapshot()
     back, other = snapshot.instance("A"), snapshot.instance("C")
     assert back is not None and other is not None and before is not None
@@ -217,7 +208,7 @@ def test_a_reader_of_the_ledger_that_raises_leaves_the_scans_alone(
     for _ in range(200):
         console.scan()
     alone = fresh_bench(load_project(tmp_path / "four.toml"), "sim")
-    run(alone, scans=200)
+    run(alone, 200)
     for name in "ABCD":
         one, other = (b.runtime.snapshot().instance(name) for b in (console.bench, alone))
         assert one == other
@@ -232,7 +223,7 @@ def test_a_serial_line_that_raises_is_closed_and_the_tcp_blocks_go_on(
     (tmp_path / "four.toml").write_text(text)
     raising(monkeypatch, PortFeed, "receive", lambda port: True)
     bench = fresh_bench(load_project(tmp_path / "four.toml"), "sim")
-    run(bench)
+    run(bench, 100)
     assert said(bench) == ["RX"]
     assert not bench.runtime.snapshot().combuffers[0].is_up
     assert all(i.jobs_done for i in bench.runtime.snapshot().instances if i.name in "ACD")

@@ -1,4 +1,4 @@
-"""ISO-on-TCP on the bench: both kernels alike, the ledger, messages of any size, and who costs what."""
+"""ISO-on-TCP on the bench: both kernels alike, the ledger, messages of any size, and what each costs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An instance alone: CONNECT and DATA are made on the way, and the first bytes of anybody are a DONE."""
+"""An instance alone: CONNECT and DATA are made on the way, and the first bytes that come are a DONE."""
 
 from __future__ import annotations
 
@@ -7,53 +7,45 @@ from pathlib import Path
 
 import pytest
 
+from tests.local_driver import LocalDriver
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.dialects import DIALECTS
-from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.results import Endpoint
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
 
 
-def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> Controller:
+def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> LocalDriver:
     path = tmp_path / "new.toml"
     path.write_text(f'dialect = "{dialect}"\n{more}', encoding="utf-8")
-    return Controller(fresh_bench(load_bench(path), kernel))
-
-
-def do(bench: Controller, *lines: str) -> str:
-    for line in lines:
-        bench.take(1, line)
-        assert bench._answers[-1].error == "", bench._answers[-1]
-        for _ in range(3):
-            bench.scan()
-    return bench._answers[-1].told
+    return LocalDriver(fresh_bench(load_bench(path), kernel), pause=3)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_in_every_dialect_one_line_is_enough_to_receive(tmp_path: Path, dialect: str) -> None:
     bench = console(tmp_path, dialect)
-    told = do(bench, "add instance R1 block=TRCV_C")
+    told = bench.do("add instance R1 block=TRCV_C")
     assert told == "with CONNECT C1 at 127.0.0.1:2000, DATA variable rx1, ARRAY[0..1023] OF BYTE"
-    do(bench, "set R1 CONT=1", "add peer P1 remote=@C1", "peer P1 connect", "set R1 EN_R=1")
-    do(bench, "peer P1 send hex 01 02 03")
+    bench.do("set R1 CONT=1", "add peer P1 remote=@C1", "peer P1 connect", "set R1 EN_R=1")
+    bench.do("peer P1 send hex 01 02 03")
     assert bench.bench.runtime.data("rx1")[:3] == b"\x01\x02\x03"
-    do(bench, "save project")
+    bench.do("save project")
     saved = load_project(tmp_path / "new.toml")
     assert saved.instance("R1") is not None and saved.connect("C1").local.port == 2000  # type: ignore[union-attr]
 
 
 def test_one_undo_takes_all_of_it_back(tmp_path: Path) -> None:
     bench = console(tmp_path)
-    do(bench, "add instance R1 block=TRCV_C", "undo")
+    bench.do("add instance R1 block=TRCV_C", "undo")
     project = bench.bench.project
     assert (project.instances, project.connects, project.data) == ((), (), ())
 
 
 def test_the_next_names_and_the_next_port_are_taken_and_keys_of_the_connect_are_its(tmp_path: Path) -> None:
     bench = console(tmp_path)
-    do(bench, "add instance R1 block=TRCV_C", "add instance R2 block=TRCV_C")
-    do(bench, "add instance S1 block=TSEND_C ActiveEstablished=true RemoteAddress=127.0.0.1 RemotePort=@C1")
+    bench.do("add instance R1 block=TRCV_C", "add instance R2 block=TRCV_C")
+    bench.do("add instance S1 block=TSEND_C ActiveEstablished=true RemoteAddress=127.0.0.1 RemotePort=@C1")
     project = bench.bench.project
     assert [each.local.port for each in project.connects] == [2000, 2001, 2002]
     assert project.connects[2].active and project.connects[2].remote_port == "@C1"
@@ -62,7 +54,7 @@ def test_the_next_names_and_the_next_port_are_taken_and_keys_of_the_connect_are_
 
 def test_a_connect_that_is_named_stays_without_data_as_before(tmp_path: Path) -> None:
     bench = console(tmp_path)
-    do(bench, "add connect C1 LocalPort=0", "add instance R1 block=TRCV_C connect=C1")
+    bench.do("add connect C1 LocalPort=0", "add instance R1 block=TRCV_C connect=C1")
     assert bench.bench.project.instance("R1").data is None  # type: ignore[union-attr]
 
 
@@ -71,8 +63,8 @@ def test_on_real_sockets_a_port_that_somebody_has_is_not_taken(tmp_path: Path) -
         taken = other.getsockname()[1]
         bench = console(tmp_path, kernel="live")
         assert not bench.bench.is_free(Endpoint("127.0.0.1", taken))
-        do(bench, "add instance R1 block=TRCV_C")
-        [line] = [entry.line for entry in bench.session._entries if entry.line.startswith("add")]
+        bench.do("add instance R1 block=TRCV_C")
+        [line] = [entry.line for entry in bench.console.session._entries if entry.line.startswith("add")]
         port = bench.bench.project.connects[0].local.port
         assert line == f"add instance R1 block=TRCV_C LocalPort={port}", "a saved session has the same port"
         bench.bench.close()

@@ -1,4 +1,4 @@
-"""How a TLS connection ends in good order: who has said close_notify hears one (RFC 8446 6.1), in both roles.
+"""How a TLS connection ends in good order: each close_notify is answered (RFC 8446 6.1), in both roles.
 
 The partner is Python's own ssl on a thread, so that its unwrap() may wait while scans pass, or openssl.
 """
@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.bench.test_tls_blocks import CLIENT, SERVER, Desk, desk_of, openssl, s_client, s_server, shows
 from tests.certificates import NEEDS_OPENSSL
-from trcvtui.commands.table import parse_line
 
 pytestmark = NEEDS_OPENSSL
 VERSIONS = {"1.2": ssl.TLSVersion.TLSv1_2, "1.3": ssl.TLSVersion.TLSv1_3}
@@ -92,13 +92,6 @@ def hears_the_end_and_unwraps(end: ssl.SSLSocket) -> object:
     return "in good order" if heard == b"" else heard
 
 
-def say(desk: Desk, *lines: str) -> None:
-    for line in lines:
-        command = parse_line(line, desk.bench.project, "w")
-        assert command is not None
-        assert desk.bench.do(command) == ""
-
-
 def meet(desk: Desk, partner: Partner, calls: bool) -> None:
     if calls:
         partner.calls(desk.port())
@@ -123,7 +116,7 @@ def test_a_partner_who_unwraps_while_nobody_receives_is_answered(
 ) -> None:
     partner = Partner(secure_bench, version, speaks_and_unwraps)
     with desk_of(secure_bench, SERVER if calls else CLIENT.format(port=partner.waits())) as desk:
-        say(desk, "set X EN_R=0")
+        do(desk.bench, "set X EN_R=0")
         meet(desk, partner, calls)
         desk.run_until(partner.is_done)
         assert partner.found == "in good order"
@@ -138,7 +131,7 @@ def test_our_end_is_a_close_notify(secure_bench: Path, version: str, calls: bool
     with desk_of(secure_bench, SERVER if calls else CLIENT.format(port=partner.waits())) as desk:
         meet(desk, partner, calls)
         desk.run_until(lambda: desk.status() == "7006")
-        say(desk, how)
+        do(desk.bench, how)
         desk.run_until(partner.is_done)
         assert partner.found == "in good order"
 
@@ -150,7 +143,7 @@ def test_s_client_ends_without_an_error(secure_bench: Path, version: str, how: s
         words = s_client(desk.port(), f"{shows('partner')} -verify_return_error {version}")
         with openssl(secure_bench, words) as client:
             desk.run_until(lambda: desk.status() == "7006")
-            say(desk, how)
+            do(desk.bench, how)
             desk.run_until(lambda: client.poll() is not None)
             assert client.returncode == 0
             assert client.stdout is not None
@@ -166,7 +159,7 @@ def test_s_server_ends_without_an_error(secure_bench: Path, version: str, how: s
         desk_of(secure_bench, CLIENT.format(port=port)) as desk,
     ):
         desk.run_until(lambda: desk.status() == "7006")
-        say(desk, how)
+        do(desk.bench, how)
         desk.run_until(lambda: server.poll() is not None)
         assert server.stdout is not None
         said = server.stdout.read()

@@ -125,11 +125,7 @@ class Told:
 
     def do(self, *lines: str) -> None:
         """Carry out bench commands; `run` lets scans pass."""
-        for line in lines:
-            if line.startswith("run "):
-                self.driver.scan(int(line.removeprefix("run ")))
-            else:
-                self.driver.submit(line)
+        self.driver.play(*lines)
 
     def picture(self, instance: str, most_lines: int = 20_000) -> BenchUpdate:
         """Return a picture, and keep its news."""

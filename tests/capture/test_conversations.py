@@ -221,16 +221,8 @@ def test_ipv4_options_are_read_and_fragments_are_told(
     fragment = bytearray(tcp(b"abc", 101))
     fragment[6:8] = b"\x20\x00"
     path = tmp_path / "one"
-    path.write_bytes(
-        capture(
-            [
-                tcp(b"abc", 101, extra=bytes(4)),
-                bytes(fragment),
-                ip("10.0.0.1", "10.0.0.2", 1, b"12345678"),
-                b"",
-            ]
-        )
-    )
+    ping = ip("10.0.0.1", "10.0.0.2", 1, b"12345678")
+    path.write_bytes(capture([tcp(b"abc", 101, extra=bytes(4)), bytes(fragment), ping, b""]))
     assert main(["conversations", str(path), "--format", "json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)[0]["to_plc"]["bytes"] == 3
@@ -343,17 +335,8 @@ def rows_of(path: Path, *words: str, capsys: pytest.CaptureFixture[str]) -> list
 
 def test_the_json_of_a_conversation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "c.pcapng"
-    path.write_bytes(
-        capture(
-            [
-                *handshake(),
-                tcp(b"abc", 101, 501),
-                answer(b"ok", 501, 104),
-                tcp(b"abc", 101, 503),
-                answer(seq=503, flags=RST),
-            ]
-        )
-    )
+    said = [tcp(b"abc", 101, 501), answer(b"ok", 501, 104), tcp(b"abc", 101, 503)]
+    path.write_bytes(capture([*handshake(), *said, answer(seq=503, flags=RST)]))
     assert rows_of(path, capsys=capsys) == [
         {
             "id": "C1",
@@ -435,13 +418,8 @@ def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:
         )
         names.append(str(tmp_path / f"{part}"))
     (row,) = json.loads("".join(conversations_of(names, None, "json")))
-    assert row["begin"] == "syn" and row["to_plc"] == {
-        "bytes": 9,
-        "segments": 9,
-        "retransmitted": 0,
-        "missing": 0,
-        "copies": 0,
-    }
+    counts = {"bytes": 9, "segments": 9, "retransmitted": 0, "missing": 0, "copies": 0}
+    assert row["begin"] == "syn" and row["to_plc"] == counts
 
 
 @pytest.mark.parametrize(
@@ -479,13 +457,8 @@ def classic(packets: list[bytes]) -> bytes:
 def test_a_thousand_broken_files_end_with_a_line(
     form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    packets = [
-        *handshake(),
-        tcp(b"abc", 101, 501),
-        tcp(b"ghi", 107, 501),
-        udp(b"xyz"),
-        answer(seq=501, ack=110, flags=FIN | ACK),
-    ]
+    packets = [*handshake(), tcp(b"abc", 101, 501), tcp(b"ghi", 107, 501), udp(b"xyz")]
+    packets.append(answer(seq=501, ack=110, flags=FIN | ACK))
     good = classic(packets) if form == "pcap" else capture(packets)
     if form == "gz":
         good = gzip.compress(good)

@@ -103,19 +103,8 @@ def test_what_was_written_is_read_again() -> None:
 def test_wireshark_reads_what_we_write(tmp_path: Path) -> None:
     path = tmp_path / "ours.pcapng"
     path.write_bytes(ours())
-    said = judge(
-        "tshark",
-        "-r",
-        path,
-        "-T",
-        "fields",
-        "-e",
-        "frame.time_epoch",
-        "-e",
-        "frame.comment",
-        "-e",
-        "udp.port",
-    )
+    fields = ["-T", "fields", "-e", "frame.time_epoch", "-e", "frame.comment", "-e", "udp.port"]
+    said = judge("tshark", "-r", path, *fields)
     rows = [line.split("\t") for line in said.splitlines()]
     assert rows[0] == ["1700000000.123456789", "TRCV_C_1: 16#7008 DONE,ö second", "1000,2000"]
     assert [row[0] for row in rows[1:] if row[0]] == ["1700000000.123456790", "1700000000.123456791"]

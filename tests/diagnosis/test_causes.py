@@ -115,7 +115,6 @@ type = "ARRAY[0..7] OF BYTE"
 name = "C1"
 LocalAddress = "127.0.0.1"
 LocalPort = 0
-{more}
 [[instance]]
 name = "X"
 block = "{block}"
@@ -123,8 +122,8 @@ connect = "C1"
 data = "d"
 [[peer]]
 name = "P1"
-active = {active}
-{end}
+active = true
+remote = "@C1"
 [scenario]
 name = "one fault"
 steps = '''
@@ -169,8 +168,7 @@ def cause_of_the_error(text: str, folder: Path, capsys: pytest.CaptureFixture[st
 def test_a_planned_fault_is_told_with_its_call_its_errno_and_as_injected(
     dialect: str, block: str, steps: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = {"more": "", "active": "true", "end": 'remote = "@C1"'}
-    text = STREAM.format(dialect=dialect, block=block, steps=steps, **place)
+    text = STREAM.format(dialect=dialect, block=block, steps=steps)
     cause = cause_of_the_error(text, tmp_path, capsys)
     call, errno, *peer = told.split()
     assert (cause["call"], cause["errno"], cause["injected"]) == (call, errno, True)
@@ -232,9 +230,8 @@ def test_a_message_that_the_stack_has_refused_is_not_sent_in_place_of_the_next(
 
 def test_text_and_junit_say_it_in_the_same_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     steps = UP + "fault send EAGAIN on C1\npulse X REQ\nrun 2\npulse X REQ\nrun 2\nexpect X STATUS=80A8"
-    place = {"more": "", "active": "true", "end": 'remote = "@C1"'}
     path = tmp_path / "one.toml"
-    path.write_text(STREAM.format(dialect="baosky", block="TSEND_C", steps=steps, **place))
+    path.write_text(STREAM.format(dialect="baosky", block="TSEND_C", steps=steps))
     told = {}
     for form in ("jsonl", "text", "junit"):
         assert main(["scenario", str(path), "--format", form]) == 1
@@ -250,9 +247,8 @@ def test_text_and_junit_say_it_in_the_same_words(tmp_path: Path, capsys: pytest.
 def test_an_error_that_comes_again_is_one_line_of_the_text(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = {"more": "", "active": "true", "end": 'remote = "@C1"'}
     steps = "set X CONT=1 REQ=blink\nrun 12"
-    (tmp_path / "one.toml").write_text(STREAM.format(dialect="baosky", block="TSEND_C", steps=steps, **place))
+    (tmp_path / "one.toml").write_text(STREAM.format(dialect="baosky", block="TSEND_C", steps=steps))
     assert main(["scenario", str(tmp_path / "one.toml")]) == 0
     lines = [line.strip() for line in capsys.readouterr().out.splitlines() if "ERROR" in line]
     assert len(lines) == 1

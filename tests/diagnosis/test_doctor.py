@@ -23,7 +23,7 @@ from tests.diagnosis.doctor_cases import (
     record,
     talk,
 )
-from trcvtui.capture.pcap import RTAC_SERIAL, interface_block, packet_block, section_block
+from tests.recording.wire import serial_line
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.doctor import DoctorQuestion, judge
 from trcvtui.diagnosis.doctor import doctor as run_doctor
@@ -166,39 +166,26 @@ def test_with_a_type_the_end_that_receives_alone_is_the_plc(tmp_path: Path) -> N
     assert one["healthy"]
 
 
-def serial_capture(path: Path, *events: tuple[int, bytes]) -> str:
-    """Write a capture of RTAC serial: the number of each event, its bytes."""
-    blocks = [section_block("tests"), interface_block(RTAC_SERIAL, "COM3")]
-    for n, (event, data) in enumerate(events):
-        packet = bytes(8) + bytes((event, 0, 0, 0)) + data
-        blocks.append(packet_block(0, S + n * 100_000_000, packet, (), len(packet)))
-    path.write_bytes(b"".join(blocks))
-    return str(path)
-
-
 READ, FRAMING, PARITY, OVERRUN = 2, 7, 8, 10  # events of RTAC serial
 
 
 def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    noisy = [
-        (READ, b"\x02\x83\x11"),
-        (PARITY, b""),
-        (READ, b"\xff"),
-        (FRAMING, b""),
-        (PARITY, b""),
-        (OVERRUN, b""),
-    ]
-    assert main(["doctor", serial_capture(tmp_path / "a.pcapng", *noisy), "--format", "json"]) == 1
+    noisy = (READ, b"\x02\x83\x11"), (PARITY, b""), (READ, b"\xff")
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(serial_line(*noisy, (FRAMING, b""), (PARITY, b""), (OVERRUN, b"")))
+    assert main(["doctor", str(path), "--format", "json"]) == 1
     [verdict] = json.loads(capsys.readouterr().out)
     [found] = verdict["findings"]
-    assert (found["cause"], found["where"]["direction"], found["t_s"]) == ("line-errors", "to-plc", 0.1)
+    assert (found["cause"], found["where"]["direction"], found["t_s"]) == ("line-errors", "to-plc", 0.05)
     assert found["evidence"] == ["4 errors of the line in 4 bytes: parity 2, framing 1, overrun 1"]
 
 
 def test_a_serial_line_without_errors_is_healthy(tmp_path: Path) -> None:
-    assert main(["doctor", serial_capture(tmp_path / "a.pcapng", *[(READ, b"\x02OK\x03")] * 9)]) == 0
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(serial_line(*[(READ, b"\x02OK\x03")] * 9))
+    assert main(["doctor", str(path)]) == 0
 
 
 @pytest.mark.parametrize("plc_calls", [False, True])

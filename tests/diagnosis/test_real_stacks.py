@@ -15,6 +15,7 @@ from zipfile import ZipFile
 
 import pytest
 
+from tests.diagnosis.test_remedies import BY_A_PARAMETER
 from trcvtui.cli.main import main
 from trcvtui.diagnosis.causes import RULES
 
@@ -55,12 +56,6 @@ def test_the_cause_of_a_real_capture_is_first(
 ) -> None:
     causes = [one["cause"] for one in findings(case, folder, capsys)]
     assert causes[:1] == ([] if label(case) == "healthy" else [label(case)])
-
-
-# Their remedy is a parameter of the bench; the others are mended at the partner, on the way, in the program.
-BY_A_PARAMETER = (
-    "frame-short", "frame-long", "adhoc-missing", "adhoc-splits", "datagram-size", "byte-order", "padding",
-)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", [one for one in CASES if label(one) in BY_A_PARAMETER])

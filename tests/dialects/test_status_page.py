@@ -5,14 +5,14 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.status_report import Explained, as_page, explain, with_scenarios
+from trcvtui.dialects.status_report import Explanation, as_page, explain, with_scenarios
 
 
-def page(one: Explained) -> list[str]:
+def page(one: Explanation) -> list[str]:
     return as_page("A PLC", [one], "../").splitlines()
 
 
-def explained(code: int) -> Explained:
+def explained(code: int) -> Explanation:
     (one,) = explain([BAOSKY], code, "TSEND_C")
     return one
 
@@ -35,12 +35,12 @@ def test_a_card_tells_everything_of_its_row() -> None:
 
 def test_what_markdown_would_read_as_its_own_is_escaped_but_not_in_code() -> None:
     row = replace(explained(0x80C5).row, causes=("a <b> | *c* `d <e>`", "another cause of it"))
-    assert r"- a \<b\> \| \*c\* `d <e>`" in page(Explained("baosky", row))
+    assert r"- a \<b\> \| \*c\* `d <e>`" in page(Explanation("baosky", row))
 
 
 def test_a_code_with_two_rows_has_two_cards_and_a_link_to_each() -> None:
     one = explained(0x80C5)
-    other = Explained("baosky", replace(one.row, blocks=("URECV_C",), title="Something else"))
+    other = Explanation("baosky", replace(one.row, blocks=("URECV_C",), title="Something else"))
     lines = as_page("A PLC", [explained(0x80C3), one, other], "").splitlines()
     contents = [line.partition(" | ")[0] for line in lines if line.startswith("| [")]
     assert contents == ["| [16#80C3](#1680c3)", "| [16#80C5](#1680c5)", "| [16#80C5](#1680c5-1)"]
@@ -53,7 +53,7 @@ def test_scenarios_go_to_the_row_of_their_code_block_and_dialect() -> None:
     shown = with_scenarios([explained(0x7002), explained(0x7004)], {"baosky": shelf, "other": other})
     assert [one.scenarios for one in shown] == [("a.toml", "b.toml", "c.toml"), ()]
     row = replace(explained(0x7002).row, blocks=("TRCV_C",))
-    (one,) = with_scenarios([Explained("baosky", row)], {"baosky": shelf})
+    (one,) = with_scenarios([Explanation("baosky", row)], {"baosky": shelf})
     assert one.scenarios == ("a.toml", "b.toml")
 
 

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -68,11 +69,21 @@ def calling(port: int, source: str = "127.0.0.1") -> socket.socket:
 
 
 def joined(door: socket.socket, port: int, source: str = "127.0.0.1") -> tuple[socket.socket, socket.socket]:
-    """Return who calls a port, and the end that `door` accepts for it."""
+    """Return the end that calls a port, and the end that `door` accepts for it."""
     near = calling(port, source)
     far = door.accept()[0]
     far.settimeout(PATIENCE)
     return near, far
+
+
+@contextlib.contextmanager
+def tapped(*words: str, source: str = "127.0.0.1") -> Iterator[tuple[Tap, socket.socket, socket.socket]]:
+    """Yield a tap, the end that calls it, and the end that it leads to."""
+    door, port = listening()
+    with door, Tap(str(port), *words) as tap:
+        near, far = joined(door, tap.port, source)
+        with near, far:
+            yield tap, near, far
 
 
 def exactly(sock: socket.socket, size: int) -> bytes:

@@ -1,4 +1,4 @@
-"""TURCV and TUSEND in front of socat: one datagram a job, one too large, and an answer to whoever sent.
+"""TURCV and TUSEND in front of socat: one datagram a job, one too large, and an answer to the sender.
 
 Once on a UDP_CONFIG, once on a connection description of UDP that TCON has set up.
 """

@@ -1,4 +1,4 @@
-"""A switch that floods like a hub, two ends, and `watch -` at a third port: nobody touches the line."""
+"""A switch that floods like a hub, two ends, and `watch -` at a third port: nothing touches the line."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ CAPTURES = {
 
 
 def whole_line(capture: str) -> str:
-    """Return the script: who plays, and what looks on."""
+    """Return the script: what plays, and what looks on."""
     python = sys.executable
     watch = f"{python} -m trcvtui watch - --format jsonl --plc 10.7.0.1:2000"
     return f"""{PORTS}

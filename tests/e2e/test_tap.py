@@ -1,4 +1,4 @@
-"""The tap between plain sockets: ends as they are, back-pressure, refusals, who listens where."""
+"""The tap between plain sockets: ends as they are, back-pressure, refusals, where it listens."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.tapping import PATIENCE, Tap, calling, end_of, exactly, joined, listening, reset
+from tests.e2e.tapping import PATIENCE, Tap, calling, end_of, exactly, joined, listening, reset, tapped
 
 pytestmark = pytest.mark.live
 
 
 def test_a_half_close_passes_and_the_other_direction_goes_on() -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        near, far = joined(door, tap.port)
+    with tapped() as (tap, near, far):
         near.sendall(b"question")
         near.shutdown(socket.SHUT_WR)
         assert (exactly(far, 8), end_of(far)) == (b"question", (0, "FIN"))
@@ -29,21 +27,18 @@ def test_a_half_close_passes_and_the_other_direction_goes_on() -> None:
 
 
 def test_a_reset_shows_at_once_to_an_end_whose_fin_has_passed() -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        near, far = joined(door, tap.port)
-        with near:
-            far.shutdown(socket.SHUT_WR)
-            assert end_of(near) == (0, "FIN")
-            reset(far)
-            assert select.select((), (near,), (near,), PATIENCE)
-            with pytest.raises(OSError, match=r"reset|pipe"):
-                while True:
-                    near.sendall(b"x")
+    with tapped() as (_, near, far):
+        far.shutdown(socket.SHUT_WR)
+        assert end_of(near) == (0, "FIN")
+        reset(far)
+        assert select.select((), (near,), (near,), PATIENCE)
+        with pytest.raises(OSError, match=r"reset|pipe"):
+            while True:
+                near.sendall(b"x")
 
 
 def test_a_refusal_shows_as_a_reset_after_the_accept() -> None:
-    with socket.socket() as silent:  # it has the port, so nobody else listens there
+    with socket.socket() as silent:  # it has the port, so nothing else listens there
         silent.bind(("127.0.0.1", 0))
         refused_by(silent.getsockname()[1])
 
@@ -59,18 +54,15 @@ def refused_by(port: int) -> None:
 
 
 def test_an_end_that_reads_nothing_closes_the_window_of_the_other() -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        near, far = joined(door, tap.port)
-        with near, far:
-            near.setblocking(False)
-            sent = 0
-            while select.select((), (near,), (), 0.3)[1]:
-                sent += near.send(bytes(1 << 16))
-            assert sent < 64 << 20
-            before = resident(tap.process.pid)
-            assert len(exactly(far, sent)) == sent
-            assert before < 64 << 20
+    with tapped() as (tap, near, far):
+        near.setblocking(False)
+        sent = 0
+        while select.select((), (near,), (), 0.3)[1]:
+            sent += near.send(bytes(1 << 16))
+        assert sent < 64 << 20
+        before = resident(tap.process.pid)
+        assert len(exactly(far, sent)) == sent
+        assert before < 64 << 20
 
 
 def resident(pid: int) -> int:
@@ -83,14 +75,11 @@ def resident(pid: int) -> int:
 
 
 def test_urgent_data_arrives_as_ordinary_bytes() -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        near, far = joined(door, tap.port)
-        with near, far:
-            near.sendall(b"ab")
-            near.send(b"!", socket.MSG_OOB)
-            near.sendall(b"cd")
-            assert exactly(far, 5) == b"ab!cd"
+    with tapped() as (_, near, far):
+        near.sendall(b"ab")
+        near.send(b"!", socket.MSG_OOB)
+        near.sendall(b"cd")
+        assert exactly(far, 5) == b"ab!cd"
 
 
 def test_the_two_sides_may_speak_another_ip_each() -> None:
@@ -124,14 +113,11 @@ def test_datagrams_find_the_client_who_asked() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_tap_that_is_ended_ends_both_sides_with_fin(number: int) -> None:
-    door, port = listening()
-    with door, Tap(str(port)) as tap:
-        near, far = joined(door, tap.port)
-        with near, far:
-            near.sendall(b"last words")
-            assert exactly(far, 10) == b"last words"
-            assert tap.end(number) == (0, "", "")
-            assert end_of(near) == end_of(far) == (0, "FIN")
+    with tapped() as (tap, near, far):
+        near.sendall(b"last words")
+        assert exactly(far, 10) == b"last words"
+        assert tap.end(number) == (0, "", "")
+        assert end_of(near) == end_of(far) == (0, "FIN")
 
 
 def test_it_says_whether_other_machines_reach_it() -> None:

@@ -1,4 +1,4 @@
-"""`trcvtui tap --record`: what passed stands in the file, whoever is killed."""
+"""`trcvtui tap --record`: what passed stands in the file, whichever process is killed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.tapping import Tap, end_of, exactly, joined, listening
+from tests.e2e.tapping import Tap, end_of, exactly, joined, listening, tapped
 from tests.e2e.terminal import need
 from tests.waiting import until
 
@@ -69,9 +69,7 @@ def test_what_passed_stands_in_the_file_and_in_it_alone(tmp_path: Path) -> None:
 
 def test_wireshark_finds_nothing_wrong_in_it(tmp_path: Path) -> None:
     file = tmp_path / "line.pcapng"
-    door, port = listening()
-    with door, Tap(str(port), "--record", str(file)) as tap:
-        near, far = joined(door, tap.port)
+    with tapped("--record", str(file)) as (tap, near, far):
         near.sendall(bytes(3001))
         assert exactly(far, 3001)
         near.close()
@@ -88,12 +86,10 @@ def test_wireshark_finds_nothing_wrong_in_it(tmp_path: Path) -> None:
 
 def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tmp_path: Path) -> None:
     file = tmp_path / "line.pcapng"
-    door, port = listening()
-    with door, Tap(str(port), "--record", str(file)) as tap:
-        near, far = joined(door, tap.port)
+    with tapped("--record", str(file)) as (tap, near, far):
         near.sendall(b"kept")
         assert exactly(far, 4) == b"kept"
-        recorder = min(children_of(tap.process.pid))  # started before who shows it
+        recorder = min(children_of(tap.process.pid))  # started before the one that shows it
         until(lambda: b"kept" in file.read_bytes(), lambda: (tap.process.poll(), file.read_bytes()))
         os.kill(recorder, signal.SIGKILL)
         assert tap.process.stderr is not None
@@ -101,23 +97,17 @@ def test_forwarding_goes_on_without_the_recording_which_is_good_up_to_its_end(tm
         near.sendall(b"not kept")
         assert exactly(far, 8) == b"not kept"
         assert tap.end() == (0, "", "")
-        near.close()
-        far.close()
     assert [bytes_in(row) for row in conversations(file)] == [(4, 0, "open")]
 
 
 def test_a_tap_that_is_killed_leaves_a_whole_recording(tmp_path: Path) -> None:
     file = tmp_path / "line.pcapng"
-    door, port = listening()
-    with door, Tap(str(port), "--record", str(file)) as tap:
-        near, far = joined(door, tap.port)
+    with tapped("--record", str(file)) as (tap, near, far):
         near.sendall(bytes(100_000))
         assert exactly(far, 100_000)
         near.sendall(b"x")  # forwarded first, then told: what came before it has been told
         assert exactly(far, 1)
-        tap.end(signal.SIGKILL)  # the recorder holds stderr open: he has ended, too
+        tap.end(signal.SIGKILL)  # the recorder holds stderr open: it has ended, too
         assert {end_of(near)[1], end_of(far)[1]} <= {"FIN", "RST"}
-        near.close()
-        far.close()
     (row,) = conversations(file)
     assert bytes_in(row)[0] in (100_000, 100_001)

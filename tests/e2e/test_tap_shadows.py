@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.e2e.tapping import Tap, calling, end_of, exactly, joined, listening
+from tests.e2e.tapping import Tap, calling, end_of, exactly, joined, listening, tapped
 from tests.line.test_without_connection import SERIAL
 from trcvtui.bench.bench import Bench
 from trcvtui.project.file import load_project
@@ -98,9 +98,7 @@ def test_shadows_show_at_once_what_watch_shows_on_the_recording(tmp_path: Path) 
 
 def test_a_frame_is_held_edited_and_let_go_and_each_act_is_marked_as_ours(tmp_path: Path) -> None:
     file = tmp_path / "line.pcapng"
-    door, port = listening()
-    with door, Tap(str(port), "--format", "jsonl", "--record", str(file)) as tap:
-        near, far = joined(door, tap.port)
+    with tapped("--format", "jsonl", "--record", str(file)) as (tap, near, far):
         tap.order("tap T to-plc hold")
         records(tap, 1, note="ours: to-plc hold")
         near.sendall(b"\x01\x02\x03\x04")
@@ -122,8 +120,6 @@ def test_a_frame_is_held_edited_and_let_go_and_each_act_is_marked_as_ours(tmp_pa
         records(tap, 1, note="ours: from-plc rst")
         assert (end_of(near), end_of(far)) == ((0, "RST"), (0, "RST"))
         assert tap.end()[0] == 0
-        near.close()
-        far.close()
     content = file.read_bytes()
     assert all(act in content for act in (b"trcvtui: hold", b"trcvtui: edit byte 2 ff", b"trcvtui: rst"))
 
@@ -166,13 +162,10 @@ def test_instances_of_a_project_look_on_in_both_directions(tmp_path: Path) -> No
 
 
 def test_a_plc_that_calls_is_named_by_its_address(tmp_path: Path) -> None:
-    door, port = listening()
-    with door, Tap(str(port), "--format", "jsonl", "--plc", "127.0.0.2") as tap:
-        near, far = joined(door, tap.port, "127.0.0.2")
-        with near, far:
-            near.sendall(b"from the PLC")
-            (record,) = records(tap, 1, DONE=True)
-            assert record["instance"] == "C1_FROM_PLC"
+    with tapped("--format", "jsonl", "--plc", "127.0.0.2", source="127.0.0.2") as (tap, near, _):
+        near.sendall(b"from the PLC")
+        (record,) = records(tap, 1, DONE=True)
+        assert record["instance"] == "C1_FROM_PLC"
 
 
 def test_a_shadow_shows_what_a_live_block_shows_on_the_same_bytes(tmp_path: Path) -> None:

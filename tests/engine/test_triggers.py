@@ -61,11 +61,7 @@ class Desk:
 
     def do(self, *lines: str) -> BenchUpdate:
         """Carry out lines, `run` lets scans pass; return the picture after them."""
-        for line in lines:
-            if line.startswith("run "):
-                self.driver.scan(int(line.removeprefix("run ")))
-            else:
-                self.driver.submit(line)
+        self.driver.play(*lines)
         self.driver.request(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
         picture = self.driver.picture()
         assert picture is not None

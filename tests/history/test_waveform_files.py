@@ -78,9 +78,7 @@ def test_the_vcd_read_back_has_every_change_of_the_ledger() -> None:
 
 def test_a_reset_that_rises_and_falls_in_one_scan_has_two_times_in_the_vcd() -> None:
     run = connected()
-    run.say("pulse TRCV_C_1 COM_RST")
-    run.scan(3)
-    run.catch_up()
+    run.play("pulse TRCV_C_1 COM_RST", 3)
     changes = read_back(vcd_text([run.wave()], whole(run)))[f"{RECEIVER}.COM_RST"]
     (up, one), (down, zero) = changes[-2:]
     assert (one, zero) == (1, 0) and down == up + 1
@@ -96,9 +94,7 @@ def test_widths_are_those_of_the_manual() -> None:
 
 def test_a_vcd_between_two_markers_begins_with_what_the_pins_were() -> None:
     run = connected()
-    run.say("peer P1 send random 8 seed=1")
-    run.scan(20)
-    run.catch_up()
+    run.play("peer P1 send random 8 seed=1", 20)
     told = read_back(vcd_text([run.wave()], ScanRange(12, 25)))
     assert told[f"{RECEIVER}.CONT"] == [(0, None), (10 * INTERVAL, 1)]
     assert told[f"{RECEIVER}.DONE"][-2:] != told[f"{RECEIVER}.DONE"][-1:], "the pulse is inside"

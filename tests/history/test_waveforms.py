@@ -92,9 +92,7 @@ def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[in
 
 def test_a_com_rst_that_rises_and_falls_within_one_scan_is_drawn() -> None:
     run = connected()
-    run.say("pulse TRCV_C_1 COM_RST")
-    run.scan(3)
-    run.catch_up()
+    run.play("pulse TRCV_C_1 COM_RST", 3)
     at = run.lane("COM_RST").next_edge(0, 1)
     assert at is not None and run.seen[RECEIVER]["COM_RST"][at - 1] == 0
     assert text(run, "COM_RST", at - 2, 5) == "▁▁┃▁▁"
@@ -103,9 +101,7 @@ def test_a_com_rst_that_rises_and_falls_within_one_scan_is_drawn() -> None:
 def test_signs_tell_levels_edges_and_pulses_apart_without_colour() -> None:
     run = connected()
     first = run.console.bench.runtime.scans + 1
-    run.say("peer P1 send random 8 seed=1")
-    run.scan(10)
-    run.catch_up()
+    run.play("peer P1 send random 8 seed=1", 10)
     done = run.lane("DONE").next_edge(first - 1, 1)
     assert done is not None
     assert text(run, "DONE", done - 2, 5) == "▁▁█▁▁"
@@ -142,9 +138,7 @@ def test_what_the_engine_no_longer_keeps_is_drawn_as_a_gap(monkeypatch: pytest.M
     known = run.wave().until_scan
     run.say("set TRCV_C_1 LEN=3")
     run.scan()
-    run.say("set TRCV_C_1 EN_R=blink")
-    run.scan(200)
-    run.catch_up()
+    run.play("set TRCV_C_1 EN_R=blink", 200)
     ((first, last),) = run.wave().gaps
     assert first == known + 1 and last > known + 100
     assert text(run, "DONE", first, 3) == "░░░"
@@ -162,9 +156,7 @@ def test_a_late_look_knows_every_pin_though_its_last_change_is_no_longer_kept(
     monkeypatch.setattr(waves, "KEPT_CHANGES", 50)
     monkeypatch.setattr(waves, "LEAST_KEPT", 50)
     run = connected()
-    run.say("set TRCV_C_1 EN_R=blink")
-    run.scan(300)
-    run.catch_up()
+    run.play("set TRCV_C_1 EN_R=blink", 300)
     assert run.lane("CONT").at(300) == 1
     assert run.wave().gaps[0][0] == 1
 
@@ -220,9 +212,7 @@ def test_searches_find_edges_codes_and_errors_in_both_directions() -> None:
     run = connected()
     run.say("peer P1 send random 8 seed=1")
     run.scan(5)
-    run.say("peer P1 rst")
-    run.scan(5)
-    run.catch_up()
+    run.play("peer P1 rst", 5)
     wave = run.wave()
     errors = [
         line.scan for line in wave.edges if isinstance(line.event, StatusEdge) and line.event.outputs.error

@@ -66,6 +66,12 @@ class Run:
                 for pin, value in pins.items():
                     seen.setdefault(pin, []).append(None if value is None else int(value))
 
+    def play(self, line: str, scans: int) -> None:
+        """Give one bench command and let scans pass, all of which the screen sees."""
+        self.say(line)
+        self.scan(scans)
+        self.catch_up()
+
     def look(self, *instances: str) -> None:
         """Let the screen take one picture."""
         asked = self.scenario_folder.asked(instances or (RECEIVER, SENDER))

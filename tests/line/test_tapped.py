@@ -26,6 +26,9 @@ def event(kind: TapEventKind, way: int = TO, at: int = 0, data: bytes = b"", num
     return TapEvent(kind, way, 0, number, at, 1_000_000_000, data)
 
 
+BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.STANDS, BACK)
+
+
 def packets_of(*events: TapEvent) -> list[TapPacket]:
     packets = TapPackets()
     return [packet for each in events for packet in packets.of(each)]
@@ -67,8 +70,7 @@ def test_every_sum_is_right(opens: str, size: int) -> None:
 def test_a_conversation_is_read_back_as_it_was() -> None:
     told = told_of(
         packets_of(
-            event(TapEventKind.OPEN, data=OPENS["v4"]),
-            event(TapEventKind.STANDS, BACK),
+            *BEGIN,
             event(TapEventKind.BYTES, data=b"question"),
             event(TapEventKind.BYTES, BACK, data=b"answer"),
             event(TapEventKind.FIN, at=8),
@@ -85,8 +87,7 @@ def test_a_conversation_is_read_back_as_it_was() -> None:
 def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
     alive = (1).to_bytes(4, "little")
     packets = packets_of(
-        event(TapEventKind.OPEN, data=OPENS["v4"]),
-        event(TapEventKind.STANDS, BACK),
+        *BEGIN,
         event(TapEventKind.OPEN, data=OPENS["v4"].replace(b"50000", b"50001"), number=2),
         event(TapEventKind.BYTES, data=b"one"),
         event(TapEventKind.LOST, data=LOSS.pack(2, 100) + alive),
@@ -105,8 +106,7 @@ def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
 
 def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
     packets = packets_of(
-        event(TapEventKind.OPEN, data=OPENS["v4"]),
-        event(TapEventKind.STANDS, BACK),
+        *BEGIN,
         event(TapEventKind.OURS, data=b"hold"),
         event(TapEventKind.BYTES, BACK, data=b"other way"),
         event(TapEventKind.OURS, data=b"edit byte 2 aa"),

@@ -152,8 +152,9 @@ def test_a_plc_that_calls_is_played_by_a_shadow_that_calls(watch: Watch, tmp_pat
 
 def test_a_plc_that_is_refused_shows_it(watch: Watch) -> None:
     refused = [tcp(seq=100, flags=SYN), answer(ack=101, flags=RST | ACK)]
-    late = [tcp(seq=700, flags=SYN), answer(seq=800, ack=701, flags=SYN | ACK), tcp(seq=701, ack=801)]
-    seen = watch([*refused, *late, answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500)
+    seen = watch(
+        [*refused, *handshake(700, 800), answer(bytes(4), 801, 701)], "--plc", "10.0.0.9", step_ms=1500
+    )
     assert [word for word, _ in seen.jobs("C1_TO_PLC")][-2:] == ["80A0", "7008"]
     assert seen.jobs("C1_TO_PLC")[-1] == ("7008", 4)
 
@@ -181,12 +182,7 @@ def two_calls(second_at: int) -> list[bytes]:
     """Return a conversation, and one of another port of the partner before the packet of that number."""
     other = (PARTNER[0], PARTNER[1] + 1)
     first = [*handshake(), *stream(12), tcp(seq=113, ack=501, flags=FIN | ACK), answer(seq=501, ack=114)]
-    second = [
-        tcp(seq=900, flags=SYN, source=other),
-        tcp(seq=300, ack=901, flags=SYN | ACK, source=PLC, target=other),
-        tcp(seq=901, ack=301, source=other),
-        tcp(b"abcd", seq=901, ack=301, source=other),
-    ]
+    second = [*handshake(900, 300, other), tcp(b"abcd", seq=901, ack=301, source=other)]
     return [*first[:second_at], *second, *first[second_at:]]
 
 
@@ -211,8 +207,7 @@ def test_of_many_who_wait_for_one_shadow_one_asks_in_a_scan(
         packet
         for port in range(20_000, 20_300)
         for packet in (
-            tcp(seq=100, flags=SYN, source=("10.0.0.9", port)),
-            tcp(seq=500, ack=101, flags=SYN | ACK, source=PLC, target=("10.0.0.9", port)),
+            *handshake(source=("10.0.0.9", port))[:2],
             tcp(b"x" * 12, seq=101, ack=501, source=("10.0.0.9", port)),
         )
     ]

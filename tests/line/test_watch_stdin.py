@@ -92,8 +92,7 @@ def conversation(partner: int, chance: random.Random) -> list[bytes]:
     def back(data: bytes = b"", seq: int = 0, ack: int = 0, flags: int = ACK) -> bytes:
         return tcp(data, seq, ack, flags, source=plc, target=at)
 
-    built = [there(seq=100, flags=SYN), back(seq=500, ack=101, flags=SYN | ACK), there(seq=101, ack=501)]
-    said = built if chance.random() < 0.7 else []
+    said = handshake(source=at, target=plc) if chance.random() < 0.7 else []
     seq, ack = 101, 501
     for _ in range(chance.randrange(1, 12)):
         size = chance.randrange(1, 30)
@@ -176,11 +175,9 @@ def test_time_goes_on_while_nothing_comes() -> None:
 def test_a_new_conversation_has_the_place_of_one_that_fell_silent() -> None:
     old = [*handshake(), *stream(12)]
     source = ("10.0.0.9", 52_000)
-    new = [tcp(seq=100, flags=SYN, source=source), tcp(seq=101, ack=501, source=source)]
-    new.insert(1, tcp(seq=500, ack=101, flags=SYN | ACK, source=("10.0.0.5", 2000), target=source))
     data = [tcp(bytes(n + 1), 101 + n * (n + 1) // 2, 501, source=source) for n in range(15)]
     pieces = Pieces()
-    pieces.take(capture([*old, *new, *data], step_ns=1_000_000_000), lambda: 1000)
+    pieces.take(capture([*old, *handshake(source=source), *data], step_ns=1_000_000_000), lambda: 1000)
     records = pieces.end()
     assert "unassigned: it overlaps C1" in [r.get("note") for r in records]
     sizes = [r["RCVD_LEN"] for r in records if r.get("instance") == "C1_TO_PLC" and r["DONE"]]
@@ -192,9 +189,7 @@ def test_who_has_talked_is_forgotten(tmp_path: Path) -> None:
     packets = []
     for number in range(400):
         at = ("10.0.0.9", 10_000 + number)
-        packets += [tcp(seq=100, flags=SYN, source=at)]
-        packets += [tcp(seq=500, ack=101, flags=SYN | ACK, source=("10.0.0.5", 2000), target=at)]
-        packets += [tcp(seq=101, ack=501, source=at), tcp(b"hello", 101, 501, source=at)]
+        packets += [*handshake(source=at), tcp(b"hello", 101, 501, source=at)]
         packets += [tcp(seq=106, ack=501, flags=RST | ACK, source=at)]
     pieces = Pieces()
     pieces.take(capture(packets, step_ns=500_000_000), lambda: 4000)
@@ -313,23 +308,25 @@ def test_packets_that_come_faster_than_they_are_played_are_said_once(
     os.close(writes)
 
 
+def taken(
+    content: bytes, folder: Path, came: Callable[[], object] = int, kept: KeptPackets | None = None
+) -> list[str]:
+    """Let packets come through a pipe; return what is said of them."""
+    path = folder / "piped"
+    path.write_bytes(content)
+    with path.open("rb") as file:
+        return PacketStream(file.fileno(), Pieces().live, print, came, kept).take()
+
+
 def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
     statistics = struct.pack("<IIIHHQHHQHH", 0, 0, 0, 5, 8, 3, 7, 8, 4, 0, 0)
-    path = tmp_path / "piped"
-    path.write_bytes(capture([*handshake(), *stream(12)]) + block(STATISTICS, statistics))
-    pieces = Pieces()
-    with path.open("rb") as file:
-        assert PacketStream(file.fileno(), pieces.live, print).take() == [
-            "the capture program dropped 7 packets"
-        ]
+    content = capture([*handshake(), *stream(12)]) + block(STATISTICS, statistics)
+    assert taken(content, tmp_path) == ["the capture program dropped 7 packets"]
 
 
 def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
-    path = tmp_path / "piped"
-    path.write_bytes(capture([tcp(b"", seq=1000, flags=SYN), answer(b"", seq=0, flags=RST | ACK)]))
     kept = KeptPackets()
-    with path.open("rb") as file:
-        PacketStream(file.fileno(), Pieces().live, print, int, kept).take()
+    taken(capture([tcp(seq=1000, flags=SYN), answer(flags=RST | ACK)]), tmp_path, kept=kept)
     judge = FilesJudge(kept.files, looks_again=True)
     judge.judge()
     while judge.is_judging:
@@ -340,11 +337,8 @@ def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
 
 def test_the_packets_that_are_kept_are_bounded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(live, "MOST_KEPT", 200)
-    path = tmp_path / "piped"
-    path.write_bytes(capture([*handshake(), *stream(12)]))
     kept = KeptPackets()
-    with path.open("rb") as file:
-        PacketStream(file.fileno(), Pieces().live, print, int, kept).take()
+    taken(capture([*handshake(), *stream(12)]), tmp_path, kept=kept)
     assert Path(kept.files()[0]).stat().st_size < 600
 
 
@@ -379,14 +373,11 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
 
 
 def test_a_mistake_of_ours_is_no_end_of_the_packets(tmp_path: Path) -> None:
-    path = tmp_path / "piped"
-    path.write_bytes(capture([*handshake(), *stream(12)]))
-
     def came() -> None:
         raise ValueError("a mistake")
 
-    with path.open("rb") as file, pytest.raises(ValueError, match="a mistake"):
-        PacketStream(file.fileno(), Pieces().live, print, came).take()
+    with pytest.raises(ValueError, match="a mistake"):
+        taken(capture([*handshake(), *stream(12)]), tmp_path, came)
 
 
 def test_two_lines_of_a_project_are_watched_beside_each_other(watch: Watch, tmp_path: Path) -> None:
@@ -413,9 +404,7 @@ connect = "C2"
     bench = project(tmp_path, second + LINE.format(plc="10.0.0.5:2000"))
     caller, called = ("10.0.0.6", 40_000), ("10.0.0.9", 3000)
     calls = [
-        tcp(seq=100, flags=SYN, source=caller, target=called),
-        tcp(seq=500, ack=101, flags=SYN | ACK, source=called, target=caller),
-        tcp(seq=101, ack=501, source=caller, target=called),
+        *handshake(source=caller, target=called),
         *(tcp(bytes(5), 501 + 5 * n, 101, source=called, target=caller) for n in range(3)),
     ]
     mixed = [
@@ -435,11 +424,9 @@ connect = "C2"
 
 
 def test_what_is_unassigned_gets_shadows_when_it_is_asked_for(tmp_path: Path) -> None:
-    source, plc = ("10.0.0.9", 53_000), ("10.0.0.5", 2000)
-    second = [tcp(seq=100, flags=SYN, source=source), tcp(seq=101, ack=501, source=source)]
-    second.insert(1, tcp(seq=500, ack=101, flags=SYN | ACK, source=plc, target=source))
+    source = ("10.0.0.9", 53_000)
     data = [each for n in range(6) for each in (tcp(bytes(7), 101 + 7 * n, 501, source=source), udp(b"x"))]
-    content = capture([*handshake(), *stream(12), *second, *data], step_ns=30_000_000)
+    content = capture([*handshake(), *stream(12), *handshake(source=source), *data], step_ns=30_000_000)
     for bench in (None, project(tmp_path, LINE.format(plc="10.0.0.5:2000"))):
         pieces = Pieces((bench, None, None))
         answers: list[str] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from pathlib import Path
 
 import pytest
@@ -11,9 +10,9 @@ import pytest
 from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver
 from tests.line.test_on_screen import work
 from tests.line.test_watch import Record, Watch, watch
-from tests.recording.wire import NS, PARTNER, PLC, capture, udp
+from tests.recording.wire import NS, PARTNER, PLC, capture, handshake, serial_line, tcp, udp
 from trcvtui.capture.command import take_captures
-from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, interface_block, packet_block, section_block
+from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.cli.main import main
 from trcvtui.line.capture_player import MISSING
@@ -48,12 +47,11 @@ def project(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def line(*events: tuple[int, bytes], name: str = "RX", step_ms: int = 50) -> bytes:
-    """Return a capture of a serial line, as an RTAC writes it."""
-    blocks = [section_block("tests"), interface_block(RTAC_SERIAL, name)]
-    for n, (event, data) in enumerate(events):
-        head = struct.pack(">IIBBH", NS // 10**9, 0, event, 0, 0)
-        blocks.append(packet_block(0, NS + n * step_ms * 1_000_000, head + data))
+def cut_off(*packets: tuple[bytes, int]) -> bytes:
+    """Return a capture that has left out so many bytes of the end of each packet."""
+    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
+    for n, (data, left_out) in enumerate(packets):
+        blocks.append(packet_block(0, NS + n * 60_000_000, data[: len(data) - left_out], length=len(data)))
     return b"".join(blocks)
 
 
@@ -125,11 +123,8 @@ SIEMENS = plc(OWN, FROM + receiver("TRCV_C", 8, 'addr = "FROM"\n'), dialect="s7-
 def test_a_datagram_above_data_is_the_error_also_where_the_capture_has_cut_it_off(
     watch: Watch, tmp_path: Path, text: str, error: str, done: str
 ) -> None:
-    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
-    for n, (size, left_out) in enumerate([(9, 1), (9, 0), (8, 3), (8, 0)]):
-        data = udp(bytes(size))
-        blocks.append(packet_block(0, NS + n * 60_000_000, data[: len(data) - left_out], length=len(data)))
-    watch.path.write_bytes(b"".join(blocks))
+    sizes = (9, 1), (9, 0), (8, 3), (8, 0)
+    watch.path.write_bytes(cut_off(*((udp(bytes(size)), left_out) for size, left_out in sizes)))
     seen = watch.file(watch.path, "--project", str(project(tmp_path, text)), "--plc", "10.0.0.5")
     told = [(r["STATUS"], "note" in r) for r in seen.records if r.get("ERROR") or r.get("RCVD_LEN")]
     assert told == [(error, True), (error, False), (done, True), (done, False)]
@@ -137,10 +132,7 @@ def test_a_datagram_above_data_is_the_error_also_where_the_capture_has_cut_it_of
 
 def test_a_datagram_that_the_capture_has_cut_off_is_a_job_that_lacks_bytes(watch: Watch) -> None:
     whole = udp(bytes(range(40)))
-    blocks = [section_block("tests"), interface_block(RAW_IP, "t")]
-    for n, size in enumerate((len(whole), len(whole) - 16, len(whole))):
-        blocks.append(packet_block(0, NS + n * 60_000_000, whole[:size], length=len(whole)))
-    watch.path.write_bytes(b"".join(blocks))
+    watch.path.write_bytes(cut_off((whole, 0), (whole, 16), (whole, 0)))
     seen = watch.file(watch.path)
     assert seen.jobs("C1_TO_PLC") == [("7008", 40)] * 3
     told = [record.get("note") for record in seen.of("C1_TO_PLC") if record["DONE"]]
@@ -182,22 +174,19 @@ SizeReceiveData = 16
 def test_a_serial_line_fills_the_combuffer_of_its_name_or_the_only_one(
     watch: Watch, tmp_path: Path, buffer: str
 ) -> None:
-    watch.path.write_bytes(
-        line((RECEIVED, b"12"), (RECEIVED, b"3\n4567"), (SENT, b"ok\n"), (RECEIVED, b"\n"))
-    )
+    events = (RECEIVED, b"12"), (RECEIVED, b"3\n4567"), (SENT, b"ok\n"), (RECEIVED, b"\n")
+    watch.path.write_bytes(serial_line(*events))
     seen = watch.file(watch.path, "--project", str(project(tmp_path, SERIAL.format(buffer, buffer))))
     assert [size for _, size in seen.jobs("RD")] == [4, 5]
     assert seen.last["assigned"] == [{"id": "C1", "shadows": [buffer]}]
 
 
 def test_without_a_project_nobody_knows_how_a_serial_line_is_cut(watch: Watch) -> None:
-    watch.path.write_bytes(line((RECEIVED, b"12")))
+    watch.path.write_bytes(serial_line((RECEIVED, b"12")))
     assert "a ComBuffer of a project" in watch.file(watch.path).last["unassigned"][0]["why"]
 
 
 def test_blocks_on_a_combuffer_that_a_watched_trcv_c_fills_look_on_too(watch: Watch) -> None:
-    from tests.recording.wire import handshake, tcp
-
     stream = [tcp(b"ab", 101, 501), tcp(b"c\nde\n", 103, 501)]
     where = ("--project", "configs/twincat-stream.toml", "--plc", "10.0.0.5")
     assert [size for _, size in watch([*handshake(), *stream], *where).jobs("RD")] == [4, 3]
@@ -207,7 +196,7 @@ def test_blocks_on_a_combuffer_that_a_watched_trcv_c_fills_look_on_too(watch: Wa
 def test_the_screen_shows_the_run_of_watch(watch: Watch, tmp_path: Path, kind: str) -> None:
     bench = project(tmp_path, UDP if kind == "udp" else SERIAL.format("RX", "RX"))
     sent = [udp(bytes(n)) for n in (8, 3, 8)]
-    content = capture(sent, step_ns=70_000_000) if kind == "udp" else line(*[(RECEIVED, b"34\n")] * 3)
+    content = capture(sent, step_ns=70_000_000) if kind == "udp" else serial_line(*[(RECEIVED, b"34\n")] * 3)
     watch.path.write_bytes(content)
     name = "R1" if kind == "udp" else "RD"
     seen = watch.file(watch.path, "--project", str(bench))

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.net.layers.iso_bench import IsoBench, Net, OsNetwork
+from tests.net.layers.iso_bench import IsoBench, Net
+from tests.net.net_bench import OsNetwork
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.sim.kernel import SimKernel
 
@@ -27,3 +28,10 @@ def b(request: pytest.FixtureRequest) -> Iterator[IsoBench]:
         leaks = real.kernel.leaks()
         real.close()
         assert leaks == ()
+
+
+@pytest.fixture
+def network() -> Iterator[OsNetwork]:
+    made = OsNetwork()
+    yield made
+    made.close()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import select
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from trcvtui.net.kernel import Accepted, Handle, Kernel, KernelLoss, SocketOptions
+from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 LOOPBACK = "127.0.0.1"
@@ -22,6 +25,23 @@ class Network(Protocol):
     def breathe(self) -> None:
         """Let a little time pass (a millisecond or so)."""
         ...
+
+
+class OsNetwork:
+    """This machine's network; a breath waits a millisecond on a socket that is never ready."""
+
+    def __init__(self) -> None:
+        self.kernel = OsKernel()
+        self._quiet, self._other = socket.socketpair()
+
+    def breathe(self) -> None:
+        select.select([self._quiet], [], [], 0.001)
+
+    def close(self) -> None:
+        self.kernel.close_all()
+        self._quiet.close()
+        self._other.close()
+        assert self.kernel.leaks() == ()
 
 
 @dataclass

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import errno
 import socket
-from collections.abc import Iterator
 
 import pytest
 
 from tests.net.facts_datagrams import opened, say, take, try_take
-from tests.net.net_bench import ANY_PORT, Bench
-from tests.net.os.test_os_kernel import OsNetwork
+from tests.net.net_bench import ANY_PORT, Bench, OsNetwork
 from tests.net.sim.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
 from trcvtui.net.kernel import Handle
-from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
@@ -109,13 +106,6 @@ class Told(socket.socket):
     def sendto(self, data: memoryview, end: tuple[str, int]) -> int:  # type: ignore[override]
         self._tell()
         return len(data)
-
-
-@pytest.fixture
-def network() -> Iterator[OsNetwork]:
-    made = OsNetwork(OsKernel())
-    yield made
-    made.close()
 
 
 def told(network: OsNetwork, times: int, number: int = errno.ECONNRESET) -> Handle:

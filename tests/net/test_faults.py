@@ -32,6 +32,11 @@ class FaultyBench(Bench):
 # -- the plan ------------------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def b() -> FaultyBench:
+    return FaultyBench()
+
+
 def test_every_call_has_a_default_errno() -> None:
     for call in CALLS:
         plan = FaultPlan()
@@ -115,15 +120,13 @@ def test_what_is_no_fault_is_refused_in_one_line(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
-def test_with_a_plan_for_somebody_else_it_keeps_the_contract(fact: Fact) -> None:
-    b = FaultyBench()
+def test_with_a_plan_for_somebody_else_it_keeps_the_contract(b: FaultyBench, fact: Fact) -> None:
     for call in CALLS:
         b.plan.add(call, on="C99", times=None)
     fact(b)
 
 
-def test_set_up_calls_fail_as_planned_and_then_work() -> None:
-    b = FaultyBench()
+def test_set_up_calls_fail_as_planned_and_then_work(b: FaultyBench) -> None:
     b.plan.add("socket", "ENFILE")
     assert b.kernel.socket("X") == injected("socket", "ENFILE")
     handle = b.socket()
@@ -143,8 +146,7 @@ def test_set_up_calls_fail_as_planned_and_then_work() -> None:
     assert b.kernel.poll_del(handle) is None
 
 
-def test_a_connect_made_to_fail_never_starts() -> None:
-    b = FaultyBench()
+def test_a_connect_made_to_fail_never_starts(b: FaultyBench) -> None:
     listener, client = b.listener(), b.socket()
     b.plan.add("connect", "ENETUNREACH")
     assert b.kernel.connect(client, b.end(listener)) == injected("connect", "ENETUNREACH")
@@ -153,8 +155,7 @@ def test_a_connect_made_to_fail_never_starts() -> None:
     b.connect(b.end(listener), client)
 
 
-def test_an_accept_without_a_client_is_no_attempt() -> None:
-    b = FaultyBench()
+def test_an_accept_without_a_client_is_no_attempt(b: FaultyBench) -> None:
     listener = b.listener()
     b.plan.add("accept")
     for _ in range(3):
@@ -163,8 +164,7 @@ def test_an_accept_without_a_client_is_no_attempt() -> None:
     assert b.plan.active
 
 
-def test_the_client_of_a_failed_accept_stays_queued_and_comes_out_with_his_bytes() -> None:
-    b = FaultyBench()
+def test_the_client_of_a_failed_accept_stays_queued_and_comes_out_with_his_bytes(b: FaultyBench) -> None:
     listener = b.listener()
     client = b.connect(b.end(listener))
     b.send(client, b"early")
@@ -181,8 +181,7 @@ def test_the_client_of_a_failed_accept_stays_queued_and_comes_out_with_his_bytes
     assert b.kernel.accept(listener) is WOULD_BLOCK
 
 
-def test_one_client_is_one_attempt_however_often_the_queue_is_looked_at() -> None:
-    b = FaultyBench()
+def test_one_client_is_one_attempt_however_often_the_queue_is_looked_at(b: FaultyBench) -> None:
     listener = b.listener()
     b.plan.add("accept", nth=2)
     b.connect(b.end(listener))
@@ -194,8 +193,7 @@ def test_one_client_is_one_attempt_however_often_the_queue_is_looked_at() -> Non
     assert b.kernel.accept(listener) == injected("accept", "EMFILE")
 
 
-def test_closing_the_listener_resets_the_client_of_a_failed_accept() -> None:
-    b = FaultyBench()
+def test_closing_the_listener_resets_the_client_of_a_failed_accept(b: FaultyBench) -> None:
     listener = b.listener()
     client = b.connect(b.end(listener))
     b.plan.add("accept")
@@ -207,8 +205,7 @@ def test_closing_the_listener_resets_the_client_of_a_failed_accept() -> None:
     assert b.sim.leaks() == ()
 
 
-def test_an_accepted_connection_belongs_to_the_listener_s_owner() -> None:
-    b = FaultyBench()
+def test_an_accepted_connection_belongs_to_the_listener_s_owner(b: FaultyBench) -> None:
     one = b.pair()
     b.plan.add("recv", "EIO", on="X")
     b.plan.add("send", on="Y", times=None)
@@ -216,8 +213,7 @@ def test_an_accepted_connection_belongs_to_the_listener_s_owner() -> None:
     b.send(one.server, b"not Y")
 
 
-def test_a_failed_recv_consumes_nothing_and_counts_every_call() -> None:
-    b = FaultyBench()
+def test_a_failed_recv_consumes_nothing_and_counts_every_call(b: FaultyBench) -> None:
     one = b.pair()
     b.plan.add("recv", nth=2)
     assert b.try_recv(one.server) is WOULD_BLOCK
@@ -227,8 +223,7 @@ def test_a_failed_recv_consumes_nothing_and_counts_every_call() -> None:
     assert b.receive(one.server, 4) == b"kept"
 
 
-def test_a_failed_send_takes_nothing_and_eagain_is_answered_as_a_fault() -> None:
-    b = FaultyBench()
+def test_a_failed_send_takes_nothing_and_eagain_is_answered_as_a_fault(b: FaultyBench) -> None:
     one = b.pair()
     b.plan.add("send", "EAGAIN")
     assert b.try_send(one.client, b"gone") == injected("send", "EAGAIN")
@@ -236,8 +231,7 @@ def test_a_failed_send_takes_nothing_and_eagain_is_answered_as_a_fault() -> None
     assert b.receive(one.server, 4) == b"here"
 
 
-def test_a_failed_shutdown_sends_no_fin() -> None:
-    b = FaultyBench()
+def test_a_failed_shutdown_sends_no_fin(b: FaultyBench) -> None:
     one = b.pair()
     b.plan.add("shutdown")
     assert b.kernel.shutdown(one.client) == injected("shutdown", "ENOTCONN")
@@ -252,9 +246,8 @@ def test_a_failed_shutdown_sends_no_fin() -> None:
     ("call", "error", "lost"), [("close", "EIO", None), ("abort", "ENOTCONN", Fault("recv", "ECONNRESET"))]
 )
 def test_a_failed_close_or_abort_frees_the_handle_all_the_same(
-    call: str, error: str, lost: Fault | None
+    b: FaultyBench, call: str, error: str, lost: Fault | None
 ) -> None:
-    b = FaultyBench()
     one = b.pair()
     b.plan.add(call)
     assert getattr(b.kernel, call)(one.client) == injected(call, error)

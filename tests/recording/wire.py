@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from ipaddress import ip_address
 
-from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
+from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, interface_block, packet_block, section_block
 
 PLC = ("10.0.0.5", 2000)
 PARTNER = ("10.0.0.9", 51000)
@@ -50,13 +50,24 @@ def udp(data: bytes, source: tuple[str, int] = PARTNER, target: tuple[str, int] 
     return ip(source[0], target[0], 17, struct.pack(">HHHH", source[1], target[1], 8 + len(data), 0) + data)
 
 
-def handshake(there: int = 100, back: int = 500) -> list[bytes]:
+def handshake(
+    there: int = 100, back: int = 500, source: tuple[str, int] = PARTNER, target: tuple[str, int] = PLC
+) -> list[bytes]:
     """Return SYN, answer and ACK; the next bytes are `there` + 1 and `back` + 1."""
     return [
-        tcp(seq=there, flags=SYN),
-        answer(seq=back, ack=there + 1, flags=SYN | ACK),
-        tcp(seq=there + 1, ack=back + 1),
+        tcp(seq=there, flags=SYN, source=source, target=target),
+        tcp(seq=back, ack=there + 1, flags=SYN | ACK, source=target, target=source),
+        tcp(seq=there + 1, ack=back + 1, source=source, target=target),
     ]
+
+
+def serial_line(*events: tuple[int, bytes], name: str = "RX", step_ms: int = 50) -> bytes:
+    """Return a capture of a serial line, as an RTAC writes it: the number of each event, its bytes."""
+    blocks = [section_block("tests"), interface_block(RTAC_SERIAL, name)]
+    for n, (event, data) in enumerate(events):
+        head = struct.pack(">IIBBH", NS // 10**9, 0, event, 0, 0)
+        blocks.append(packet_block(0, NS + n * step_ms * 1_000_000, head + data))
+    return b"".join(blocks)
 
 
 def capture(packets: list[bytes], link_type: int = RAW_IP, step_ns: int = 1_000_000) -> bytes:

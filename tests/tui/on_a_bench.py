@@ -4,55 +4,44 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import TypeVar
 
 from textual.pilot import Pilot
 
+from tests.local_driver import LocalDriver
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
-from trcvtui.commands.snapshots import EngineTiming
-from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.controller import fresh_bench
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.project.project import Project
 from trcvtui.tui.app import BenchApp
 
 MOST_PAUSES = 500
 
 
 class BenchDriver(FakeDriver):
+    """A driver of pictures whose pictures are those of a bench."""
+
     def __init__(self) -> None:
         super().__init__()
-        self.console = Controller(fresh_bench(bench_project(), "sim"))
-        self._request: UpdateRequest | None = None
-
-    def do(self, *lines: str) -> None:
-        for number, line in enumerate(lines):
-            self.console.take(number, line)
-            answer = self.console._answers[-1]
-            assert answer.error == "", answer
-
-    def scan(self, times: int = 1) -> None:
-        for _ in range(times):
-            assert self.console.scan()
+        self.local = LocalDriver(fresh_bench(bench_project(), "sim"))
 
     def submit(self, line: str) -> int:
-        number = super().submit(line)
-        self.console.take(number, line)
-        return number
+        super().submit(line)
+        return self.local.submit(line)
 
     def request(self, request: UpdateRequest) -> None:
         super().request(request)
-        self._request = request
+        self.local.request(request)
 
     def picture(self) -> BenchUpdate | None:
-        if self._request is None:
-            return None
-        request, self._request = self._request, None
-        return self.console.picture(request, EngineTiming(), request.most_lines)
+        return self.local.picture()
 
 
 class BenchLooker(Looker):
     def __init__(self, app: BenchApp, driver: BenchDriver, pilot: Pilot[None]) -> None:
         super().__init__(app, driver, pilot)
-        self.bench = driver
+        self.bench = driver.local
 
     def connect(self) -> None:
         """Let P1 be connected and TRCV_C_1 receive: scan 12 is the next one."""
@@ -72,6 +61,37 @@ class BenchLooker(Looker):
         await self.settle()
 
 
+class LocalLooker(Looker):
+    """The screen on a bench; each picture is the newest."""
+
+    bench: LocalDriver
+
+    async def see(self) -> None:
+        """Wait for a picture that was asked for after now."""
+        for _ in range(2):
+            before = self.app.view_model.live
+            while self.app.view_model.live is before:
+                self.app._frame()
+                await self.pilot.pause()
+        await self.settle()
+
+
+OneLooker = TypeVar("OneLooker", bound=LocalLooker)
+
+
+@asynccontextmanager
+async def on_local(
+    kind: type[OneLooker], project: Project, size: tuple[int, int]
+) -> AsyncIterator[OneLooker]:
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    app = BenchApp(driver, project)
+    async with app.run_test(size=size) as pilot:
+        looker = kind(app, FakeDriver(), pilot)
+        looker.bench = driver
+        yield looker
+    driver.close()
+
+
 @asynccontextmanager
 async def on_a_bench(size: tuple[int, int] = WIDE) -> AsyncIterator[BenchLooker]:
     driver = BenchDriver()
@@ -80,4 +100,4 @@ async def on_a_bench(size: tuple[int, int] = WIDE) -> AsyncIterator[BenchLooker]
         looker = BenchLooker(app, driver, pilot)
         await looker.pictures()
         yield looker
-    driver.console.bench.close()
+    driver.local.close()

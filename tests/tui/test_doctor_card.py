@@ -53,7 +53,7 @@ def read(newcomer: Newcomer) -> str:
     return " ".join(" ".join(rows).split())
 
 
-class Told:
+class FixedJudge:
     looks_again = True
     is_judging = is_recording = False
     progress = ""
@@ -70,7 +70,7 @@ class Told:
         pass
 
 
-class PatternSearch(Told):
+class PatternSearch(FixedJudge):
     progress = "runs it again, scan 3000 of 12000: 25%"
 
     def judge(self) -> None:
@@ -80,7 +80,7 @@ class PatternSearch(Told):
 
 @asynccontextmanager
 async def card(
-    judge: Told | None, size: tuple[int, int] = (100, 30)
+    judge: FixedJudge | None, size: tuple[int, int] = (100, 30)
 ) -> AsyncIterator[tuple[Newcomer, DoctorScreen]]:
     async with opened("four_bytes_short", size, 80) as newcomer:
         newcomer.bench.console.black_box = judge  # type: ignore[assignment]
@@ -93,7 +93,7 @@ async def card(
 
 @BOTH
 async def test_the_card_has_the_findings_of_the_instance_the_surest_first(size: tuple[int, int]) -> None:
-    async with card(Told(*FOUND), size) as (newcomer, _screen):
+    async with card(FixedJudge(*FOUND), size) as (newcomer, _screen):
         told = read(newcomer)
         assert "1 conversation looked at, up to scan 80" in told
         assert "▸ 1 frame-short TRCV_C_1 90% sure 2 shifted TRCV_C_1 70% sure" in told
@@ -122,11 +122,11 @@ async def test_the_first_line_tells_how_far_it_is_at_every_look(
 
 
 async def test_s_goes_to_the_scan_and_b_to_the_byte() -> None:
-    async with card(Told(*FOUND)) as (newcomer, _screen):
+    async with card(FixedJudge(*FOUND)) as (newcomer, _screen):
         await newcomer.press("s")
         main = newcomer.app.main
         assert newcomer.app.screen is main and main.timing.view.cursor == 52
-    async with card(Told(*FOUND)) as (newcomer, _screen):
+    async with card(FixedJudge(*FOUND)) as (newcomer, _screen):
         await newcomer.press("b")
         await newcomer.look(1)
         received = newcomer.app.main.received
@@ -134,7 +134,7 @@ async def test_s_goes_to_the_scan_and_b_to_the_byte() -> None:
 
 
 async def test_enter_types_the_remedy_and_waits_for_another_enter() -> None:
-    async with card(Told(*FOUND)) as (newcomer, _screen):
+    async with card(FixedJudge(*FOUND)) as (newcomer, _screen):
         await newcomer.press("enter")
         prompt = newcomer.app.main.prompt
         assert prompt.is_open and prompt._input is not None
@@ -146,14 +146,14 @@ async def test_enter_types_the_remedy_and_waits_for_another_enter() -> None:
 
 
 async def test_a_shows_those_of_all_and_arrows_choose() -> None:
-    async with card(Told(*FOUND)) as (newcomer, screen):
+    async with card(FixedJudge(*FOUND)) as (newcomer, screen):
         await newcomer.press("a", "down", "down")
         assert "▸ 3 refused OTHER 60% sure" in read(newcomer)
         assert screen.list.place() is None and screen.list.remedy() == ""
 
 
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
-    async with card(Told(FOUND[2])) as (newcomer, _screen):
+    async with card(FixedJudge(FOUND[2])) as (newcomer, _screen):
         assert "healthy: 1 conversation looked at, up to scan 80; 1 finding of others: a" in read(newcomer)
 
 
@@ -173,7 +173,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
     remarks = seen_finding("idle", "TRCV_C_1", title="Nothing for long " * 9), seen_finding("idle", "OTHER")
     seen = DoctorSnapshot(1, 80, 1, (short,), remarks=remarks, qualities=("3 gaps " * 40, "cut"))
     monkeypatch.setattr("trcvtui.bench.doctor_requests.found", lambda *_: seen)
-    async with card(Told(), size) as (newcomer, screen):
+    async with card(FixedJudge(), size) as (newcomer, screen):
         told = read(newcomer)
         assert re.search(
             r"up to scan 80 3 gaps .*… ▸ 1 frame-short .* Frames are shorter than LEN ── evid", told
@@ -189,7 +189,7 @@ async def test_remarks_stand_last_and_leave_the_verdict_alone(
         await newcomer.press("a")
         assert "TRCV_C_1: Nothing" in read(newcomer) and "OTHER: idle" in read(newcomer)
     seen = replace(seen, findings=())
-    async with card(Told(), size) as (newcomer, screen):
+    async with card(FixedJudge(), size) as (newcomer, screen):
         assert read(newcomer).startswith("healthy: 1 conversation") and "── remarks" in read(newcomer)
         assert screen.list.chosen is None
 
@@ -200,7 +200,7 @@ async def test_a_run_that_nobody_keeps_says_so() -> None:
 
 
 async def test_the_doctor_rests_when_the_card_is_closed() -> None:
-    judge = Told(*FOUND)
+    judge = FixedJudge(*FOUND)
     async with card(judge) as (newcomer, _screen):
         await newcomer.press("escape")
         await newcomer.look(5)
@@ -209,7 +209,7 @@ async def test_the_doctor_rests_when_the_card_is_closed() -> None:
 
 async def test_a_line_at_the_prompt_is_answered_when_it_has_looked() -> None:
     async with opened("four_bytes_short", (100, 30), 80) as newcomer:
-        newcomer.bench.console.black_box = Told(*FOUND)  # type: ignore[assignment]
+        newcomer.bench.console.black_box = FixedJudge(*FOUND)  # type: ignore[assignment]
         await newcomer.press("colon")
         for letter in "doctor C1":
             await newcomer.press("space" if letter == " " else letter)
@@ -219,7 +219,7 @@ async def test_a_line_at_the_prompt_is_answered_when_it_has_looked() -> None:
 
 
 async def test_the_status_pane_has_the_verdict_first_and_what_mends_it() -> None:
-    async with card(Told(*FOUND)) as (newcomer, _screen):
+    async with card(FixedJudge(*FOUND)) as (newcomer, _screen):
         await newcomer.press("escape")
         await newcomer.look(1)
         read = newcomer.read("status")

@@ -9,22 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
-from tests.tui.fakes import FakeDriver
-from tests.tui.looking import BOTH, Looker
+from tests.tui.looking import BOTH
+from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.scenario.scenario import load_bench
-from trcvtui.tui.app import BenchApp
 
 Size = tuple[int, int]
 
 
-class Newcomer(Looker):
-    bench: LocalDriver
-
+class Newcomer(LocalLooker):
     def read(self, pane: str) -> str:
         return " ".join(re.sub("[─-╿▁-█]", " ", self.words(pane)).split())
 
@@ -34,25 +30,15 @@ class Newcomer(Looker):
 
     async def look(self, scans: int) -> None:
         self.bench.scan(scans)
-        for _ in range(2):
-            before = self.app.view_model.live
-            while self.app.view_model.live is before:
-                self.app._frame()
-                await self.pilot.pause()
-        await self.settle()
+        await self.see()
 
 
 @asynccontextmanager
 async def opened(story: str | Path, size: Size, scans: int) -> AsyncIterator[Newcomer]:
     project = load_bench(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
-    driver = LocalDriver(fresh_bench(project, "sim"))
-    app = BenchApp(driver, project)
-    async with app.run_test(size=size) as pilot:
-        newcomer = Newcomer(app, FakeDriver(), pilot)
-        newcomer.bench = driver
+    async with on_local(Newcomer, project, size) as newcomer:
         await newcomer.look(scans)
         yield newcomer
-    driver.close()
 
 
 @BOTH

@@ -35,7 +35,14 @@ from trcvtui.tui.main import MainScreen
 from trcvtui.tui.replay import ReplayScreen
 from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
-from trcvtui.tui.widgets.dialogs import ChoiceScreen, Dialog, FormDialog, ListDialog, ResultScreen
+from trcvtui.tui.widgets.dialogs import (
+    ChoiceScreen,
+    Dialog,
+    FieldsDialog,
+    FormDialog,
+    ListDialog,
+    ResultScreen,
+)
 from trcvtui.tui.widgets.help import HelpScreen
 from trcvtui.tui.widgets.screens import FullScreen, SideScreen
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -71,7 +78,7 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 
 
 # How each screen is opened; a new one without a line here fails the test below.
-BASES = {FullScreen, SideScreen, Dialog, ListDialog, FormDialog}  # never opened themselves
+BASES = {FullScreen, SideScreen, Dialog, ListDialog, FieldsDialog, FormDialog}  # never opened themselves
 SAME_FIELDS = {ReplayScreen}  # as MainScreen
 OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,

@@ -1,4 +1,4 @@
-"""The whole bench at 140x45: timing is a strip of its own, every number stands whole, nobody loses a row."""
+"""The whole bench at 140x45: timing is a strip of its own, every number stands whole, no pane loses a row."""
 
 from __future__ import annotations
 

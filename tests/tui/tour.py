@@ -40,7 +40,7 @@ KEYS: Final = {
     "_": ("underscore", "_"),
 }
 REPLY: Final = "contains hex 05 send hex 06 {n:2:big}"
-# What happened before anybody looks.
+# What happened before the first look.
 STORY: Final = (
     (0, "set TRCV_C_1 CONT=1 EN_R=1"),
     (0, "set TRCV_C_2 CONT=1"),

@@ -147,7 +147,7 @@ class Bench:
         self.project = project
         self._works_on = _what_each_works_on(project)
         self.kernel_name = kernel
-        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for who plays partners
+        self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for a test's partners
         self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
         self._seam = seam  # records what is asked, or answers it from a record
         self._note_arrivals = _nothing
@@ -177,7 +177,7 @@ class Bench:
         if seam is not None:
             seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
-        self.plan.fired = self._fault_fired
+        self.plan.fired = lambda owner, fault: self._tell(BenchNote(owner, "fault fired", str(fault)))
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
@@ -189,8 +189,9 @@ class Bench:
         for rule in read_replies(project):
             self.peers[rule.peer].replies.add(rule)
         for peer in self.peers.values():
-            if not peer.decl.active:
-                self._must_listen(peer)
+            if not peer.decl.active and (wrong := peer.listen()):
+                self.close()
+                raise mistake(f"{project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
         if seam is not None:
             seam.is_busy = False
 
@@ -225,7 +226,7 @@ class Bench:
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-        from trcvtui.recording.seam import seam_kernel  # a bench that nobody records waits for none of it
+        from trcvtui.recording.seam import seam_kernel  # a bench that is not recorded waits for none of it
 
         return seam_kernel(seam, label, make, is_noted)
 
@@ -311,12 +312,6 @@ class Bench:
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
 
-    def _must_listen(self, peer: Peer) -> None:
-        wrong = peer.listen()
-        if wrong:
-            self.close()
-            raise mistake(f"{self.project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
-
     def _resources(self, project: Project) -> Resources:
         return Resources(
             JobQueue(project.rules.queue, self.plan.take),
@@ -348,7 +343,7 @@ class Bench:
 
     @property
     def network(self) -> SimKernel:
-        """Return the simulated network, for who plays partners in it."""
+        """Return the simulated network, for a test's partners in it."""
         assert self._sim is not None
         return self._sim
 
@@ -644,9 +639,6 @@ class Bench:
         self.note("bench", "faults cleared")
         return ""
 
-    def _fault_fired(self, owner: str, fault: Fault) -> None:
-        self._tell(BenchNote(owner, "fault fired", str(fault)))
-
     def note(self, subject: str, what: str, detail: str = "") -> None:
         """Write into the ledger what came from outside of the PLC."""
         self.runtime.ledger.write(BenchNote(subject, what, detail))
@@ -679,7 +671,7 @@ def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
     """Return what an edit changes in the PLC; None: nothing, it is of the library."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
-        decl = edited.combuffer(decl.name)  # who writes and feeds it, its neighbours tell
+        decl = edited.combuffer(decl.name)  # what writes and feeds it, its neighbours tell
     match before, decl:
         case (None, InstanceDecl()):
             return commands.CreateInstance(decl, edit.place)

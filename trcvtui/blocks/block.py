@@ -90,7 +90,7 @@ class RunningJob(Job, Protocol):
     def detach(self, reason: str) -> None: ...
 
 
-class HasJob(Protocol):
+class JobOwner(Protocol):
     @property
     def job(self) -> RunningJob: ...
 
@@ -98,10 +98,10 @@ class HasJob(Protocol):
 class JobBlock:
     """A block with a job. Its connection stays when the instance goes."""
 
-    def stop(self: HasJob, reason: str) -> None:
+    def stop(self: JobOwner, reason: str) -> None:
         self.job.abandon(reason)
 
-    def detach(self: HasJob, reason: str) -> None:
+    def detach(self: JobOwner, reason: str) -> None:
         self.job.detach(reason)
 
 

@@ -358,7 +358,7 @@ def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]
 
 
 def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
-    """Return the block that a file begins with: little-endian, of a length that nobody knows yet."""
+    """Return the block that a file begins with: little-endian, of a length that is not known yet."""
     options = [*_comments(comments), _option(4, application.encode())]
     return block(SECTION, _LITTLE + struct.pack("<HHq", 1, 0, -1), options)
 

@@ -103,6 +103,7 @@ class ConversationEvent(NamedTuple):
     data: bytes
 
 
+TwoEnds = tuple[tuple[bytes, int], tuple[bytes, int]]  # addresses and ports, of a first sender first
 SegmentHead = tuple[bytes, int, int, int, int, int]  # ends, number of its IP packet, seq, ack, flags, bytes
 KeptPiece = tuple[int, bytes, int, int]  # from which byte on, bytes, when, number of their IP packet
 
@@ -172,7 +173,9 @@ class Conversation:
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
                  "is_ours", "last_ns", "listener", "number", "protocol", "sent", "there")  # fmt: skip
 
-    def __init__(self, number: int, protocol: str, ns: int) -> None:
+    def __init__(
+        self, number: int, protocol: str, ns: int, ends: TwoEnds, macs: tuple[bytes, bytes] = (b"", b"")
+    ) -> None:
         self.number = number
         self.protocol = protocol
         self.first_ns = self.last_ns = ns
@@ -183,8 +186,14 @@ class Conversation:
         self.sent: bool | None = None  # the first packet, by the PLC of a recording of ours
         self.listener: WireDirection | None = None
         self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
-        self.there: WireDirection
-        self.back: WireDirection
+        self.there = WireDirection(self, ends[0], macs[0])
+        self.back = WireDirection(self, ends[1], macs[1])
+        self.there.other, self.back.other = self.back, self.there
+
+    def build(self) -> None:
+        """Take it as one whose SYN was answered before anything else of it came."""
+        self.begins_with_syn = self.is_established = True
+        self.listener = self.back
 
     @property
     def kept_ns(self) -> int:
@@ -302,7 +311,7 @@ class Conversations:
                 self._leave_out(conversation.last_ns, direction, direction.position + left)
 
     def forget_over(self, ns: int) -> list[int]:
-        """Forget who ended long before this time, and the silent where there are too many; return numbers."""
+        """Forget what ended long before this time, and the silent where there are many; return numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.kept_ns)]
         if not over:
@@ -460,24 +469,15 @@ class Conversations:
             self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = there.other
         return there
 
-    def _made(
-        self,
-        ns: int,
-        protocol: str,
-        ends: tuple[tuple[bytes, int], tuple[bytes, int]],
-        macs: tuple[bytes, bytes],
-    ) -> WireDirection | None:
+    def _made(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
         """Return what the sender of a first packet says; None: there are too many conversations."""
         if len(self.all) == MOST_CONVERSATIONS:
             self.unlisted += 1
             return None
         self._count += 1
-        made = Conversation(self._count, protocol, ns)
-        there = made.there = WireDirection(made, ends[0], macs[0])
-        back = made.back = WireDirection(made, ends[1], macs[1])
-        there.other, back.other = back, there
+        made = Conversation(self._count, protocol, ns, ends, macs)
         self.all.append(made)
-        return there
+        return made.there
 
     def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
         if direction.syn == seq:

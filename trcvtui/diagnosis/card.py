@@ -97,7 +97,7 @@ def _wanders(e: Evidence) -> bool:
 
 
 def _missing(e: Evidence, decl: DataDecl | None) -> str:
-    """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
+    """Return which member a stuck frame's bytes end at; of a shifted one it is not known."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
     if e.facts.drop is not None or _wanders(e):
@@ -136,7 +136,7 @@ def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 
 def _unfinished(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """The newest message is wholly here, and the job still waits for bytes that nobody has sent."""
+    """The newest message is wholly here, and the job still waits for bytes that were not sent."""
     messages = index.messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:
         return []

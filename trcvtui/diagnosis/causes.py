@@ -29,9 +29,8 @@ from trcvtui.diagnosis.line_facts import (
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.session_causes import line_errors, tls_refused, wrong_tsap
 from trcvtui.diagnosis.sign import Remedy, Sign
-from trcvtui.wording import count, duration, times
+from trcvtui.wording import SECOND, count, duration, times
 
-SECOND: Final = 1_000_000_000
 UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
 IDLE_NS: Final = 20 * SECOND
 CLOSED_NS: Final = SECOND  # a window that stays closed
@@ -161,10 +160,6 @@ class CauseRule(NamedTuple):
 # -- building a connection -----------------------------------------------------------------------------------
 
 
-def _syns(line: LineFacts) -> list[SegmentFacts]:
-    return line.caller.syns
-
-
 def _is_tcp(case: LineCase) -> bool:
     return case.line.protocol == "tcp"
 
@@ -172,7 +167,7 @@ def _is_tcp(case: LineCase) -> bool:
 def _refused(case: LineCase) -> Sign | None:
     line = case.line
     reset = line.listener.reset
-    if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not _syns(line):
+    if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
@@ -186,7 +181,7 @@ def _refused(case: LineCase) -> Sign | None:
 
 
 def _filtered(case: LineCase) -> Sign | None:
-    line, syns = case.line, _syns(case.line)
+    line, syns = case.line, case.line.caller.syns
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
         return None
     if line.listener.segments or line.listener.acks or line.caller.segments:
@@ -215,7 +210,9 @@ def _second_client(case: LineCase) -> Sign | None:
         if reset is not None:
             return Sign(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
         if _filtered(case) is not None:
-            return Sign(0.85, (since, f"{count(len(_syns(line)), 'SYN')} without an answer"), way="to-plc")
+            return Sign(
+                0.85, (since, f"{count(len(line.caller.syns), 'SYN')} without an answer"), way="to-plc"
+            )
         return None
     ended = line.end
     if ended is not None and ended.by_plc and not line.from_plc.segments:
@@ -244,7 +241,7 @@ def _address(case: LineCase) -> Sign | None:
     has_stood = case.group.has_stood or case.reverse.has_stood
     if not line.is_built and case.reverse.lines and not has_stood:
         texts = ("both ends call each other, and neither listens: both are active",)
-        return Sign(0.93, texts, at=_syns(line)[0] if _syns(line) else None)
+        return Sign(0.93, texts, at=next(iter(line.caller.syns), None))
     receiver = case.receiver
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
     if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
@@ -406,16 +403,10 @@ def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] 
                 window.ns <= one.ns and (window.until_ns is None or window.until_ns >= one.ns)
                 for window in other.closed
             )
-            since = _said_before(said, one.ns)
+            since = next((write.ns for write in reversed(said.writes) if write.ns <= one.ns), one.ns)
             if until - since >= SECOND and not closed:
                 return said, one.copies, since, until - since, one.until_ns is not None, one.packet
     return None
-
-
-def _said_before(said: DirectionFacts, ns: int) -> int:
-    """Return when the bytes were said that were said again at `ns`."""
-    before = [write.ns for write in said.writes if write.ns <= ns]
-    return before[-1] if before else ns
 
 
 def _dead_link(case: LineCase) -> Sign | None:
@@ -502,7 +493,7 @@ def _left_behind(case: LineCase) -> Sign | None:
 # -- windows, delays, losses ---------------------------------------------------------------------------------
 
 
-def _closed(line: LineFacts, said: DirectionFacts, last_ns: int) -> tuple[int, int, ClosedWindow] | None:
+def _closed(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWindow] | None:
     if not line.is_wire or not said.closed:
         return None
     ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in said.closed]
@@ -513,8 +504,8 @@ def _closed(line: LineFacts, said: DirectionFacts, last_ns: int) -> tuple[int, i
 def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
     line = case.line
     said = line.from_plc if by_plc else line.to_plc
-    found = _closed(line, said, case.last_ns)
-    if found is None or not _is_tcp(case):
+    found = _closed(line, said)
+    if found is None:
         return None
     often, longest, first = found
     if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
@@ -531,9 +522,8 @@ def _not_reading(case: LineCase, by_plc: bool) -> Sign | None:
 
 def _flood(case: LineCase) -> Sign | None:
     line, said = case.line, case.line.from_plc
-    found = _closed(line, said, case.last_ns)
-    rate = _too_fast(case)
-    if found is not None and _is_tcp(case) and (found[0] >= 3 or (found[0] >= 2 and rate)):
+    found, rate = _closed(line, said), _too_fast(case)
+    if found is not None and (found[0] >= 3 or (found[0] >= 2 and rate)):
         often, longest, first = found
         opened = sum(1 for one in said.closed if one.until_ns is not None)
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
@@ -579,17 +569,14 @@ def _slow_ack(case: LineCase) -> Sign | None:
             continue  # a sender with a period meets ACKs by chance: then before and after them, too
         if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
             continue
-        usual, packets = (
-            median(one.wait_ns for one in slow),
-            tuple([one.write.packet for one in slow[:MOST_SHOWN]]),
-        )
+        usual = median(one.wait_ns for one in slow)
+        packets = tuple([one.write.packet for one in slow[:MOST_SHOWN]])
         texts = (
             f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
             "and the next one left with it",
         )
-        return Sign(
-            0.92 if len(slow) > 4 else 0.75, texts, way=way, at=slow[0].write, packets=packets[:MOST_SHOWN]
-        )
+        sure = 0.92 if len(slow) > 4 else 0.75
+        return Sign(sure, texts, way=way, at=slow[0].write, packets=packets)
     return None
 
 

@@ -30,7 +30,7 @@ NO_LINE: Final = 0  # the number of no conversation
 
 
 # What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
-# `{instance}` in a remedy is whose.
+# `{instance}` in a remedy is the one that it is for.
 # fmt: off
 TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",

@@ -10,18 +10,19 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import gcd
-from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
-from trcvtui.wording import count
+from trcvtui.wording import SECOND, count
 
 if TYPE_CHECKING:
-    from trcvtui.udt.layout.layout import Layout, Profile
+    from trcvtui.udt.compare.fit import Fit
+    from trcvtui.udt.layout.layout import Profile
     from trcvtui.udt.layout.rules import LayoutRules
+    from trcvtui.udt.types import Type
 
-SECOND: Final = 1_000_000_000
 FEW: Final = 3  # messages, below which sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
@@ -131,16 +132,30 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (*more, length._replace(command=None)) if has_len and more[0].set else more
 
 
-class RemedyOffer(TypedDict):
-    """What a rule offers, and the receiver as it would be with all of it."""
+class RemedyOffer(NamedTuple):
+    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried."""
 
-    mend: tuple[Remedy, ...]
-    cured: Receiver
+    mend: tuple[Remedy, ...] = ()
+    cured: Receiver | None = None
+
+
+NO_OFFER: Final = RemedyOffer()
+
+
+def _sign(
+    receiver: Receiver,
+    sure: float,
+    texts: tuple[str, ...],
+    at: SegmentFacts | None,
+    offer: RemedyOffer = NO_OFFER,
+) -> Sign:
+    """Return what speaks for a cause in what the partner says to a receiver."""
+    return Sign(sure, texts, "to-plc", at, receiver.instance or None, offer.mend, cured=offer.cured)
 
 
 def _with_len(receiver: Receiver, size: int) -> RemedyOffer:
     room = max(receiver.room, size) if receiver.room else 0
-    return RemedyOffer(mend=_len_mends(receiver, size), cured=receiver._replace(need=size, room=room))
+    return RemedyOffer(_len_mends(receiver, size), receiver._replace(need=size, room=room))
 
 
 def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
@@ -165,7 +180,7 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')}"
     text = f"{of_all} have {sizes.usual} bytes, a job wants {wanted.need}"
     sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW else 0.7
-    is_soon = last.ns - line.messages[0].ns < 2_000_000_000  # pieces come soon after each other
+    is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces come soon after each other
     whole = is_soon and (last.at + last.size - _start(line)) % wanted.need == 0
     if sizes.messages < FEW and (whole or any(one.size == wanted.need for one in line.messages)):
         return None
@@ -179,10 +194,9 @@ def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None  # the rest may have been on its way
     if is_soon and last.at + last.size - _start(line) == wanted.need:
         return None  # the pieces of one job
-    sign = Sign(sure, (text,), "to-plc", _at(last), wanted.instance or None)
-    if sizes.messages < 2 and line.end is not None:
-        return sign  # one message may have been cut
-    return sign._replace(**_with_len(wanted, sizes.usual))
+    may_be_cut = sizes.messages < 2 and line.end is not None
+    offer = NO_OFFER if may_be_cut else _with_len(wanted, sizes.usual)
+    return _sign(wanted, sure, (text,), _at(last), offer)
 
 
 def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -198,8 +212,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         text = f"{of_all}, a job takes {wanted.need}"
         more = f"the next frame begins {left} bytes before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
-        at, offer = _at(line.messages[0]), _with_len(wanted, sizes.usual)
-        return Sign(sure, (text, more), "to-plc", at, wanted.instance or None, **offer)
+        return _sign(wanted, sure, (text, more), _at(line.messages[0]), _with_len(wanted, sizes.usual))
     room = _ready(line, receiver, AD_HOC)
     if room is None:
         return None
@@ -209,8 +222,7 @@ def _frame_long(line: LineFacts, receiver: Receiver | None) -> Sign | None:
         return None
     most = max(one.size for one in too_long)
     text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
-    at, offer = _at(too_long[0]), _with_len(room, most)
-    return Sign(0.93, (text, f"up to {most}"), "to-plc", at, room.instance or None, **offer)
+    return _sign(room, 0.93, (text, f"up to {most}"), _at(too_long[0]), _with_len(room, most))
 
 
 def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -236,8 +248,8 @@ def _adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )
     room = _room_mends(wanted, some[-1])
     cured = wanted._replace(adhoc=True, need=max(wanted.room or wanted.need, some[-1]))
-    offer = RemedyOffer(mend=(mend, *room) if name else (), cured=cured)
-    return Sign(sure, (text,), "to-plc", _at(messages[0]), name or None, **offer)
+    offer = RemedyOffer((mend, *room) if name else (), cured)
+    return _sign(wanted, sure, (text,), _at(messages[0]), offer)
 
 
 def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -261,7 +273,7 @@ def _shifted(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
     before = f"{since} messages fitted before" if since else "from the first message on"
     text = f"frames of {need} bytes begin {rest} bytes inside messages since {line.seconds(odd.ns):.3f} s"
-    return Sign(0.95, (text, f"{what}; {before}"), "to-plc", _at(odd), wanted.instance or None)
+    return _sign(wanted, 0.95, (text, f"{what}; {before}"), _at(odd))
 
 
 def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -287,8 +299,8 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )  # fmt: skip
     size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer(mend=(mend, size) if name else (), cured=cured)
-    return Sign(sure, (text, more), "to-plc", _at(split[0]), name or None, **offer)
+    offer = RemedyOffer((mend, size) if name else (), cured)
+    return _sign(wanted, sure, (text, more), _at(split[0]), offer)
 
 
 def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -321,9 +333,9 @@ def _merged(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
     text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
-    name = known.instance if known is not None else ""
-    mend, cured = _one_a_job(known, base)
-    return Sign(sure, (text,), "to-plc", at, name or None, mend, is_remark=known is None, cured=cured)
+    if known is None:
+        return Sign(sure, (text,), "to-plc", at, is_remark=True)
+    return _sign(known, sure, (text,), at, _one_a_job(known, base))
 
 
 def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: int) -> Sign | None:
@@ -332,16 +344,15 @@ def _merged_in_a_scan(writes: Sequence[SegmentFacts], receiver: Receiver, base: 
         return None
     ms = receiver.interval_ns / 1e6
     text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
-    mend, cured = _one_a_job(receiver, base)
-    return Sign(0.85, (text,), "to-plc", soon[0], receiver.instance or None, mend, cured=cured)
+    return _sign(receiver, 0.85, (text,), soon[0], _one_a_job(receiver, base))
 
 
-def _one_a_job(receiver: Receiver | None, base: int) -> tuple[tuple[Remedy, ...], Receiver | None]:
-    if receiver is None or not receiver.instance:
-        return (), None
+def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
+    if not receiver.instance:
+        return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
-    cured = receiver._replace(adhoc=False, need=base)
-    return (Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}", None),), cured
+    mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
+    return RemedyOffer((mend,), receiver._replace(adhoc=False, need=base))
 
 
 def is_session(line: LineFacts) -> bool:
@@ -392,7 +403,7 @@ def _datagram_size(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
     text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
-    return Sign(0.95, (text,), "to-plc", large[0], wanted.instance or None, **_with_len(wanted, most))
+    return _sign(wanted, 0.95, (text,), large[0], _with_len(wanted, most))
 
 
 def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -413,7 +424,7 @@ def _framing(line: LineFacts, receiver: Receiver | None) -> Sign | None:
             texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
             if often * 2 > len(messages):
                 texts.append(f"{often} have {usual.hex(' ').upper()} there")
-            return Sign(0.9, tuple(texts), "to-plc", _at(line.messages[0]), receiver.instance or None)
+            return _sign(receiver, 0.9, tuple(texts), _at(line.messages[0]))
     return None
 
 
@@ -456,18 +467,16 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     if key not in _READ:
         if len(_READ) >= MOST_READ:
             _READ.clear()
-        _READ[key] = _read(frames, receiver)
+        _READ[key] = _read(frames, receiver, receiver.type, receiver.rules)
     found = _READ[key]
     return None if found is None else (found[0], found[1]._replace(at=_at(line.messages[0])))
 
 
-def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
-    from trcvtui.udt.compare.fit import MOST_LEAVES, fit
-    from trcvtui.udt.compare.likelihood import has_length_field
+def _read(
+    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
+) -> tuple[str, Sign] | None:
+    from trcvtui.udt.compare.fit import fit
 
-    rules, type_ = receiver.rules, receiver.type
-    if type_ is None or rules is None:
-        return None
     extra = len(frames[0]) - receiver.need
     if MOST_OF_FIT < extra <= LONGEST_HEADER:
         fitted = [fit(type_, [one[at:][: receiver.need] for one in frames], own=rules) for at in (extra, 0)]
@@ -476,18 +485,9 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
         )
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
-            mend = Remedy(f"declare the {extra} bytes before the members, or let the partner leave them out")
-            return "header", Sign(0.9, (text,), "to-plc", None, receiver.instance or None, (mend,))
+            return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
     fits = fit(type_, frames, receiver.type_name, own=rules)
-    own = next(
-        (
-            one
-            for one in fits
-            if not one.cause.kind
-            and any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
-        ),
-        None,
-    )
+    own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
     best = fits[0] if fits else None
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
         return None
@@ -496,38 +496,46 @@ def _read(frames: list[bytes], receiver: Receiver) -> tuple[str, Sign] | None:
     is_clear = best.fits_best or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
     if ahead < CLEAR or (is_own_size and not is_clear):
         return None
-    kind, name = best.cause.kind, receiver.data
-    order = best.layout.rules.byte_order
+    cause, mends = _meaning(best, frames, receiver, rules)
     ours = "none" if own is None else f"{own.score:+.1f}"
     said = (
         f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
     )
-    texts = (said, *(reason.text for reason in best.reasons[:2]))
     sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
+    texts = (said, *(reason.text for reason in best.reasons[:2]))
+    return (cause, _sign(receiver, sure, texts, None, RemedyOffer(mends))) if cause else None
+
+
+def _is_read_so(one: Fit, rules: LayoutRules) -> bool:
+    return any((p.layout, p.byte_order) == (rules.name, rules.byte_order) for p in one.profiles)
+
+
+def _meaning(
+    best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules
+) -> tuple[str, tuple[Remedy, ...]]:
+    """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
+    from trcvtui.udt.compare.fit import MOST_LEAVES
+    from trcvtui.udt.compare.likelihood import has_length_field
+
+    kind, order = best.cause.kind, best.layout.rules.byte_order
     if kind in ("header", "trailer"):
-        if not _has_numbers(best.layout, MOST_LEAVES) and not has_length_field(
-            best.cause, frames, receiver.need
-        ):
-            return None  # bytes alone read as well wherever they begin
-        side = "before" if kind == "header" else "after"
-        mend = Remedy(
-            f"declare the {best.cause.n} bytes {side} the members, or let the partner leave them out"
-        )
-        return "header", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+        has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
+        if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
+            return "", ()  # bytes alone read as well wherever they begin
+        return "header", (_declared(best.cause.n, "before" if kind == "header" else "after"),)
     if kind in ("word-swap", "byte-swap"):
-        mend = Remedy("swap what the partner swaps: words or bytes of each number")
-        return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, (mend,))
+        return "byte-order", (Remedy("swap what the partner swaps: words or bytes of each number"),)
     if kind is not None:
-        return None
+        return "", ()
     if best.layout.size != receiver.need or order == rules.byte_order:
-        mends = _as_partner(f"the partner packs as {best.profile}", best.profile, rules, name)
-        return "padding", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
-    mends = _as_partner(f"the partner's numbers are {order}-endian", best.profile, rules, name)
-    return "byte-order", Sign(sure, texts, "to-plc", None, receiver.instance or None, mends)
+        text = f"the partner packs as {best.profile}"
+        return "padding", _as_partner(text, best.profile, rules, receiver.data)
+    text = f"the partner's numbers are {order}-endian"
+    return "byte-order", _as_partner(text, best.profile, rules, receiver.data)
 
 
-def _has_numbers(layout: Layout, most: int) -> bool:
-    return any(leaf.size > 1 for leaf in layout.leaves(0, most))
+def _declared(size: int, side: str) -> Remedy:
+    return Remedy(f"declare the {size} bytes {side} the members, or let the partner leave them out")
 
 
 def _as_partner(text: str, profile: Profile, rules: LayoutRules, data: str) -> tuple[Remedy, ...]:

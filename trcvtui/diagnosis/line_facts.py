@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from ipaddress import ip_address
 from math import log
@@ -58,6 +59,9 @@ class SegmentFacts(NamedTuple):
     packet: int
 
 
+NOWHERE: Final = SegmentFacts(0, 0, 0, 0)
+
+
 class LineMessage(NamedTuple):
     """Writes that belong together, `pieces` of them; the longest pause between two."""
 
@@ -105,75 +109,44 @@ class WireEnd(NamedTuple):
     is_ours: bool  # asked for at our tap
 
 
+@dataclass(slots=True, eq=False)
 class DirectionFacts:
     """What one end said, in numbers."""
 
-    __slots__ = (
-        "acks",
-        "bytes",
-        "closed",
-        "content",
-        "copies_since",
-        "cut",
-        "early_ns",
-        "ended",
-        "has_jumped",
-        "highest_window",
-        "is_heard",
-        "is_reset_behind",
-        "keep_alives",
-        "keep_alives_answered",
-        "last_ns",
-        "last_window",
-        "late",
-        "late_ack",
-        "line_errors",
-        "longest_wait_ns",
-        "lowest_window",
-        "missing",
-        "moments",
-        "newest",
-        "outages",
-        "resent",
-        "resent_since_heard",
-        "reset",
-        "segments",
-        "slow",
-        "spurious",
-        "syns",
-        "unacked",
-        "writes",
-    )  # fmt: skip
-
-    def __init__(self) -> None:
-        self.bytes = self.segments = self.cut = self.missing = 0
-        self.writes: list[SegmentFacts] = []
-        self.line_errors: Counter[str] = Counter()  # of a serial line, as its driver tells them
-        self.content = bytearray()  # from byte 0 to the first hole, bounded
-        self.newest: SegmentFacts | None = None
-        self.syns: list[SegmentFacts] = []
-        self.resent = 0
-        self.spurious = 0  # of what was acknowledged already, after a long wait for that ACK
-        self.longest_wait_ns = 0  # from a segment to its copy
-        self.is_heard = False  # bytes of it were acknowledged
-        self.has_jumped = False  # its sequence numbers, further than can be
-        self.is_reset_behind = False  # its RST came right after its FIN
-        self.late = 0  # holes that were filled later than a reordered packet would be
-        self.early_ns: int | None = None
-        self.resent_since_heard = 0  # copies since the other end was heard
-        self.copies_since = SegmentFacts(0, 0, 0, 0)
-        self.moments: list[tuple[SegmentFacts, str]] = []  # of copies, early bytes, holes
-        self.outages: list[Outage] = []  # times in which there were copies alone, and no answer
-        self.closed: list[ClosedWindow] = []  # its own window
-        self.lowest_window: int | None = None
-        self.highest_window = self.last_window = 0
-        self.acks = self.keep_alives = self.keep_alives_answered = 0
-        self.slow: list[LateAck] = []
-        self.late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
-        self.last_ns = 0
-        self.unacked = 0
-        self.ended: SegmentFacts | None = None
-        self.reset: SegmentFacts | None = None
+    bytes: int = 0
+    segments: int = 0
+    cut: int = 0
+    missing: int = 0
+    writes: list[SegmentFacts] = field(default_factory=list)
+    line_errors: Counter[str] = field(default_factory=Counter)  # of a serial line, as its driver tells them
+    content: bytearray = field(default_factory=bytearray)  # from byte 0 to the first hole, bounded
+    newest: SegmentFacts | None = None
+    syns: list[SegmentFacts] = field(default_factory=list)
+    resent: int = 0
+    spurious: int = 0  # of what was acknowledged already, after a long wait for that ACK
+    longest_wait_ns: int = 0  # from a segment to its copy
+    is_heard: bool = False  # bytes of it were acknowledged
+    has_jumped: bool = False  # its sequence numbers, further than can be
+    is_reset_behind: bool = False  # its RST came right after its FIN
+    late: int = 0  # holes that were filled later than a reordered packet would be
+    early_ns: int | None = None
+    resent_since_heard: int = 0  # copies since the other end was heard
+    copies_since: SegmentFacts = NOWHERE
+    moments: list[tuple[SegmentFacts, str]] = field(default_factory=list)  # of copies, early bytes, holes
+    outages: list[Outage] = field(default_factory=list)  # times in which there were copies alone, no answer
+    closed: list[ClosedWindow] = field(default_factory=list)  # its own window
+    lowest_window: int | None = None
+    highest_window: int = 0
+    last_window: int = 0
+    acks: int = 0
+    keep_alives: int = 0
+    keep_alives_answered: int = 0
+    slow: list[LateAck] = field(default_factory=list)
+    late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
+    last_ns: int = 0
+    unacked: int = 0
+    ended: SegmentFacts | None = None
+    reset: SegmentFacts | None = None
 
     def mark(self, write: SegmentFacts, kind: str) -> None:
         """Keep the place of something odd."""
@@ -314,17 +287,17 @@ class CaptureFacts(NamedTuple):
     last_ns: int
 
 
+@dataclass(slots=True, eq=False)
 class _Talk:
     """One conversation while it is read."""
 
-    __slots__ = ("answered_ns", "back", "conversation", "established_ns", "first_packet", "idles", "there")
-
-    def __init__(self, conversation: Conversation, first_packet: int = 0) -> None:
-        self.conversation, self.first_packet = conversation, first_packet
-        self.there, self.back = DirectionFacts(), DirectionFacts()
-        self.answered_ns: int | None = None
-        self.established_ns: int | None = None
-        self.idles: list[IdleTime] = []
+    conversation: Conversation
+    first_packet: int = 0
+    there: DirectionFacts = field(default_factory=DirectionFacts)
+    back: DirectionFacts = field(default_factory=DirectionFacts)
+    answered_ns: int | None = None
+    established_ns: int | None = None
+    idles: list[IdleTime] = field(default_factory=list)
 
 
 class _Collector:
@@ -334,21 +307,6 @@ class _Collector:
         self.talks: list[_Talk] = []
         self.found = Conversations(self._told, is_detailed=True)
         self._writes = self._content = 0
-        self._on = {
-            SegmentKind.SYN: self._syn,
-            SegmentKind.ANSWER: self._answer,
-            SegmentKind.ESTABLISHED: self._established,
-            SegmentKind.FIN: self._fin,
-            SegmentKind.RST: self._rst,
-            SegmentKind.KEEP_ALIVE: self._keep_alive,
-            SegmentKind.KEEP_ALIVE_ACK: self._keep_alive_ack,
-            SegmentKind.ZERO_WINDOW: self._zero,
-            SegmentKind.WINDOW_OPENS: self._opens,
-            SegmentKind.RETRANSMISSION: self._syn,
-            SegmentKind.EARLY: self._early,
-            SegmentKind.LATE: self._late,
-            SegmentKind.SILENCE: self._silence,
-        }
 
     def _told(self, event: ConversationEvent) -> None:
         ns, conversation, direction, kind, at, size, data = event
@@ -362,17 +320,11 @@ class _Collector:
             self._bytes(own, other, ns, at, size, data)
         elif kind is SegmentKind.ACK:
             self._ack(own, other, ns, size)
-        elif kind is SegmentKind.MISSING:
-            self._missing(own, SegmentFacts(ns, at, size, self.found.packets), direction)
-        elif kind is SegmentKind.RETRANSMISSION and size:
-            self._resent(own, SegmentFacts(ns, at, size, self.found.packets), direction)
         elif kind is SegmentKind.LINE_ERROR:
             own.line_errors[data.decode()] += 1
             own.mark(SegmentFacts(ns, at, size, self.found.packets), "line error")
         else:
-            take = self._on.get(kind)
-            if take is not None:
-                take(talk, own, other, SegmentFacts(ns, at, size, self.found.packets))
+            self._take(talk, direction, own, other, kind, SegmentFacts(ns, at, size, self.found.packets))
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
@@ -412,37 +364,43 @@ class _Collector:
             if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL and other.late_ack is None:
                 other.late_ack = LateAck(last, wait, ns)
 
-    def _syn(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.syns.append(at)
-
-    def _answer(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        talk.answered_ns = talk.answered_ns or at.ns
-
-    def _established(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        talk.established_ns = talk.established_ns or at.ns
-
-    def _fin(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.ended = own.ended or at
-
-    def _rst(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.reset = own.reset or at
-        own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
-
-    def _keep_alive(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.keep_alives += 1
-
-    def _keep_alive_ack(
-        self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts
-    ) -> None:
-        other.keep_alives_answered += 1
-
-    def _zero(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        if len(own.closed) < MOST_MOMENTS:
-            own.closed.append(ClosedWindow(at.ns, None, at.packet))
-
-    def _opens(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        if own.closed and own.closed[-1].until_ns is None:
-            own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
+    def _take(
+        self, talk: _Talk, direction: WireDirection, own: DirectionFacts, other: DirectionFacts,
+        kind: SegmentKind, at: SegmentFacts,
+    ) -> None:  # fmt: skip
+        match kind:
+            case SegmentKind.MISSING:
+                self._missing(own, at, direction)
+            case SegmentKind.RETRANSMISSION if at.size:
+                self._resent(own, at, direction)
+            case SegmentKind.SYN | SegmentKind.RETRANSMISSION:
+                own.syns.append(at)
+            case SegmentKind.ANSWER:
+                talk.answered_ns = talk.answered_ns or at.ns
+            case SegmentKind.ESTABLISHED:
+                talk.established_ns = talk.established_ns or at.ns
+            case SegmentKind.FIN:
+                own.ended = own.ended or at
+            case SegmentKind.RST:
+                own.reset = own.reset or at
+                own.is_reset_behind |= own.ended is not None and other.last_ns < own.ended.ns
+            case SegmentKind.KEEP_ALIVE:
+                own.keep_alives += 1
+            case SegmentKind.KEEP_ALIVE_ACK:
+                other.keep_alives_answered += 1
+            case SegmentKind.ZERO_WINDOW if len(own.closed) < MOST_MOMENTS:
+                own.closed.append(ClosedWindow(at.ns, None, at.packet))
+            case SegmentKind.WINDOW_OPENS if own.closed and own.closed[-1].until_ns is None:
+                own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
+            case SegmentKind.EARLY:
+                own.early_ns = own.early_ns or at.ns
+                own.mark(at, "early")
+            case SegmentKind.LATE:
+                own.late += 1
+                own.early_ns = None
+                own.mark(at, "resent")
+            case SegmentKind.SILENCE if len(talk.idles) < MOST_MOMENTS:
+                talk.idles.append(IdleTime(at.ns, at.size, at.packet))
 
     def _resent(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
@@ -457,15 +415,6 @@ class _Collector:
         own.resent_since_heard += 1
         if own.resent_since_heard == 1:
             own.copies_since = at
-        own.mark(at, "resent")
-
-    def _early(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.early_ns = own.early_ns or at.ns
-        own.mark(at, "early")
-
-    def _late(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        own.late += 1
-        own.early_ns = None
         own.mark(at, "resent")
 
     def _missing(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
@@ -484,10 +433,6 @@ class _Collector:
         own.missing += at.size
         own.mark(at, "missing")
 
-    def _silence(self, talk: _Talk, own: DirectionFacts, other: DirectionFacts, at: SegmentFacts) -> None:
-        if len(talk.idles) < MOST_MOMENTS:
-            talk.idles.append(IdleTime(at.ns, at.size, at.packet))
-
 
 def _heard(said: DirectionFacts, ns: int | None) -> None:
     """Take that the other end is heard again; None: to the end it was not."""
@@ -499,19 +444,15 @@ def _heard(said: DirectionFacts, ns: int | None) -> None:
 
 def line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
     """Return a line on which the partner says these bytes, and nothing else happens."""
-    conversation = Conversation(1, protocol, 0)
-    there = conversation.there = WireDirection(conversation, (bytes(4), 0), b"")
-    back = conversation.back = WireDirection(conversation, (bytes(4), 1), b"")
-    there.other, back.other = back, there
-    conversation.begins_with_syn = True
-    conversation.listener = back
+    conversation = Conversation(1, protocol, 0, ((bytes(4), 0), (bytes(4), 1)))
+    conversation.build()
     conversation.last_ns = writes[-1].ns if writes else 0
     talk = _Talk(conversation)
     talk.established_ns = 0
     said = talk.there
     said.writes, said.content = list(writes), bytearray(content)
     said.segments, said.bytes = len(writes), len(content)
-    return LineFacts(talk, PlcGuess(back, 1.0, "project"), 0, True)
+    return LineFacts(talk, PlcGuess(conversation.back, 1.0, "project"), 0, True)
 
 
 def facts_of(

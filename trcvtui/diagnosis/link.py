@@ -1,4 +1,4 @@
-"""What the set-up of a connection proves: who is waited for, since when, what answered, who was turned away.
+"""What the set-up of a connection proves: what is waited for, since when, what answered, or was turned away.
 
 Each rule takes the evidence and answers one sentence, or "" where it does not apply; after DO what to do.
 """
@@ -48,7 +48,7 @@ OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not 
 
 
 def who_is_waited_for(e: Evidence) -> str:
-    """Return who a set-up waits for, since when, and how far it is; "" where nothing is known."""
+    """Return what a set-up waits for, since when, and how far it is; "" where nothing is known."""
     if e.config is None:
         return ""
     return _not_built(e) or (_caller(e) if not e.config.active else _called(e))
@@ -159,7 +159,7 @@ def unanswered(e: Evidence) -> str:
 
 
 def wrong_partner(e: Evidence) -> str:
-    """Somebody called who is not RemoteAddress."""
+    """A call came from another address than RemoteAddress."""
     turned = e.facts.wrong_partner
     if turned is None or e.config is None:
         return ""
@@ -181,7 +181,7 @@ def second_client(e: Evidence) -> str:
 
 
 def let_go(e: Evidence) -> str:
-    """Somebody called, and was let go before he was a partner: his handshake, or another TSAP."""
+    """A caller was let go before it was a partner: its handshake failed, or it has another TSAP."""
     dropped = e.facts.dropped
     if dropped is None or e.config is None or e.config.active:
         return ""
@@ -252,7 +252,7 @@ def no_connection_left(e: Evidence) -> str:
 
 
 def dead_link(e: Evidence) -> str:
-    """Nobody acknowledged, as long as the keep-alive waits."""
+    """Nothing was acknowledged, as long as the keep-alive waits."""
     if e.config is None:
         return ""
     limit = duration(3 * e.config.keep_alive_s * SECOND)

@@ -223,7 +223,7 @@ def messages_of_many_sizes(e: Evidence) -> str:
 
 
 def bursts_do_not_fill(e: Evidence) -> str:
-    """Of a partner whose messages nobody knows: what comes between two pauses has another size."""
+    """Of a partner whose messages are not known: what comes between two pauses has another size."""
     facts = e.facts
     size = facts.bursts.only
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:

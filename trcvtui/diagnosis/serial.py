@@ -61,7 +61,7 @@ MUCH_NOISE: Final = 16  # bytes thrown away without a single frame
 
 
 @dataclass(frozen=True, slots=True)
-class Framed:
+class FramedBlock:
     """A receiving block with its framer, its ComBuffer, and what feeds that (None: no TRCV_C)."""
 
     instance: InstanceSnapshot
@@ -100,7 +100,7 @@ def warnings_of(snapshot: Snapshot, project: Project, name: str) -> tuple[str, .
     return tuple([told for rule in FRAMING_RULES if (told := rule(framed))])
 
 
-def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
+def _framed(snapshot: Snapshot, project: Project, name: str) -> FramedBlock | None:
     instance = snapshot.instance(name)
     if instance is None or instance.framer is None:
         return None
@@ -113,7 +113,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
         for i in snapshot.instances
         if i.connect == instance.connect and block_row(i.block).reads_buffer
     ]
-    return Framed(
+    return FramedBlock(
         instance,
         instance.framer,
         buffer,
@@ -127,7 +127,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
 # -- the marks and the size ----------------------------------------------------------------------------------
 
 
-def marks_too_long(f: Framed) -> str:
+def marks_too_long(f: FramedBlock) -> str:
     """The block runs into the overrun."""
     marks = len(f.prefix) + len(f.suffix)
     if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
@@ -139,7 +139,7 @@ def marks_too_long(f: Framed) -> str:
     )
 
 
-def no_end(f: Framed) -> str:
+def no_end(f: FramedBlock) -> str:
     """The first row of "every combination": only Reset helps."""
     if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
         return ""
@@ -149,14 +149,14 @@ def no_end(f: Framed) -> str:
     return f"no suffix and Timeout = 0: with fewer than {size} it waits for ever, only Reset helps"
 
 
-def equal_marks(f: Framed) -> str:
+def equal_marks(f: FramedBlock) -> str:
     """Once out of step, the end of a frame is taken for the beginning of the next."""
     if not f.prefix or f.prefix != f.suffix:
         return ""
     return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
 
 
-def only_noise(f: Framed) -> str:
+def only_noise(f: FramedBlock) -> str:
     """A prefix that never comes looks like silence."""
     tally = f.framer.tally
     if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
@@ -168,7 +168,7 @@ def only_noise(f: Framed) -> str:
 # -- the gap -------------------------------------------------------------------------------------------------
 
 
-def gap_on_tcp(f: Framed) -> str:
+def gap_on_tcp(f: FramedBlock) -> str:
     """Section 6: a gap says nothing about what was sent together."""
     if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
         return ""
@@ -178,7 +178,7 @@ def gap_on_tcp(f: Framed) -> str:
     )
 
 
-def gap_below_the_cycle(f: Framed) -> str:
+def gap_below_the_cycle(f: FramedBlock) -> str:
     """Bytes come first, so a gap shorter than a scan is never seen."""
     timeout = f.framer.timeout_ns
     if not 0 < timeout < f.interval_ns:
@@ -192,7 +192,7 @@ def gap_below_the_cycle(f: Framed) -> str:
 # -- what comes before the framer ----------------------------------------------------------------------------
 
 
-def static_feeder(f: Framed) -> str:
+def static_feeder(f: FramedBlock) -> str:
     """Section 6: frames come late after blocks of LEN bytes."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
@@ -202,14 +202,14 @@ def static_feeder(f: Framed) -> str:
     )
 
 
-def idle_feeder(f: Framed) -> str:
+def idle_feeder(f: FramedBlock) -> str:
     """No bytes will come."""
     if f.feeder is None or f.feeder.pin("EN_R") is not False:
         return ""
     return f"{f.feeder.name} has EN_R = 0: no bytes come"
 
 
-def dropping_buffer(f: Framed) -> str:
+def dropping_buffer(f: FramedBlock) -> str:
     """With a size of its own, the ComBuffer drops what TCP could hold back."""
     if f.feeder is None or not f.buffer.size:
         return ""
@@ -219,25 +219,25 @@ def dropping_buffer(f: Framed) -> str:
     )
 
 
-def port_is_away(f: Framed) -> str:
+def port_is_away(f: FramedBlock) -> str:
     """A port that is not there looks like silence."""
     return ": ".join(part for part in (port_away(f.now), port_hint(f.now)) if part)
 
 
-def lost_bytes(f: Framed) -> str:
+def lost_bytes(f: FramedBlock) -> str:
     if f.now is None or not f.now.lost:
         return ""
     return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
 
 
-def shared_buffer(f: Framed) -> str:
+def shared_buffer(f: FramedBlock) -> str:
     """Each byte is taken once."""
     if len(f.readers) < 2:
         return ""
     return f"{' and '.join(f.readers)} read {f.buffer.name}: each byte reaches one of them only"
 
 
-FRAMING_RULES: Final[tuple[Callable[[Framed], str], ...]] = (
+FRAMING_RULES: Final[tuple[Callable[[FramedBlock], str], ...]] = (
     port_is_away, marks_too_long, idle_feeder, gap_on_tcp, static_feeder, no_end, only_noise, lost_bytes,
     dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
 )  # fmt: skip

@@ -136,7 +136,7 @@ def _has_killed(task: Any) -> bool:
 def _judge_there(
     path: str, asked: Question, judge: Judge[Question, Answer]
 ) -> tuple[str, Answer | UserError | None]:
-    """Return who judges, and the answer; None where the file cannot be opened there."""
+    """Return which worker judges, and the answer; None where the file cannot be opened there."""
     from distributed import get_worker
 
     name = get_worker().address

@@ -33,7 +33,7 @@ ScenariosByCode = Mapping[
 NO_SCENARIOS: Final[ScenariosByCode] = {}
 
 
-class Explained(Struct, frozen=True):
+class Explanation(Struct, frozen=True):
     """One row, the dialect that it belongs to, and the scenario files that show it."""
 
     dialect: str
@@ -88,7 +88,7 @@ def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
 
 def explain(
     dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
-) -> list[Explained]:
+) -> list[Explanation]:
     """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError.
 
     `number` is the code as a decimal, if it may be one: so the blocks read it whose Error is a UINT.
@@ -96,7 +96,7 @@ def explain(
     wanted = None if block is None else _known_block(dialects, block)
     decimal = code if number is None else number
     found = [
-        Explained(dialect.name, row)
+        Explanation(dialect.name, row)
         for dialect in dialects
         for row in dialect.status
         if (decimal if is_number(row) else code) in (None, row.code)
@@ -114,7 +114,7 @@ def explain(
     return found
 
 
-def of_one_dialect(found: Sequence[Explained], name: str | None) -> tuple[list[Explained], list[str]]:
+def of_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
     """Return the rows of a dialect, and which others have some too; None: the first that has any.
 
     Raise UserError where the named one has none.
@@ -132,7 +132,9 @@ def is_number(row: StatusRow) -> bool:
     return all(block_row(block).on_buffer for block in row.blocks)
 
 
-def with_scenarios(found: Iterable[Explained], by_dialect: Mapping[str, ScenariosByCode]) -> list[Explained]:
+def with_scenarios(
+    found: Iterable[Explanation], by_dialect: Mapping[str, ScenariosByCode]
+) -> list[Explanation]:
     """Return the rows with the scenarios that show them; `by_dialect` are those of the dialects by name."""
     return [
         replace(one, scenarios=_showing(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
@@ -140,8 +142,8 @@ def with_scenarios(found: Iterable[Explained], by_dialect: Mapping[str, Scenario
 
 
 def with_telling(
-    found: Iterable[Explained], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
-) -> list[Explained]:
+    found: Iterable[Explanation], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
+) -> list[Explanation]:
     """Return the rows with as many scenarios as a card names; `scenarios_of` reads the files that it is told.
 
     Where some of those named for the code show it, no other is read: all of them take 100 ms.
@@ -149,7 +151,9 @@ def with_telling(
     return [_told(one, scenarios_of) for one in found]
 
 
-def _told(one: Explained, scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]) -> Explained:
+def _told(
+    one: Explanation, scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
+) -> Explanation:
     scenarios = _showing(one.row, scenarios_of(one.dialect, one.may_tell))
     return replace(
         one, scenarios=scenarios or _showing(one.row, scenarios_of(one.dialect, lambda file: True))
@@ -168,7 +172,7 @@ def _known_block(dialects: Sequence[Dialect], block: str) -> str:
     return found
 
 
-def as_json(found: Iterable[Explained]) -> str:
+def as_json(found: Iterable[Explanation]) -> str:
     """Return a JSON list of objects; new keys come after `checks`."""
     import json  # here: the text needs none, and a command line starts faster without
 
@@ -181,7 +185,7 @@ def reach_text(row: StatusRow) -> str:
     return f"{told}: {row.unreached}" if row.unreached else told
 
 
-def _as_object(one: Explained) -> dict[str, object]:
+def _as_object(one: Explanation) -> dict[str, object]:
     row = one.row
     said = {"unreached": row.unreached, "unsure": row.unsure}
     return {
@@ -199,7 +203,7 @@ def _as_object(one: Explained) -> dict[str, object]:
     }
 
 
-def as_text(found: Iterable[Explained], others: Sequence[str] = (), asked: str | None = None) -> str:
+def as_text(found: Iterable[Explanation], others: Sequence[str] = (), asked: str | None = None) -> str:
     """Return a card for each row: what it means, likely causes, what to look at next.
 
     The last line names the `others` that have the code; the first says that the `asked` dialect lacks it.
@@ -211,7 +215,7 @@ def as_text(found: Iterable[Explained], others: Sequence[str] = (), asked: str |
     return "\n\n".join([*first, *(card for _, card in cards), *last])
 
 
-def _card(one: Explained) -> str:
+def _card(one: Explanation) -> str:
     row = one.row
     lines = [
         f"{row.word}  {row.title}",
@@ -228,7 +232,7 @@ def _card(one: Explained) -> str:
     return "\n".join(lines)
 
 
-def as_table(found: Iterable[Explained]) -> str:
+def as_table(found: Iterable[Explanation]) -> str:
     """Return one line a row: dialect, code, `!` for ERROR=1, title, blocks."""
     rows = (
         (
@@ -245,7 +249,9 @@ def as_table(found: Iterable[Explained]) -> str:
 # It reads well on GitHub and as plain text: short lines, no HTML, a blank line around everything.
 
 
-def as_page(title: str, found: Sequence[Explained], up: str, follows: Sequence[tuple[str, str]] = ()) -> str:
+def as_page(
+    title: str, found: Sequence[Explanation], up: str, follows: Sequence[tuple[str, str]] = ()
+) -> str:
     """Return the page of these rows; `up` leads from the page to where file names start, such as `../`.
 
     `follows`: dialects, and the document that the course of each stands in.
@@ -266,7 +272,7 @@ This page is made by `make atlas` out of the tables in `trcvtui/dialects`: chang
 `!` stands for ERROR=1. The commands named under "look at" run on the machine that runs the bench."""
 
 
-def _contents(found: Iterable[Explained]) -> str:
+def _contents(found: Iterable[Explanation]) -> str:
     lines = ["| code | | meaning | blocks |", "| --- | --- | --- | --- |"]
     headings: Counter[str] = Counter()
     for one in found:
@@ -278,7 +284,7 @@ def _contents(found: Iterable[Explained]) -> str:
     return "\n".join(lines)
 
 
-def _page_card(one: Explained, up: str) -> str:
+def _page_card(one: Explanation, up: str) -> str:
     row = one.row
     error = "ERROR=1" if row.error else "no error"
     return "\n".join(
@@ -317,12 +323,9 @@ def _anchor(heading: str, before: int) -> str:
 
 def _plain(text: str) -> str:
     return "`".join(
-        part if within_code else "".join(_escaped(part)) for within_code, part in _page_parts(text.split("`"))
+        part if place % 2 else "".join(_escaped(part))  # every other part is code
+        for place, part in enumerate(text.split("`"))
     )
-
-
-def _page_parts(parts: Sequence[str]) -> Iterator[tuple[bool, str]]:
-    return ((bool(place % 2), part) for place, part in enumerate(parts))
 
 
 def _escaped(text: str) -> Iterator[str]:

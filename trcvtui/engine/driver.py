@@ -59,7 +59,7 @@ class Driver(Protocol):
     def close(self) -> None: ...
 
 
-class Arriving:
+class MessageReader:
     """What has come over a channel. A message is taken when the whole of it is there; nobody waits for more.
 
     The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
@@ -123,7 +123,7 @@ class EngineDriver:
         self._process = context.Process(target=main, args=(theirs, *asked), daemon=True)
         self._process.start()
         theirs.close()
-        self._arriving = Arriving(self._channel)
+        self._arriving = MessageReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
 

@@ -43,7 +43,7 @@ _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
 
 
-class PinIs(Struct, frozen=True):
+class PinCondition(Struct, frozen=True):
     """A pin of an instance compares so with a value."""
 
     instance: str
@@ -63,7 +63,7 @@ class PinIs(Struct, frozen=True):
         return COMPARE[self.operator](event.value, self.value)
 
 
-class MemberCompares(Struct, frozen=True):
+class MemberCondition(Struct, frozen=True):
     """A value in DATA compares so with a given one; numbers by size, texts for being equal alone."""
 
     data: str
@@ -90,7 +90,7 @@ class MemberCompares(Struct, frozen=True):
         return False
 
 
-Condition = PinIs | MemberCompares
+Condition = PinCondition | MemberCondition
 
 
 class Trigger(Struct, frozen=True):
@@ -135,7 +135,7 @@ def _compared(
     return _member(words, operator, value, project, is_edge)
 
 
-def _pin(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> PinIs:
+def _pin(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> PinCondition:
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
@@ -147,10 +147,10 @@ def _pin(words: Words, operator: str, value: str, project: Project, is_edge: boo
         raise words.wrong(f"'{name}', a {pin.iec_type}", "a BOOL pin, which can rise and fall")
     if operator not in ("=", "!=") and (pin.is_bool or pin.iec_type == "WORD"):
         raise words.wrong(f"'{operator}' of '{name}', a {pin.iec_type}", "= or !=")
-    return PinIs(instance.name, name, operator, pin_value(pin, value, words.where))
+    return PinCondition(instance.name, name, operator, pin_value(pin, value, words.where))
 
 
-def _member(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> MemberCompares:
+def _member(words: Words, operator: str, value: str, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
     words.finish()
     leaf, layout = target.leaf(words), target.decl.layout
@@ -159,7 +159,7 @@ def _member(words: Words, operator: str, value: str, project: Project, is_edge: 
         raise words.wrong(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
     if operator not in ("=", "!=") and isinstance(leaf.type, StringType):
         raise words.wrong(f"'{operator}' of a text", "= or !=")
-    return MemberCompares(
+    return MemberCondition(
         target.decl.name, layout, leaf, operator, leaf_bytes(layout, leaf, value, words.where)
     )
 

@@ -101,7 +101,7 @@ class UpdatePipe:
         window = picture.window()
         yield b""
         bare = replace(picture.update, waves=(), history=window)
-        message = _dumps(_Packed(self._name, bare, parts, lines, waves))
+        message = _dumps(_Package(self._name, bare, parts, lines, waves))
         yield b""
         self._sent = kinds
         yield message
@@ -126,7 +126,7 @@ class UpdatePipe:
         return True
 
 
-class _Packed:
+class _Package:
     """A picture in pieces; unpickling it gives the whole BenchUpdate."""
 
     def __init__(self, *whole: Any) -> None:

@@ -51,7 +51,7 @@ class UpdateRequest(Struct, frozen=True):
     waves: tuple[tuple[str, int], ...] = ()
     history: HistoryRequest | None = None
     recordings_of: tuple[str, ...] = ()  # ComBuffers
-    doctor: bool = False  # whether he shall look
+    doctor: bool = False  # whether it shall look
 
 
 class BenchUpdate(Struct, frozen=True):

@@ -18,7 +18,7 @@ from trcvtui.blocks.outcome import Cause, Why, cause_of
 from trcvtui.history.records import (
     NOT_BUILT,
     Drop,
-    Dropped,
+    DroppedClient,
     Facts,
     FailedAttempt,
     Failures,
@@ -59,8 +59,8 @@ class _LinkFacts:
         self.failures: dict[tuple[str, str], Failures] = {}
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
-        self.dropped: Dropped | None = None
-        self.said: Dropped | None = None  # of the handshake that ends next
+        self.dropped: DroppedClient | None = None
+        self.said: DroppedClient | None = None  # of the handshake that ends next
         self.turned: dict[str, RejectedClients] = {}
         self.loss: LastLoss | None = None
         self.losses = 0
@@ -195,7 +195,7 @@ class LinkStatistics:
         link = self._links.get(event.subject)
         if link is None or event.what not in (DROPPED, SESSION_ENDED):
             return
-        said = Dropped(ScanStamp(scan, t_ns), event.end, event.detail)
+        said = DroppedClient(ScanStamp(scan, t_ns), event.end, event.detail)
         if event.what == SESSION_ENDED:
             link.said = said
             return

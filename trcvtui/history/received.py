@@ -5,7 +5,7 @@ Rule 2: after one scan at most COPY_A_SCAN bytes are copied, and those of the CO
 more the labels are kept without the values. A flood costs the next scan nothing that it would miss.
 Rule 3: a block on a ComBuffer delivers one frame a scan at most, so after each scan its framer and its data
 still hold the bytes that the lines of the ledger are about.
-Rule 4: all of it is bounded: bytes, jobs and recv calls; the oldest job goes first, whoever's it was.
+Rule 4: all of it is bounded: bytes, jobs and recv calls; the oldest job goes first, of whichever instance.
 Rule 5: the ledger is read once for all readers (`index.listen`), in the gaps between scans, some lines at a
 time. What was overwritten before that is told to all of them, and guessed by nobody.
 """

@@ -222,7 +222,7 @@ class FailedAttempt(Struct, frozen=True):
     said: str = ""
 
 
-class Dropped(Struct, frozen=True):
+class DroppedClient(Struct, frozen=True):
     """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
 
     at: ScanStamp
@@ -273,10 +273,10 @@ class Facts(Struct, frozen=True):
     down_since: ScanStamp | None = None
     failures: tuple[Failures, ...] = ()
     attempt: FailedAttempt | None = None
-    dropped: Dropped | None = None
+    dropped: DroppedClient | None = None
     wrong_partner: RejectedClients | None = None
     second_client: RejectedClients | None = None
     loss: LastLoss | None = None
     losses: int = 0
-    datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
+    datagrams: Sizes = Sizes()  # of a UDP socket, from any sender, as long as they were on the wire
     open_since: ScanStamp | None = None  # that socket

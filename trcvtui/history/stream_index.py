@@ -52,7 +52,7 @@ class _Sent:
 
 
 class StreamBursts:
-    """What arrived on one connection between two pauses, whoever sent it."""
+    """What arrived on one connection between two pauses, from any sender."""
 
     def __init__(self) -> None:
         self.count = self.size = self.scan = self.t_ns = 0

@@ -1,4 +1,4 @@
-"""A capture put through shadow instances; who wants to know what they show is told.
+"""A capture put through shadow instances, and what they show handed on.
 
 The capture is read twice: first who talks to whom, then what they said when, scan by scan.
 """
@@ -46,7 +46,7 @@ _NOT_DONE_AGAIN: Final = frozenset(
 
 
 class ShadowLines(Protocol):
-    """Who is told what shadows show."""
+    """What takes the things that shadows show."""
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take what changed in a scan; `lacking` are those whose job has ended and lacks bytes."""
@@ -57,10 +57,10 @@ class ShadowLines(Protocol):
         ...
 
 
-class Played(NamedTuple):
+class CaptureOutcome(NamedTuple):
     """By number of a conversation: its CONNECTs, why it has none, how many bytes never reached a shadow.
 
-    `not_run`: scans of silence of which nobody knows whether they change something.
+    `not_run`: scans of silence of which it is not known whether they change something.
     """
 
     assigned: dict[int, list[str]]
@@ -90,19 +90,19 @@ class CapturePlayer:
     ) -> None:
         self.first_ns, self.lines, self._plan = first_ns, lines, plan
         self._last_ns = {each.number: each.last_ns for each in found}
-        self.talks: ConversationFigures | None = None  # who counts what is taken
+        self.talks: ConversationFigures | None = None  # count what is taken
         self.tap = ""  # through which the next event has come
         self.shown = frozenset(_shown(plan))  # the instances that look on
-        self.overlaps: dict[int, int] = {}  # number of an unassigned conversation -> of who has its place
+        self.overlaps: dict[int, int] = {}  # of an unassigned conversation -> of the one that has its place
         self._over: list[int] = []  # conversations above what the last line lists
         self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._show)
         self._running: dict[int, _Running] = {}
         self._reading = Conversations(self.take)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
-        self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> who has it
+        self._at: dict[str, tuple[int, PlayedEnd]] = {}  # CONNECT -> the one that has it
         self._played: dict[str, PlayedLine] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
         calls = [config.name for config in plan.project.connects if config.active]
-        self.shadows.network.wire.played.update({name: [] for name in calls})  # nobody else answers
+        self.shadows.network.wire.played.update({name: [] for name in calls})  # nothing else answers
 
     @property
     def packets(self) -> int:
@@ -276,7 +276,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def take_over(self, number: int, last_ns: int) -> None:
-        """Let a conversation have its place: who has it said nothing after this time."""
+        """Let a conversation have its place: the one that has it said nothing after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
@@ -294,7 +294,7 @@ class CapturePlayer:
                 line.read_no_more()
         self.shadows.settle()
 
-    def close(self) -> Played:
+    def close(self) -> CaptureOutcome:
         """End it; return what became of the conversations."""
         self.shadows.bench.close()
         for holder in self._at.values():
@@ -308,7 +308,7 @@ class CapturePlayer:
             if number not in unassigned
         }
         left_out = dict(sorted(self._left_out.items()))
-        return Played(assigned, dict(sorted(unassigned.items())), left_out, self.shadows.not_run)
+        return CaptureOutcome(assigned, dict(sorted(unassigned.items())), left_out, self.shadows.not_run)
 
 
 def _shown(plan: ShadowPlan) -> set[str]:

@@ -1,4 +1,4 @@
-"""Conversations of others in figures: who, in which state, bytes each way, what came again or not at all."""
+"""Conversations of others in figures: ends, state, bytes each way, what came again or not at all."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Final
 from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
 from trcvtui.commands.snapshots import ConversationSnapshot, DirectionSnapshot
+from trcvtui.wording import SECOND
 
 MOST_KEPT: Final = 512  # conversations with figures; those that are over go first
 MOST_SHOWN: Final = 64
 SECONDS: Final = 30
-SECOND: Final = 1_000_000_000
 _ENDS: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
 
 

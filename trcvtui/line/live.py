@@ -1,10 +1,10 @@
-"""Packets of a stream that grows, played to shadows as they come; who begins to talk gets shadows then.
+"""Packets of a stream that grows, played to shadows as they come; a conversation gets shadows when it begins.
 
 Rule 1: time is the capture's. An event is played when packets 40 ms younger have come, so that shadows of
 a new PLC end stand before its first event: how the stream was cut into reads changes nothing.
 Rule 2: where nothing comes, all is played after 30 ms, and time goes on with the clock: some scans at once,
 more after a second. Programs that pipe packets hold some back so long, and these are older than the clock.
-Rule 3: what is over is forgotten: memory follows those who talk, not those who have talked.
+Rule 3: what is over is forgotten: memory follows the conversations that go on, not those that were.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from trcvtui.capture.reassembly import (
     ConversationEvent,
     Conversations,
     SegmentKind,
-    WireDirection,
 )
 from trcvtui.errors import UserError
 from trcvtui.files import unnamed
@@ -47,19 +46,19 @@ LOOK_NS: Final = 40_000_000
 HOLD_NS: Final = 30_000_000
 LULL_NS: Final = 1_000_000_000
 SHOWN_SCANS: Final = 6  # after the last packet what it did is shown
-SWEEP_NS: Final = 10_000_000_000  # between two looks at who is over
+SWEEP_NS: Final = 10_000_000_000  # between two looks at what is over
 MOST_WAITING: Final = 1 << 16  # events
 MOST_KEPT: Final = 8 << 20  # bytes of packets, for the doctor
-MOST_KNOWN: Final = 4096  # pairs of ends of which it is known who gets them
+MOST_KNOWN: Final = 4096  # pairs of ends of which it is known what gets them
 LATE_NS: Final = 1_000_000_000  # how far shadows stay back until that is said
 FASTER: Final = "packets come faster than they are played; what their program drops is missing"
 _ANY_PORT: Final = 49_152
-_NOBODY: Final = bytes((127, 0, 0, 1))  # who will call; a shadow that listens does not show it
+_ANY_CALLER: Final = bytes((127, 0, 0, 1))  # a shadow that listens does not show it
 _MAY_DECIDE: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
 
 
 class _Decision(NamedTuple):
-    """Who gets the conversations between two ends: parts, or why none; which end is the PLC."""
+    """What gets the conversations between two ends: parts, or why none; which end is the PLC."""
 
     parts: tuple[Part, ...] | None
     why: str
@@ -127,7 +126,7 @@ class LivePlan:
     def _decide(self, talk: Conversation) -> tuple[_Decision, bool]:
         made = self._plan_of([*self._first, talk])
         if talk.number not in made.parts and any(each.number < 0 for each in self._first):
-            # Who was expected may come otherwise: as who calls in place of who is called.
+            # What was expected may come otherwise: as the end that calls in place of the one that is called.
             real = [each for each in self._first if each.number > 0]
             other = self._plan_of([*real, talk])
             if talk.number in other.parts:
@@ -217,7 +216,7 @@ def expected_conversations(project: Project, plc: str | None) -> list[Conversati
     for number, (one, other, config) in enumerate(rows, 1):
         end, partner = parse_plc(one), parse_plc(other) if other else None
         if end.port is not None:
-            address = partner.address if partner is not None else _NOBODY
+            address = partner.address if partner is not None else _ANY_CALLER
             made.append(_expected(-number, (address, _ANY_PORT), (end.address, end.port)))
             continue
         if partner is None and config is not None and config.remote_address != ANY_ADDRESS:
@@ -238,12 +237,8 @@ def _partner_of(address: str) -> PlcEnd | None:
 
 
 def _expected(number: int, caller: tuple[bytes, int], listener: tuple[bytes, int]) -> Conversation:
-    made = Conversation(number, "tcp", 0)
-    there = made.there = WireDirection(made, caller, b"")
-    back = made.back = WireDirection(made, listener, b"")
-    there.other, back.other = back, there
-    made.begins_with_syn = made.is_established = True
-    made.listener = back
+    made = Conversation(number, "tcp", 0, (caller, listener))
+    made.build()
     return made
 
 
@@ -307,7 +302,7 @@ class LiveWatch:
         for talk in self._seen.values():
             self._tell_left(talk)
         self._seen.clear()
-        for number in [number for number in plan.parts if number < 0]:  # who was expected
+        for number in [number for number in plan.parts if number < 0]:  # that were expected
             del plan.parts[number]
         return self.player
 

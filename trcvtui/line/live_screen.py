@@ -22,19 +22,18 @@ if TYPE_CHECKING:
     from trcvtui.engine.controller import Controller
     from trcvtui.line.capture_player import CapturePlayer
     from trcvtui.line.live import LivePlan, LiveWatch
-    from trcvtui.line.shadows import ShadowPlan
+    from trcvtui.line.shadows import ShadowChoice, ShadowPlan
     from trcvtui.plc.ledger import StatusEdge
     from trcvtui.recording.worker_process import FilesJudge
 
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
-Asked = tuple[Path | None, str | None, str | None]
 
 
 class LiveDriver(EngineDriver):
     """Shadows of a pipe in a process of its own; stdin is the keyboard from now on."""
 
-    def __init__(self, asked: Asked) -> None:
+    def __init__(self, asked: ShadowChoice) -> None:
         self._asked_of = asked
         self._packets = Channel(take_stdin(with_keyboard=True), writable=False)
         super().__init__(Path("-"), "capture")
@@ -43,7 +42,7 @@ class LiveDriver(EngineDriver):
         return live_main, (self._packets, self._asked_of)
 
 
-def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
@@ -53,7 +52,7 @@ def live_main(channel: Channel, packets: Channel, asked: Asked) -> None:
 class CaptureDriver(EngineDriver):
     """Shadows of what a capture program writes; the process that plays them has started it."""
 
-    def __init__(self, command: Sequence[str], asked: Asked) -> None:
+    def __init__(self, command: Sequence[str], asked: ShadowChoice) -> None:
         self._command, self._asked_of = tuple(command), asked
         super().__init__(Path("-"), "capture")
 
@@ -61,12 +60,12 @@ class CaptureDriver(EngineDriver):
         return capture_main, (self._command, self._asked_of)
 
 
-def capture_main(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
     """Serve with what the program writes; it ends when we do."""
     serve_until_gone(channel, lambda: _capture(channel, command, asked))
 
 
-def _capture(channel: Channel, command: Sequence[str], asked: Asked) -> None:
+def _capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
     from subprocess import DEVNULL, PIPE, Popen
 
     from trcvtui.line.live import LivePlan
@@ -162,7 +161,7 @@ class ServedShadows:
 class _PipeServed(ServedShadows):
     """Shadows on packets that come through a pipe."""
 
-    def __init__(self, channel: Channel, plan: LivePlan, asked: Asked) -> None:
+    def __init__(self, channel: Channel, plan: LivePlan, asked: ShadowChoice) -> None:
         super().__init__(channel)
         self._plan = plan
         self._project, self._plc, _ = asked

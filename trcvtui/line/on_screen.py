@@ -1,4 +1,4 @@
-"""A capture on the screen: its shadows run once, into a recording that nobody keeps, and that is shown.
+"""A capture on the screen: its shadows run once, into a recording that is shown and not kept.
 
 Rule: what is shown is the run of `trcvtui watch` on the same files, scan by scan.
 """
@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
 from trcvtui.engine.driver import EngineDriver
-from trcvtui.line.capture_player import MISSING, CapturePlayer, Played, plan_capture, planned
+from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
 from trcvtui.replay.driver import serve_screen
@@ -28,6 +28,7 @@ from trcvtui.replay.survey import NOTE
 from trcvtui.wording import count
 
 if TYPE_CHECKING:
+    from trcvtui.line.shadows import ShadowChoice
     from trcvtui.replay.time_line import TimeLine
 
 MOST_NOTES: Final = 1000  # of conversations, in the history of the run
@@ -35,7 +36,7 @@ PROGRESS_NS: Final = 500_000_000
 MOST_LINES: Final = 3  # above the prompt
 
 
-class _Told:
+class _RunHistory:
     """What is said of conversations, in the history of the run."""
 
     def __init__(self) -> None:
@@ -78,7 +79,7 @@ class _Progress:
 class WatchDriver(EngineDriver):
     """Shadows of a capture in a process of its own."""
 
-    def __init__(self, paths: Sequence[str], asked: tuple[Path | None, str | None, str | None]) -> None:
+    def __init__(self, paths: Sequence[str], asked: ShadowChoice) -> None:
         self._capture = tuple(paths), asked
         super().__init__(Path(paths[0]), "capture")
 
@@ -86,14 +87,12 @@ class WatchDriver(EngineDriver):
         return watch_main, self._capture
 
 
-def watch_main(
-    channel: Channel, paths: Sequence[str], asked: tuple[Path | None, str | None, str | None]
-) -> None:
+def watch_main(channel: Channel, paths: Sequence[str], asked: ShadowChoice) -> None:
     with tempfile.TemporaryDirectory(prefix="trcvtui-") as folder:
         serve_screen(channel, lambda: _played(paths, asked, Path(folder) / "shadows.pcapng"))
 
 
-def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | None], file: Path) -> TimeLine:
+def _played(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
     """Return the run of the shadows; raise UserError."""
     from trcvtui.recording.recorder import RunRecorder
     from trcvtui.recording.recording import Recording, RecordingWriter
@@ -102,7 +101,7 @@ def _played(paths: Sequence[str], asked: tuple[Path | None, str | None, str | No
 
     plan, found, troubles = plan_capture(paths, *asked)
     plan = plan._replace(project=replace(plan.project, path=Path(shown_name(paths))))  # the header's name
-    first_ns, told = found.first_ns or 0, _Told()
+    first_ns, told = found.first_ns or 0, _RunHistory()
     recorder = RunRecorder(lambda: RecordingWriter(file), file, secrets=False)
     with recorder:
         file = _without_name(file)
@@ -148,7 +147,7 @@ def shown_name(paths: Sequence[str]) -> str:
     return name if len(paths) == 1 else f"{name} and {count(len(paths) - 1, 'file')} more"
 
 
-def _said(played: Played) -> list[str]:
+def _said(played: CaptureOutcome) -> list[str]:
     some = [f"C{number} ({why})" for number, why in islice(played.unassigned.items(), 8)]
     more = len(played.unassigned) - len(some)
     lines = [f"unassigned: {', '.join(some)}{f' and {more} more' if more else ''}"] if some else []

@@ -2,8 +2,8 @@
 
 Rule 1: a scan sees what happened up to its time. Scans that change nothing are counted, not run.
 Rule 2: a partner does not react. What a shadow sends is thrown away; keep-alive is answered.
-Rule 3: bytes that nobody takes wait, up to a bound; then scans pass until there is room, as a closed window
-would make the partner wait. Where nobody ever takes them they are left out, and that is told.
+Rule 3: bytes that are not taken wait, up to a bound; then scans pass until there is room, as a closed window
+would make the partner wait. Those that are never taken are left out, and that is told.
 Rule 4: a shadow whose own end has closed or reset the connection reads what its program can have read, and
 ends in its next scan; so many scans later as it was late in the beginning, and not before its first job. Of a
 recording of ours it is known that all of it was read: it ends then.
@@ -26,14 +26,10 @@ MOST_UNREAD: Final = 128 << 10  # bytes without a connection that a shadow has n
 MOST_FILLED: Final = 64 << 10  # of missing bytes, a place is kept for so many more than there are others
 FIRST_JOB: Final = 3  # scans from a new connection to its first DONE
 QUIET: Final = 3  # scans without a change, after which none comes by itself
-MOST_QUIET: Final = 100_000  # such scans that are run, where nobody knows that they change nothing
+MOST_QUIET: Final = 100_000  # such scans that are run, where it is not known that they change nothing
 PATIENCE_NS: Final = 3_000_000_000  # a SYN that was answered waits so long for a shadow that listens
 SETTLING: Final = 1000  # scans at most after the last event, and after each job of bytes that still wait
 _WASTE: Final = memoryview(bytearray(1 << 16))
-
-
-def _do_nothing() -> None:
-    """Do nothing."""
 
 
 class _Waits(Protocol):
@@ -64,10 +60,10 @@ class ShadowBench:
         self.waiting: list[_Waits] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
         self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
-        self.not_run = 0  # scans of which nobody knows that they change nothing
+        self.not_run = 0  # scans of which it is not known that they change nothing
         self.room = MOST_FILLED  # for missing bytes
         self.last_job: dict[str, int] = {}  # CONNECT -> bytes of the last job
-        self.after_scan: Callable[[], None] = _do_nothing
+        self.after_scan: Callable[[], object] = int
         self.sent: Callable[[PeerSent], None] | None = None  # told of each packet, for rulers
         self.works_on = {each.name: each.connect for each in bench.project.instances}
         self.leaving: list[PlayedEnd] = []  # their own ends have closed or reset them
@@ -92,7 +88,7 @@ class ShadowBench:
         self.network.advance(max(ns, self.network.now_ns))
 
     def wake(self) -> None:
-        """Run the next scans: who still calls looks himself what became of it, no poll tells him."""
+        """Run the next scans: a CONNECT that still calls looks what became of it, no poll tells."""
         self._quiet = 0
 
     def scans_of_task(self, connect: str) -> int:
@@ -179,7 +175,7 @@ class ShadowBench:
 class PlayedEnd:
     """One end of one conversation, as a CONNECT meets it. It `calls`, or is called by the CONNECT.
 
-    `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nobody to talk to.
+    `left_out` counts bytes that never reached the shadow; `is_over`: FIN, RST, or nothing to talk to.
     """
 
     def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:
@@ -296,7 +292,7 @@ class PlayedEnd:
             self._do(lambda: self._send(data), len(data))
 
     def keep_place(self, size: int) -> None:
-        """Keep a place for bytes that nobody knows, so that what follows stands where it stood."""
+        """Keep a place for bytes that are not known, so that what follows stands where it stood."""
         self._do(lambda: self._keep_place(size))
 
     def _keep_place(self, size: int) -> None:
@@ -428,7 +424,7 @@ class PlayedLine:
             self._left_out[number] += len(data)
 
     def go_on(self, may_try: bool) -> bool:
-        """Look again whether somebody receives; return whether something still waits."""
+        """Look again whether something receives; return whether something still waits."""
         while may_try and self._waiting and self._give(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[2])
         if self._shadows.network.now_ns >= self.gives_up_at:

@@ -1,6 +1,7 @@
 """Which conversation goes to which CONNECT: those of a project, or ad-hoc ones that take whatever comes.
 
-Rule 1: who calls and who listens follows the wire; what a CONNECT says of it, and of its ends, is set aside.
+Rule 1: which end calls, which listens, follows the wire; what a CONNECT says of it, and of its ends, is set
+aside.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 """
 
@@ -38,13 +39,14 @@ ON: Final = ("EN_R", "CONT")  # 1 where nothing sets them
 AD_HOC_TYPE: Final = "ARRAY[0..65534] OF BYTE"
 
 
+ShadowChoice = tuple[Path | None, str | None, str | None]  # project, PLC end, dialect; None: not chosen
 Socket = ConnectConfig | UdpConfig
 Link = Socket | ComBufferDecl
 OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
 class Part(NamedTuple):
-    """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does he call it.
+    """What a conversation is for a CONNECT: is its partner the PLC end (`plays_plc`), does that one call it.
 
     Datagrams may go to a UDP_CONFIG in place of a CONNECT, the bytes of a serial line go to a ComBuffer.
     """
@@ -131,7 +133,7 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
 
 
 def _no_datagrams(base: Project, conversation: Conversation, is_asked: bool) -> str:
-    """Return why nobody looks on at datagrams, or at a serial line; "" where an ad-hoc block does."""
+    """Return why nothing looks on at datagrams, or at a serial line; "" where an ad-hoc block does."""
     if conversation.protocol == "serial":
         return "a serial line: a ComBuffer of a project looks on at it"
     if not any(block_row(block).speaks_udp for block in base.dialect.blocks):

@@ -1,4 +1,4 @@
-"""`trcvtui tap`: forwards in this process; who looks on are others, so that nothing waits for them."""
+"""`trcvtui tap`: forwards in this process; other processes look on, so that nothing waits for them."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ MOST_SAID: Final = 100  # lines that wait for the end of the screen
 NO_SCREEN_NS: Final = 5_000_000_000
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
-PATIENCE: Final = 5.0  # seconds for those who look on to end
+PATIENCE: Final = 5.0  # seconds for the processes that look on to end
 TYPED: Final = 1 << 16  # bytes of one read
 WRONG_INPUT: Final = 2
 
 
 class ObserverSettings(NamedTuple):
-    """What shadows look on, and whether anybody is shown it; `form`: text or jsonl.
+    """What shadows look on, and whether it is shown; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
     `is_armed`: keys of the screen intervene without a question.
@@ -314,4 +314,4 @@ def _say(line: str) -> None:
         sys.stderr.write(f"{one_line(line)}\n")
         sys.stderr.flush()
     except OSError:
-        return  # nobody reads it: bytes go on
+        return  # its reader is gone: bytes go on

@@ -1,7 +1,7 @@
-"""Who looks on at a tap, in a process of his own: shadows on its bytes, and bench commands for it.
+"""The observer of a tap, a process of its own: shadows on its bytes, and bench commands for it.
 
 Events come over stdin, and go back as orders over the same socket; what shadows show goes to stdout.
-Who reads that too slowly makes us miss events, not the tap wait: bytes that are missed are a hole.
+A reader that is too slow makes it miss events, and not the tap wait: bytes that are missed are a hole.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from trcvtui.capture.reassembly import (
     Conversation,
     ConversationEvent,
     SegmentKind,
-    WireDirection,
+    TwoEnds,
 )
 from trcvtui.commands import words
 from trcvtui.commands.table import parse_line
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
-from trcvtui.line.capture_player import CapturePlayer, Played, ShadowLines
+from trcvtui.line.capture_player import CaptureOutcome, CapturePlayer, ShadowLines
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.shadows import plan_ad_hoc, plan_of_project
 from trcvtui.line.watch_command import WatchLines
@@ -147,26 +147,17 @@ def _conversation(number: int, route: Route, near: bytes | None, taps: Mapping[s
     kind, to = route.to.kind, route.to
     if kind == "serial":
         line = taps[route.name].connect if route.name in taps else route.name
-        return _made(kind, number, 0, *_line_ends(line), True)
-    far = ip_address(to.address).packed
-    return _made(kind, number, 0, (near or bytes(len(far) - 1) + b"\1", _ANY_PORT), (far, to.port), True)
-
-
-def _line_ends(name: str) -> tuple[tuple[bytes, int], tuple[bytes, int]]:
-    return (name.encode(), RECEIVED_END), (name.encode(), SENT_END)
-
-
-def _made(
-    kind: str, number: int, ns: int, near: tuple[bytes, int], far: tuple[bytes, int], is_whole: bool
-) -> Conversation:
-    made = Conversation(number, kind, ns)
-    there = made.there = WireDirection(made, near, b"")
-    back = made.back = WireDirection(made, far, b"")
-    there.other, back.other = back, there
-    made.begins_with_syn = made.is_established = is_whole
-    made.listener = back
-    there.position = back.position = 0 if is_whole else -1
+        ends = _line_ends(line)
+    else:
+        far = ip_address(to.address).packed
+        ends = (near or bytes(len(far) - 1) + b"\1", _ANY_PORT), (far, to.port)
+    made = Conversation(number, kind, 0, ends)
+    made.build()
     return made
+
+
+def _line_ends(name: str) -> TwoEnds:
+    return (name.encode(), RECEIVED_END), (name.encode(), SENT_END)
 
 
 class TapObserver:
@@ -269,7 +260,11 @@ class TapObserver:
         else:
             packed = [ip_address(address.partition("%")[0]).packed for address in (near, far)]
             ends = (packed[0], int(near_port)), (packed[1], int(far_port))
-        talk = _made(kind, event.number, event.ns, *ends, not event.at)
+        talk = Conversation(event.number, kind, event.ns, ends)
+        talk.build()
+        if event.at:  # it stood before
+            talk.begins_with_syn = talk.is_established = False
+            talk.there.position = talk.back.position = -1
         if self._first_ns is None:
             self._first_ns = event.ns
             self._lines = self._lines_of(event.ns)
@@ -324,7 +319,7 @@ class TapObserver:
     def end_all(self) -> None:
         self._talks.end_all()
 
-    def close(self) -> Played:
+    def close(self) -> CaptureOutcome:
         """Let the shadows settle; return what became of the conversations."""
         self._player.shadows.settle()
         played = self._player.close()
@@ -366,5 +361,5 @@ def look_on(asked: str) -> None:
             sys.stdout.flush()
         looking.close()
         sys.stdout.flush()
-    except BrokenPipeError:  # nobody reads what shadows show
+    except BrokenPipeError:  # the reader of what shadows show is gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

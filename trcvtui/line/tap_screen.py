@@ -1,4 +1,4 @@
-"""A tap on the screen: who looks on serves a screen; the screen is a child of the process that forwards.
+"""A tap on the screen: its observer serves a screen, which is a child of the process that forwards.
 
 Rule: the tap forwards whatever becomes of these two. All is let go when one of them is gone.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from trcvtui.net.tap import TapOrder
 
 OVER: Final = "the tap has ended"
-Asked = tuple[list[list[str]], str | None, str | None, str | None]
+TapChoice = tuple[list[list[str]], str | None, str | None, str | None]
 
 
 class TapEnded(EngineStopped):
@@ -39,7 +39,7 @@ class TapDriver(EngineDriver):
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
 
-    def __init__(self, tap: int, asked: Asked, kernel: str = TAP) -> None:
+    def __init__(self, tap: int, asked: TapChoice, kernel: str = TAP) -> None:
         self._tap, self._asked_of, self._kernel = tap, asked, kernel
         super().__init__(Path("tap"), "tap")
 
@@ -56,17 +56,17 @@ class TapDriver(EngineDriver):
 
     def _start(self) -> None:
         super()._start()
-        self._events.close()  # its end is the end of who looks on
+        self._events.close()  # its end is the end of the observer
 
 
-def tap_main(channel: Channel, events: Channel, asked: Asked, kernel: str) -> None:
+def tap_main(channel: Channel, events: Channel, asked: TapChoice, kernel: str) -> None:
     serve_until_gone(channel, lambda: _TapServed(channel).run(events.fileno(), asked, kernel))
 
 
 class _TapServed(ServedShadows):
     """Shadows on the conversations of a tap."""
 
-    def run(self, fd: int, asked: Asked, kernel: str) -> None:
+    def run(self, fd: int, asked: TapChoice, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
         from trcvtui.line.tap_observer import TapObserver, asked_plan

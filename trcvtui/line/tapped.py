@@ -1,4 +1,4 @@
-"""What passes a tap as packets: a conversation between who came and whom he is brought to, as without a tap.
+"""What passes a tap as packets: a conversation between a caller and the end that it wants, as without a tap.
 
 An intervention of ours is a comment of the packet that it has made or changed. The program that records a
 tap reads its events from stdin and writes pcapng to stdout, whole blocks at a time: cut off it is still good.
@@ -153,11 +153,8 @@ class TapPackets:
 
     @staticmethod
     def _remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
-        said = talk.remarks[way]
-        if not said:
-            return ()
-        found = tuple(said)
-        said.clear()
+        found = tuple(talk.remarks[way])
+        talk.remarks[way].clear()
         return found
 
     def _segment(
@@ -168,16 +165,11 @@ class TapPackets:
         ack = talk.next[1 - way] & 0xFFFFFFFF if flags & ACK else 0
         talk.next[way] += len(data) + (1 if flags & (SYN | FIN) else 0)
         size = 20 + len(data)
-        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + WINDOW
-        total += _sum(data)
+        total = talk.sums[way] + size + seq + ack + 0x5000 + flags + WINDOW + _sum(data)
         sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
         head = _TCP(source[1], target[1], seq, ack, 5 << 4, flags, WINDOW, sum_of, 0)
-        return TapPacket(
-            WIRE,
-            ns,
-            b"".join((self._ip(source[0], target[0], TCP, size), head, data)),
-            self._remarks(talk, way),
-        )
+        whole = b"".join((self._ip(source[0], target[0], TCP, size), head, data))
+        return TapPacket(WIRE, ns, whole, self._remarks(talk, way))
 
     def _datagram(self, talk: _TappedConversation, way: int, ns: int, data: bytes) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
@@ -218,7 +210,7 @@ def _sum(data: bytes) -> int:
 
 
 def record_tap() -> None:
-    """Write the events of stdin to stdout until nobody tells more; exit 2 where there is no room."""
+    """Write the events of stdin to stdout until their end; exit 2 where there is no room."""
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     packets, interfaces = TapPackets(), 1
     try:

@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.capture.command import capture_notes
 from trcvtui.errors import one_line
-from trcvtui.line.capture_player import MISSING, MOST_LISTED, CapturePlayer, Played, plan_capture
+from trcvtui.line.capture_player import MISSING, MOST_LISTED, CaptureOutcome, CapturePlayer, plan_capture
 from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
 from trcvtui.net.os.packet_pipe import take_stdin
@@ -69,19 +69,19 @@ class WatchLines:
         else:
             self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_words(record)))}\n")
 
-    def end(self, played: Played) -> None:
+    def end(self, played: CaptureOutcome) -> None:
+        assigned = islice(played.assigned.items(), MOST_LISTED)
+        unassigned = islice(played.unassigned.items(), MOST_LISTED)
         if self._lines is None:
-            for number, connects in islice(played.assigned.items(), MOST_LISTED):
+            for number, connects in assigned:
                 self._write(f"C{number} was played to {', '.join(connects)}\n")
-            for number, why in islice(played.unassigned.items(), MOST_LISTED):
+            for number, why in unassigned:
                 self._write(f"C{number} is unassigned: {why}\n")
             for number, size in played.left_out.items():
                 self._write(f"C{number}: {size} bytes never reached a shadow\n")
             if played.not_run:
                 self._write(f"{played.not_run} scans of silence were not run\n")
             return
-        assigned = islice(played.assigned.items(), MOST_LISTED)
-        unassigned = islice(played.unassigned.items(), MOST_LISTED)
         record: dict[str, object] = {
             "assigned": [{"id": f"C{number}", "shadows": connects} for number, connects in assigned],
             "unassigned": [{"id": f"C{number}", "why": why} for number, why in unassigned],
@@ -104,24 +104,19 @@ def _words(record: Mapping[str, object]) -> Iterator[str]:
         yield str(record["note"])
 
 
-def watch_lines(
-    paths: Sequence[str],
-    project: Path | None,
-    plc: str | None,
-    dialect: str | None,
-    form: str | None,
-    write: Callable[[str], object],
-) -> Iterator[str]:
-    """Write the records of the shadows; yield what there is to say beside; raise UserError for bad input."""
+def watch(
+    paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
+) -> None:
+    """Write lines to stdout, JSON where `form` says so, and to stderr what could not be read."""
     plan, found, troubles = plan_capture(paths, project, plc, dialect)
     first_ns = found.first_ns or 0
     interval = min(task.interval_ns for task in plan.project.tasks)
-    lines = WatchLines(write, form, interval, first_ns)
+    lines = WatchLines(sys.stdout.write, form, interval, first_ns)
     player = CapturePlayer(plan, found.all, first_ns, lines)
     player.play(paths)
     lines.end(player.close())
-    yield from plan.notes
-    yield from capture_notes(found, troubles)
+    for line in (*plan.notes, *capture_notes(found, troubles)):
+        _say(line)
 
 
 def watch_stdin(project: Path | None, plc: str | None, dialect: str | None, form: str | None) -> None:
@@ -155,11 +150,3 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
 
 def _say(line: str) -> None:
     sys.stderr.write(f"{line}\n")
-
-
-def watch(
-    paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
-) -> None:
-    """Write lines to stdout, JSON where `form` says so, and to stderr what could not be read."""
-    for line in watch_lines(paths, project, plc, dialect, form, sys.stdout.write):
-        _say(line)

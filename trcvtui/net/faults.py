@@ -205,7 +205,7 @@ class FaultyKernel(KernelFront):
         return made
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
-        """Take one finished handshake; no client is no attempt, and a planned fault leaves him waiting."""
+        """Take one finished handshake; no client is no attempt, and a planned fault leaves it waiting."""
         held = self._held.pop(handle, None)
         got = held or self.inner.accept(handle)
         if not isinstance(got, Accepted):

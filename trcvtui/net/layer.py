@@ -63,7 +63,7 @@ class LayerMessage(NamedTuple):
     whole: int
 
 
-class Ended(NamedTuple):
+class SessionEnd(NamedTuple):
     """Why a session is over: the word that a dialect maps to a code, and what a person should read."""
 
     error: str
@@ -73,7 +73,7 @@ class Ended(NamedTuple):
 class LayerSession(Protocol):
     """One end of a session."""
 
-    ended: Ended | None
+    ended: SessionEnd | None
     can_take_back: bool  # what `encode` returned need not be sent
 
     @property

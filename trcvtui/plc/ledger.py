@@ -137,7 +137,7 @@ class Ledger:
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._ring: deque[Stamped] = deque(maxlen=keep)
-        self.append = self._ring.append  # of flat items; who calls it counts `last_seq` himself
+        self.append = self._ring.append  # of flat items; a caller counts `last_seq` itself
         self.last_seq = 0
         self.scan = 0
         self.t_ns = 0

@@ -26,7 +26,7 @@ from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, SocketUse, State
 from trcvtui.net.connection.resources import Resources
-from trcvtui.net.connection.udp import UdpEndpoint, connection_of
+from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.layer_kernel import ReadyKernel
@@ -147,7 +147,8 @@ class Runtime:
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
-        return connection_of(config, self._kernel, self._resources, policy, self._resolve, journal)
+        kind = UdpEndpoint if config.is_datagram else Connection
+        return kind(config, self._kernel, self._resources, policy, self._resolve, journal)
 
     def _port(self, config: UdpConfig) -> UdpEndpoint:
         policy, journal = self._project.rules.policy, self.ledger.write

@@ -223,33 +223,26 @@ class StreamFeed:
         return self.is_held
 
     def before(self, job: Job) -> bool:
-        """Decide whether the next call is held; return whether its inputs change by it."""
-        return self.hold(job.have)
+        """Decide, before a call, whether it is held; return whether that is new."""
+        before, room = self.is_held, self._data.size if self._data is not None else 0
+        is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
+        self.is_held = is_full and (before or not job.have)
+        if self.is_held != before:
+            self._buffer.hold(self.is_held)
+        return self.is_held != before
 
     def overrides(self) -> dict[str, int]:
         """Return the inputs that the program writes."""
         return {"en_r": False} if self.is_held else {}
 
     def after(self, outcome: Outcome, asked: bool) -> None:
-        """Take what a call has brought."""
-        self.called(outcome.done, outcome.rcvd_len, asked)
-
-    def hold(self, job_has: int) -> bool:
-        """Decide, before a call, whether it is held; return whether that is new."""
-        before, room = self.is_held, self._data.size if self._data is not None else 0
-        is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
-        self.is_held = is_full and (before or not job_has)
-        if self.is_held != before:
-            self._buffer.hold(self.is_held)
-        return self.is_held != before
-
-    def called(self, done: bool, size: int, asked: bool) -> None:
         """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
             self._buffer.end("EN_R fell")
         self._was_asked = asked
-        if done and size and self._data is not None:
+        size = outcome.rcvd_len
+        if outcome.done and size and self._data is not None:
             if self._incarnation not in (None, connection.incarnation):
                 self._close()
             if self._incarnation is None:

@@ -73,7 +73,7 @@ class SerialLines:
         self.declare(decl)
 
     def withdraw(self, name: str) -> None:
-        """Take a ComBuffer away that nobody has."""
+        """Take a ComBuffer away that no instance has."""
         self._forget(name)
         del self._decls[name], self._buffers[name]
 

@@ -34,7 +34,7 @@ from trcvtui.net.connection.description import (
 )
 from trcvtui.net.connection.description_check import (
     CHECKS_NAME,
-    Asked,
+    DescribedConnect,
     Finding,
     Flaw,
     Meaning,
@@ -489,7 +489,7 @@ def config_fields(
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
     takes_free_port = bench.listen_port is not None or written.is_plain
-    asked = Asked(
+    asked = DescribedConnect(
         written.description,
         says,
         address,

@@ -11,7 +11,7 @@ from trcvtui.capture.plc_end import NOTHING_KNOWN, KnownEnds, PlcEnd, parse_plc
 from trcvtui.capture.reassembly import Conversation, Conversations
 from trcvtui.history.records import ScanStamp
 from trcvtui.line.capture_player import MISSING, CapturePlayer, plan_capture
-from trcvtui.line.shadows import ShadowPlan, known_ends
+from trcvtui.line.shadows import ShadowChoice, ShadowPlan, known_ends
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.report.page import ReportSource
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
@@ -40,16 +40,9 @@ class _CaptureNotes:
 
 
 def capture_page(
-    path: Path,
-    shadows: tuple[Path | None, str | None, str | None],
-    has_payload: bool,
-    file: str,
-    digest: str,
+    path: Path, shadows: ShadowChoice, has_payload: bool, file: str, digest: str
 ) -> tuple[ReportSource, RunNotes, list[str]]:
-    """Put a capture through shadow instances; return what the page says of it, and what to tell beside.
-
-    `shadows`: project, PLC end and dialect, None where they are not chosen.
-    """
+    """Put a capture through shadow instances; return what the page says of it, and what to tell beside."""
     plan, found, troubles = plan_capture([str(path)], *shadows)
     lines = _CaptureNotes(min(task.interval_ns for task in plan.project.tasks))
     player = CapturePlayer(plan, found.all, found.first_ns or 0, lines)

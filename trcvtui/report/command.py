@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from hashlib import sha256
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
@@ -29,6 +30,9 @@ from trcvtui.scenario.runner import Runner, Verdict
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.wording import count
 
+if TYPE_CHECKING:  # a recording needs none of it
+    from trcvtui.line.shadows import ShadowChoice
+
 WHOLE, ENDS_EARLY = 0, 1
 
 
@@ -45,7 +49,7 @@ class _NotedScans:
         self._notes.scanned()
 
 
-class _Heard:
+class _CommandNotes:
     """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
 
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
@@ -75,40 +79,34 @@ def look_at(
     """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
     with restored_state(keyframes.first > 0, where):
-        return _look_at(keyframes, journal, where, has_payload)
-
-
-def _look_at(
-    keyframes: Keyframes, journal: Journal, where: str, has_payload: bool
-) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
-    if keyframes.first:
-        run = keyframes.begin()
-        heard = _Heard(run.replay.entries, keyframes.first + 1)
-        run.replay.entries = iter(heard)
-    else:
-        heard = _Heard(journal.entries())
-        run = ReplayRun(iter(heard), where)
-    notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
-    run.before_close = notes.end
-    try:
-        if run.scenario is not None and not keyframes.first:
-            steps = (*run.scenario.start, *run.scenario.steps)
-            scans = _NotedScans(run, notes)
-            verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
-            notes.end()
-            run.bench.close()
-            run.replay.end()
+        if keyframes.first:
+            run = keyframes.begin()
+            heard = _CommandNotes(run.replay.entries, keyframes.first + 1)
+            run.replay.entries = iter(heard)
         else:
-            while run.scan():
-                notes.scanned()
-            if not run.is_whole:
-                raise run.differs()
-    except UserError as told:
-        stopped = str(told)
-        run.replay.is_busy = False  # the last look is one in a gap
-        notes.end()
-        heard.tell_rest(notes, run.replay.coming())
-    return run, notes, verdict, stopped
+            heard = _CommandNotes(journal.entries())
+            run = ReplayRun(iter(heard), where)
+        notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
+        run.before_close = notes.end
+        try:
+            if run.scenario is not None and not keyframes.first:
+                steps = (*run.scenario.start, *run.scenario.steps)
+                scans = _NotedScans(run, notes)
+                verdict = Runner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
+                notes.end()
+                run.bench.close()
+                run.replay.end()
+            else:
+                while run.scan():
+                    notes.scanned()
+                if not run.is_whole:
+                    raise run.differs()
+        except UserError as told:
+            stopped = str(told)
+            run.replay.is_busy = False  # the last look is one in a gap
+            notes.end()
+            heard.tell_rest(notes, run.replay.coming())
+        return run, notes, verdict, stopped
 
 
 def recording_source(
@@ -134,9 +132,7 @@ def _folders(files: FilesRead, path: str) -> list[str]:
     return sorted([str(escape(one_line(each))) for each in before if len(each) > 1], key=len, reverse=True)
 
 
-def report_file(
-    path: Path, out: Path, has_payload: bool, shadows: tuple[Path | None, str | None, str | None]
-) -> int:
+def report_file(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice) -> int:
     """Write the page of a file; return 0, or 1 where a recording ends before its run does.
 
     What is no recording of ours is a capture; so is a recording where `shadows` (project, PLC end, dialect)

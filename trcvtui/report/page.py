@@ -109,7 +109,7 @@ class _DrawnLane(NamedTuple):
 
 
 def last_part(path: str) -> str:
-    """Return the name of a file without its folders: they say who made it, and nothing else."""
+    """Return the name of a file without its folders: they tell its maker, and nothing else."""
     return path.replace("\\", "/").rpartition("/")[2]
 
 

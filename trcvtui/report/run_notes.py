@@ -121,6 +121,8 @@ class CauseNote(NamedTuple):
 
 
 class InstanceNotes:
+    """What was seen of one instance."""
+
     def __init__(self, width_ns: int, edges: int, frames: int) -> None:
         self.edges: FirstAndLast[EdgeNote] = FirstAndLast(edges)
         self.error_edges: FirstAndLast[tuple[int, EdgeNote]] = FirstAndLast(edges)
@@ -153,7 +155,7 @@ class RunNotes:
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
         self._fresh: list[EdgeNote] = []  # ERRORs of this scan
-        self._receiving: set[str] = set()  # who has got a part in this scan
+        self._receiving: set[str] = set()  # instances that have got a part in this scan
         share = max(1, len(bench.project.instances))
         self._edges = max(2, min(MOST_OF_ONE, EDGES // 4 // share))
         self._frames = max(1, min(MOST_OF_ONE // 4, FRAMES // 2 // share))
@@ -196,7 +198,7 @@ class RunNotes:
             lane.go_on(self.seen.t_ns)
 
     def shown(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
-        """Take outputs that a journal tells after the last scan that could be seen; nobody knows why."""
+        """Take outputs that a journal tells after the last scan that could be seen; why is not known."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return
@@ -291,22 +293,17 @@ class RunNotes:
 
     def _explain(self, told: EdgeNote) -> None:
         notes, edge = self._of(told.edge.instance), told.edge
-        if not edge.outputs.error:
-            advice = self._card_of(edge.instance, self._picture(edge.instance))
-            if advice.checks:
-                words = _NUMBERS.sub("", advice.checks[0])
-                _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
+        if edge.outputs.error:
+            key = edge.outputs.status, because(edge.cause, edge.block)
+            _keep(notes.errors, key, told, lambda: self._card_of(edge.instance), MOST_ERRORS)
             return
-        key = edge.outputs.status, because(edge.cause, edge.block)
-        _keep(
-            notes.errors,
-            key,
-            told,
-            lambda: self._card_of(edge.instance, self._picture(edge.instance)),
-            MOST_ERRORS,
-        )
+        advice = self._card_of(edge.instance)
+        if advice.checks:
+            words = _NUMBERS.sub("", advice.checks[0])
+            _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
 
-    def _card_of(self, name: str, picture: BenchUpdate) -> Advice:
+    def _card_of(self, name: str, picture: BenchUpdate | None = None) -> Advice:
+        picture = picture or self._picture(name)
         project, runtime = self.bench.project, self.bench.runtime
         instance, evidence = picture.snapshot.instance(name), evidence_now(picture, project, name)
         if instance is None or evidence is None:

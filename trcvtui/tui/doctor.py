@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from textual.binding import Binding
 
 from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
-from trcvtui.tui.formatting import cells, clip, pad, wrapped
+from trcvtui.tui.formatting import cells, clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+from trcvtui.tui.widgets.dialogs import CardText, ListDialog
+from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
 from trcvtui.wording import count, stamp
 
-LABEL: Final = 9
 SURE: Final = 0.85
 MOST_PACKETS: Final = 8
 WAYS: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
@@ -30,7 +28,7 @@ class EvidencePlace(NamedTuple):
     byte: int | None = None
 
 
-class FindingList(TextView):
+class FindingList(CardText):
     """The findings; below them evidence, place and remedy of the one under the cursor."""
 
     def __init__(self, view_model: ViewModel) -> None:
@@ -91,10 +89,6 @@ class FindingList(TextView):
         others = len(seen.findings)
         return f"{HEALTHY}: {looked}" + (f"; {count(others, 'finding')} of others: a" if others else "")
 
-    @property
-    def _width(self) -> int:
-        return max(40, self.line_width)
-
     def _finding(self, number: int, one: FindingSnapshot) -> Row:
         told = f"{one.confidence:.0%} sure"
         whose = one.instance or one.connect
@@ -109,36 +103,26 @@ class FindingList(TextView):
         return row(*parts, style="cursor" if is_chosen else "")
 
     def _details(self, one: FindingSnapshot) -> list[Row]:
-        rows = self._told("", one.title, "strong") if one.title else []
+        rows = self._labelled("", [one.title] if one.title else [], "strong")
         rows.append(ruled(self._width, ("── evidence ", "dim")))
-        for text in one.evidence:
-            rows += self._told("", text, "")
+        rows += self._labelled("", one.evidence, "")
         where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
-        rows += self._told("line", where, "dim") if where else []
-        rows += self._told("STATUS", ", ".join(one.status), "") if one.status else []
+        rows += self._labelled("line", [where], "dim") if where else []
+        rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []
         numbers = ", ".join(map(str, one.packets[:MOST_PACKETS])) + " …" * (len(one.packets) > MOST_PACKETS)
         shown = " · ".join(filter(None, (numbers, one.filter)))
-        rows += self._told("packets", shown, "dim") if shown else []
+        rows += self._labelled("packets", [shown], "dim") if shown else []
         place, stream = self.place(), self.place(of_byte=True)
         if place is not None:
             when = "" if one.t_ns is None else f", {stamp(one.t_ns)} s"
-            rows += self._told("s", f"scan {place.scan}{when}", "key")
+            rows += self._labelled("s", [f"scan {place.scan}{when}"], "key")
         if stream is not None:
-            rows += self._told("b", f"byte {stream.byte} of what came", "key")
+            rows += self._labelled("b", [f"byte {stream.byte} of what came"], "key")
         rows.append(ruled(self._width, ("── remedy ", "dim")))
-        for text, _, _ in one.mends:
-            rows += self._told("", text, "strong")
+        rows += self._labelled("", [text for text, _, _ in one.mends], "strong")
         remedy = self.remedy()
-        rows += self._told("enter", f"types `{remedy}`", "key") if remedy else []
+        rows += self._labelled("enter", [f"types `{remedy}`"], "key") if remedy else []
         return rows
-
-    def _told(self, label: str, text: str, style: str) -> list[Row]:
-        lines: Sequence[str] = wrapped(text, self._width - LABEL)
-        labels = (label, *[""] * len(lines))
-        return [
-            row((name.ljust(LABEL), "label"), (line, style))
-            for name, line in zip(labels, lines, strict=False)
-        ]
 
     # -- where the keys go --------------------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from textual.binding import Binding
@@ -14,14 +14,14 @@ from trcvtui.diagnosis.readings.proposal import FramingAdvice, Proposal, ShownFr
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.tui.formatting import clip, pad, wrapped
+from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.dialogs import CardText, ListDialog
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
-from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
 
+NO_READER: Final = "no ReceiveData or ReceiveString reads this ComBuffer: A adds one"
 GOOD: Final = ("suffix", "size reached")
-LABEL: Final = 9
 
 
 def buffer_for(view_model: ViewModel) -> str:
@@ -42,7 +42,7 @@ def framed_by(buffer: str, view_model: ViewModel) -> str:
     return view_model.selected if view_model.selected in readers else next(iter(readers), "")
 
 
-class FramingList(TextView):
+class FramingList(CardText):
     """The proposals; below them evidence, preview and lines of the one under the cursor."""
 
     def __init__(self, instance: str, project: Callable[[], Project]) -> None:
@@ -71,10 +71,6 @@ class FramingList(TextView):
         chosen = self.chosen
         return [*rows, *self._details(chosen)] if chosen is not None else rows
 
-    @property
-    def _width(self) -> int:
-        return max(40, self.line_width)
-
     def _proposal(self, number: int, proposal: Proposal) -> Row:
         chosen = number == self.cursor
         told = f"{proposal.frames} of {proposal.of_frames} frames end well"
@@ -96,31 +92,20 @@ class FramingList(TextView):
 
     def _details(self, chosen: Proposal) -> list[Row]:
         rows = [ruled(self._width, ("── why ", "dim"))]
-        rows += self._told("for", chosen.evidence, "")
-        rows += self._told("but", chosen.doubt, "warn")
-        rows += self._told("instead", [chosen.instead] if chosen.instead else [], "strong")
+        rows += self._labelled("for", chosen.evidence, "")
+        rows += self._labelled("but", chosen.doubt, "warn")
+        rows += self._labelled("instead", [chosen.instead] if chosen.instead else [], "strong")
         rows.append(ruled(self._width, ("── the bytes cut so ", "dim")))
         rows += [self._frame(frame, chosen) for frame in chosen.preview]
         return [*rows, ruled(self._width, ("── enter does ", "dim")), *self._does()]
 
     def _does(self) -> list[Row]:
-        if self.problem:
-            return self._told("✗", [self.problem], "error")
-        if not self._instance:
-            return self._told(
-                "✗", ["no ReceiveData or ReceiveString reads this ComBuffer: A adds one"], "error"
-            )
+        problem = self.problem or ("" if self._instance else NO_READER)
         try:
-            return self._told("", self.lines(), "")
+            lines = () if problem else self.lines()
         except UserError as wrong:
-            return self._told("✗", [wrong.lines()[0]], "error")
-
-    def _told(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
-        rows: list[Row] = []
-        for text in texts:
-            for line in wrapped(text, self._width - LABEL):
-                rows.append(row((("" if rows else label).ljust(LABEL), "label"), (line, style)))
-        return rows
+            problem = wrong.lines()[0]
+        return self._labelled("✗", [problem], "error") if problem else self._labelled("", lines, "")
 
     def _frame(self, frame: ShownFrame, chosen: Proposal) -> Row:
         framing = chosen.framing

@@ -92,11 +92,6 @@ EXPORT, FIND = "export", "find"
 EXPORT_LINES: Final = "export timing vcd, perhaps a FILE"
 
 
-def is_for_timing(line: str) -> bool:
-    """Return whether a line is for the pane, not for the bench."""
-    return line.split(maxsplit=1)[:1] in ([EXPORT], [FIND])
-
-
 def obey_line(line: str, pane: Timing) -> str:
     """Carry out a line; return what to tell about it, which may be nothing; raise UserError."""
     words = line.split(maxsplit=3)
@@ -278,7 +273,7 @@ class MainScreen(FullScreen[None]):
 
     def obeys(self, line: str) -> bool:
         """Carry out a line that is for the timing pane; return whether it is."""
-        if not is_for_timing(line):
+        if line.split(maxsplit=1)[:1] not in ([EXPORT], [FIND]):
             return False
         try:
             self.prompt.did(line, obey_line(line, self.timing))

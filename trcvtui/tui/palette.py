@@ -33,7 +33,7 @@ FIRST: Final = (
     "Save the project", "Save the session as a scenario", "Doctor", "Yank …", "Freeze the view",
     "View live again", "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
 )  # fmt: skip
-# Where the cursor goes by a key; by name nobody asks for it.
+# Where the cursor goes by a key; it is not asked for by name.
 CURSOR: Final = frozenset(("move", "page", "edge", "step", "place"))
 BY_HAND: Final = "button"  # the palette tells more of these than a binding knows
 
@@ -167,11 +167,8 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
     frozen = bench.view_model.is_frozen
     about = "the PLC runs on, the screen keeps what it shows · key F"
     yield SystemCommand("View live again" if frozen else "Freeze the view", about, bench.main.action_freeze)
-    yield SystemCommand(
-        "Trigger",
-        "run to a STATUS, a pin or a value; the view freezes there · key T",
-        bench.main.action_trigger,
-    )
+    about = "run to a STATUS, a pin or a value; the view freezes there · key T"
+    yield SystemCommand("Trigger", about, bench.main.action_trigger)
     yield SystemCommand("Mark", "mark: a saved session expects from here · key K", bench.main.action_mark)
     save = "save scenario session.toml"
     yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))
@@ -205,11 +202,8 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     about = "undo: the newest add, set or remove of the project · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
     save = "save project" + (" " if bench.view_model.project.path == demo_path() else "")
-    yield SystemCommand(
-        "Save the project",
-        f"{save}: what was added, changed and removed, into its file",
-        partial(bench.main.action_prompt, save),
-    )
+    about = f"{save}: what was added, changed and removed, into its file"
+    yield SystemCommand("Save the project", about, partial(bench.main.action_prompt, save))
     instance = bench.view_model.instance
     if instance is None:
         return
@@ -254,16 +248,16 @@ def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
 def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
-    yield SystemCommand(
-        "Members of DATA or of the job", "decode the other bytes · key v", bench.main.action_members
-    )
-    yield SystemCommand(
-        "View DATA as theirs", "in the layout that fits what came, and back · key V", bench.main.action_theirs
-    )
-    yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
-    yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
-    yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
-    yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
+    main = bench.main
+    for title, about, act in (
+        ("Members of DATA or of the job", "decode the other bytes · key v", main.action_members),
+        ("View DATA as theirs", "in the layout that fits what came, and back · key V", main.action_theirs),
+        ("Zoom the pane", "alone on the screen, and back · key M", main.action_zoom),
+        ("Command line", "type a bench command · key :", main.action_prompt),
+        ("Scenarios", "read them, play them step by step · key S", main.action_scenarios),
+        ("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab),
+    ):
+        yield SystemCommand(title, about, act)
     for title, about, action in (
         ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
         ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),

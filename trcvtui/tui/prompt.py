@@ -16,7 +16,7 @@ from textual.widgets import Input, Static
 from trcvtui.commands.snapshots import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Row, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 
 KEPT_LINES: Final = 200
@@ -45,12 +45,8 @@ class EchoLine(LineView, can_focus=False):
             self._end.stop()
         goes = bool(line or error or told) and not (waits or stays)
         self._end = self.set_timer(MESSAGE_S, lambda: self.say("")) if goes else None
-        self._line, self._error, self._waits, self._told = (
-            line,
-            error,
-            waits,
-            " · ".join(map(str.strip, told.splitlines())),
-        )
+        self._line, self._error, self._waits = line, error, waits
+        self._told = " · ".join(map(str.strip, told.splitlines()))
         self._fit()
 
     def foretell(self, note: str) -> None:
@@ -78,11 +74,10 @@ class EchoLine(LineView, can_focus=False):
 
     def row_at(self, y: int) -> Row:
         if self.note:
-            texts = self._texts()
-            return row(("▸ " if y == 0 else "  ", "dim"), (texts[y], "")) if y < len(texts) else EMPTY
+            return row(("▸ " if y == 0 else "  ", "dim"), (self._texts()[y], ""))
         if self._error or self._told:
-            texts, style = self._texts(), "error" if self._error else ""
-            return row((": " if y == 0 else "  ", "dim"), (texts[y], style)) if y < len(texts) else EMPTY
+            style = "error" if self._error else ""
+            return row((": " if y == 0 else "  ", "dim"), (self._texts()[y], style))
         if not self._line:
             return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
         mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "done")

@@ -109,7 +109,7 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
     from textual_serve.server import Server
 
     class Loopback(Server):
-        """Answers nobody but the pages that it has given out."""
+        """Answers only the pages that it has given out."""
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
             """Give the page out without what it would fetch from elsewhere."""

@@ -121,7 +121,7 @@ class TerminalApp(App[None]):
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
-            os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
+            os._exit(HANG_UP)  # there is nothing left to restore
 
     # -- keys ---------------------------------------------------------------------------------------
 
@@ -172,7 +172,7 @@ class TerminalApp(App[None]):
     # -- the collector ------------------------------------------------------------------------------
 
     def _collect_at_rest(self) -> None:
-        """Look for cycles while nobody types; `gc.get_count` says what has been made since."""
+        """Look for cycles while no key comes; `gc.get_count` says what has been made since."""
         self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
         self._keys_seen = self._keys
         _, older, oldest = gc.get_count()

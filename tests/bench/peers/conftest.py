@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
@@ -14,10 +15,5 @@ from trcvtui.net.sim.kernel import SimKernel
 @pytest.fixture(params=["sim", "live"])
 def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
     """Return a wire on each of the two kernels; nothing stays open after a test."""
-    kernel = SimKernel() if request.param == "sim" else OsKernel()
-    wire = Wire(kernel)
-    yield wire
-    for peer in wire.peers:
-        peer.end()
-    if isinstance(kernel, OsKernel):
-        kernel.close_all()
+    with closing(Wire(SimKernel() if request.param == "sim" else OsKernel())) as wire:
+        yield wire

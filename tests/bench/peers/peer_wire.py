@@ -28,10 +28,13 @@ class Wire:
         self.now = 0
         self.ends: dict[str, Endpoint] = {}
 
-    def peer(self, name: str, active: bool, end: Endpoint | str = HOME) -> Peer:
-        peer = Peer(PeerDecl(name, active, end), self.kernel, self.ends.get, self.events.append)
+    def add(self, decl: PeerDecl) -> Peer:
+        peer = Peer(decl, self.kernel, self.ends.get, self.events.append)
         self.peers.append(peer)
         return peer
+
+    def peer(self, name: str, active: bool, end: Endpoint | str = HOME) -> Peer:
+        return self.add(PeerDecl(name, active, end))
 
     def socket(self) -> Handle:
         handle = self.kernel.socket("PLC")
@@ -109,8 +112,14 @@ class Wire:
         self.until(ended)
         return found[0]
 
-    def notes(self, name: str) -> list[str]:
+    def notes(self, name: str = "P1") -> list[str]:
         return [e.what for e in self.events if isinstance(e, BenchNote) and e.subject == name]
+
+    def close(self) -> None:
+        for peer in self.peers:
+            peer.end()
+        if isinstance(self.kernel, OsKernel):
+            self.kernel.close_all()
 
 
 def connected(wire: Wire) -> tuple[Peer, Handle]:

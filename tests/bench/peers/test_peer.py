@@ -185,7 +185,7 @@ def test_commands_without_a_connection_say_so_in_the_journal(wire: Wire) -> None
     assert wire.notes("P1") == ["nothing to reset", "nothing to shut down"]
 
 
-# -- who sends and resets at once ------------------------------------------------------------------------
+# -- a send and a reset at once --------------------------------------------------------------------------
 
 
 def test_an_active_peer_reads_what_came_before_the_reset_of_whom_it_has_called(wire: Wire) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.project.file import load_project, read_project
@@ -28,14 +28,6 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     yield bench
     bench.close()
     assert bench.leaks() == ()
-
-
-def do(bench: Bench, line: str, scans: int = 0) -> None:
-    command = parse_line(line, bench.project, "test")
-    assert command is not None
-    assert bench.do(command) == ""
-    for _ in range(scans):
-        bench.step()
 
 
 def status(bench: Bench) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 from tests import golden
+from tests.bench.peers.peer_wire import HOME, MS, Wire
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.bench.peers.transports import DatagramTransport
@@ -18,25 +20,17 @@ from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
-from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.plc.ledger import PeerSent
 from trcvtui.project.file import load_project
 from trcvtui.project.project import PeerDecl, Project
 
-MS: Final = 1_000_000
-HOME: Final = Endpoint("127.0.0.1", 0)
-MOST_STEPS: Final = 20_000
 
-
-class Air:
+class Air(Wire):
     """One kernel, one peer on it, and the PLC's side as a bare UDP socket."""
 
     def __init__(self, kernel: SimKernel | OsKernel) -> None:
-        self.kernel = kernel
-        self.events: list[Event] = []
-        self.ends: dict[str, Endpoint] = {}
-        self.now = 0
+        super().__init__(kernel)
         self.plc = self.socket()
-        self.made: list[Peer] = []
 
     def socket(self) -> Handle:
         handle = self.kernel.datagram_socket("PLC")
@@ -49,15 +43,13 @@ class Air:
         assert end is not None
         return end
 
-    def peer(self, remote: Endpoint | str | None = None, end: Endpoint = HOME) -> Peer:
-        decl = PeerDecl("P1", False, end, udp=True, remote=remote)
-        peer = Peer(decl, self.kernel, self.ends.get, self.events.append)
+    def speaker(self, remote: Endpoint | str | None = None, end: Endpoint = HOME) -> Peer:
+        peer = self.add(PeerDecl("P1", False, end, udp=True, remote=remote))
         assert isinstance(peer.transport, DatagramTransport)
-        self.made.append(peer)
         return peer
 
     def listening(self, remote: Endpoint | str | None = None) -> Peer:
-        peer = self.peer(remote)
+        peer = self.speaker(remote)
         assert peer.listen() == ""
         return peer
 
@@ -75,36 +67,14 @@ class Air:
             found.append(bytes(into[: got.size]))
         return found
 
-    def step(self, ns: int = MS) -> None:
-        self.now += ns
-        if isinstance(self.kernel, SimKernel):
-            self.kernel.advance(self.now)
-        for peer in self.made:
-            peer.step(self.now)
-
-    def until(self, holds: Callable[[], bool]) -> None:
-        for _ in range(MOST_STEPS):
-            self.step()
-            if holds():
-                return
-        raise AssertionError("it never came")
-
-    def notes(self) -> list[str]:
-        return [e.what for e in self.events if isinstance(e, BenchNote)]
-
 
 @pytest.fixture(params=["sim", "live"])
 def air(request: pytest.FixtureRequest) -> Iterator[Air]:
     """Return both kernels in turn; nothing stays open after a test."""
-    kernel = SimKernel() if request.param == "sim" else OsKernel()
-    air = Air(kernel)
-    yield air
-    for peer in air.made:
-        peer.end()
-    kernel.close(air.plc)
-    if isinstance(kernel, OsKernel):
-        kernel.close_all()
-    assert kernel.leaks() == ()
+    with closing(Air(SimKernel() if request.param == "sim" else OsKernel())) as air:
+        yield air
+        air.kernel.close(air.plc)
+    assert air.kernel.leaks() == ()
 
 
 # -- what it says ----------------------------------------------------------------------------------------
@@ -243,7 +213,7 @@ def test_a_closed_peer_hears_and_says_nothing_and_keeps_its_port(air: Air) -> No
 
 
 def test_a_port_that_is_taken_is_told(air: Air) -> None:
-    peer = air.peer(end=air.end(air.plc))
+    peer = air.speaker(end=air.end(air.plc))
     assert peer.listen() == "P1 cannot listen: bind EADDRINUSE"
     assert peer.state == "closed"
 

@@ -8,9 +8,9 @@ from typing import Final
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.replay.journals import again, jsonl, recorded
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.project.file import read_project
 from trcvtui.recording.journal import REST, Answered
 from trcvtui.replay.command import check
@@ -75,9 +75,7 @@ def seen(bench: Bench, *lines: str, until: int = 6000) -> list[list[int]]:
     found: list[list[int]] = []
     while bench.now < until * MS:
         bench.step()
-        for line in lines if bench.runtime.scans == 1 else ():
-            command = parse_line(line, bench.project, "t")
-            assert command is not None and bench.do(command) == ""
+        do(bench, *lines if bench.runtime.scans == 1 else ())
         if not bench.now % (600 * MS):
             found.append([bench.now // MS])
             for peer in bench.peer_snapshots():

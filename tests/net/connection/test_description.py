@@ -22,7 +22,7 @@ from trcvtui.net.connection.description import (
     rows,
     structure_of,
 )
-from trcvtui.net.connection.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
+from trcvtui.net.connection.description_check import DescribedConnect, Finding, Flaw, Protocol, judge, meaning
 
 STRUCTURES = CONNECTIONS | ADDRESSES
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
@@ -98,7 +98,7 @@ def test_what_is_packed_is_read_again(data: st.DataObject) -> None:
 def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, data: bytes) -> None:
     description = Description(structure, data)
     says = meaning(description)
-    found = judge(Asked(description, says, "127.0.0.1"))
+    found = judge(DescribedConnect(description, says, "127.0.0.1"))
     if not structure.size - structure.spare <= len(data) <= structure.size:
         assert found is not None
         assert found.flaw is Flaw.LENGTH
@@ -155,7 +155,7 @@ def test_a_tcon_param_of_tcp_has_its_ports_in_the_tsaps() -> None:
     says = meaning(description)
     assert (says.protocol, says.identity, says.is_active) == (Protocol.TCP, 7, True)
     assert (says.remote_address, says.remote_port, says.local_port) == ("192.168.0.10", 2000, 0)
-    assert judge(Asked(description, says, "127.0.0.1")) is None
+    assert judge(DescribedConnect(description, says, "127.0.0.1")) is None
 
 
 def test_a_tcon_param_of_iso_has_tsaps() -> None:
@@ -171,19 +171,19 @@ def test_a_tcon_param_of_iso_has_tsaps() -> None:
     description = Description(param, pack(param, values))
     says = meaning(description)
     assert (says.protocol, says.local_tsap, says.remote_tsap) == (Protocol.ISO, b"\xe0\x02A", b"")
-    assert judge(Asked(description, says, "127.0.0.1")) is None
+    assert judge(DescribedConnect(description, says, "127.0.0.1")) is None
     wrong = Description(param, pack(param, values | {"local_tsap_id": b"\x10\x02A"}))
-    found = judge(Asked(wrong, meaning(wrong), "127.0.0.1"))
+    found = judge(DescribedConnect(wrong, meaning(wrong), "127.0.0.1"))
     assert found == Finding(Flaw.TSAP, "local_tsap_id", "10 02 41: two bytes or more that begin with E0")
 
 
-def asked(**values: Value) -> Asked:
+def asked(**values: Value) -> DescribedConnect:
     usual: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 11, "LocalPort": 2000}
     description = Description(IP_V4, pack(IP_V4, usual | values))
-    return Asked(description, meaning(description), "10.0.0.1")
+    return DescribedConnect(description, meaning(description), "10.0.0.1")
 
 
-def flaw_of(question: Asked) -> Flaw | None:
+def flaw_of(question: DescribedConnect) -> Flaw | None:
     found = judge(question)
     return found.flaw if found else None
 
@@ -214,7 +214,7 @@ def test_a_passive_end_needs_two_bytes_of_a_local_tsap(is_active: bool, size: in
     values |= {"RemoteAddress": "10.0.0.7"}
     structure = CONNECTIONS["TCON_IP_RFC"]
     description = Description(structure, pack(structure, values))
-    found = flaw_of(Asked(description, meaning(description), "10.0.0.1"))
+    found = flaw_of(DescribedConnect(description, meaning(description), "10.0.0.1"))
     assert found is (None if is_right else Flaw.TSAP)
 
 
@@ -235,6 +235,6 @@ def test_an_s7_1200_takes_other_tsaps_than_an_s7_1500(tsap: bytes, wide: bool, n
     values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12, "LocalTSelector": tsap}
     structure = CONNECTIONS["TCON_IP_RFC"]
     description = Description(structure, pack(structure, values))
-    question = Asked(description, meaning(description), "10.0.0.1")
+    question = DescribedConnect(description, meaning(description), "10.0.0.1")
     assert (flaw_of(question) is None) is wide
     assert (flaw_of(replace(question, narrow_tsaps=True)) is None) is narrow

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import select
-import socket
-
-from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
+from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench, OsNetwork
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Accepted, Handle, SocketOptions
-from trcvtui.net.layers.iso_on_tcp import IsoSettings, TpktReader
+from trcvtui.net.layers.iso_on_tcp import Code, Connect, IsoSettings, TpktReader, encode
 from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.layers.layered_stream import DROPPED, LayerNote
-from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 
 SECOND = 1_000_000_000
@@ -21,22 +17,6 @@ CAP = 65536
 CALLS = IsoSettings(E001, E002, CAP)
 WAITS = IsoSettings(E002, E001, CAP)
 REFUSED = Fault("session", "ECONNREFUSED")
-
-
-class OsNetwork:
-    """This machine's network; a breath waits a millisecond on a socket that is never ready."""
-
-    def __init__(self) -> None:
-        self.kernel = OsKernel()
-        self._quiet, self._other = socket.socketpair()
-
-    def breathe(self) -> None:
-        select.select([self._quiet], [], [], 0.001)
-
-    def close(self) -> None:
-        self.kernel.close_all()
-        self._quiet.close()
-        self._other.close()
 
 
 class Net:
@@ -160,3 +140,10 @@ def raw_client(b: IsoBench, end: Endpoint, *data: bytes) -> Handle:
     for part in data:
         b.send(client, part)
     return client
+
+
+def raw_up(b: IsoBench, settings: IsoSettings = WAITS, size_code: int = 7) -> tuple[Handle, Handle]:
+    """Return a plain TCP client whose CR was taken, and what it is connected to."""
+    listener = b.iso_listener(settings)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, size_code)))
+    return client, b.taken(listener, settings)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trcvtui.net.layer import Ended, LayerMessage
+from trcvtui.net.layer import LayerMessage, SessionEnd
 from trcvtui.net.layers.iso_on_tcp import (
     MESSAGES_WAITING,
     Code,
@@ -126,7 +126,7 @@ def test_a_cc_never_enlarges_what_the_cr_proposed(proposed: int) -> None:
 def test_a_size_without_room_for_data_ends_the_connection(size: int, is_active: bool) -> None:
     session = CALLED.new(is_active)
     fed(session, encode(Connect(Code.CC if is_active else Code.CR, 0, 7, E001, E002, size)))
-    assert session.ended == Ended("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
+    assert session.ended == SessionEnd("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_a_cr_is_for_the_connect_with_both_tsaps(called: IsoSettings, why: str) 
 def test_a_stream_that_ends_before_the_cc_is_a_refusal() -> None:
     active = CALLER.new(is_active=True)
     active.partner_closed()
-    assert active.ended == Ended("ECONNREFUSED", "closed instead of a CC")
+    assert active.ended == SessionEnd("ECONNREFUSED", "closed instead of a CC")
 
 
 # -- messages ----------------------------------------------------------------------------------------------
@@ -186,7 +186,7 @@ def test_who_reads_nothing_stops_the_partner() -> None:
 def test_a_dr_after_messages_leaves_them_readable() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"last") + encode(Disconnect(1, 1, 0x80)))
-    assert passive.ended == Ended("ECONNRESET", "DR, reason 80")
+    assert passive.ended == SessionEnd("ECONNRESET", "DR, reason 80")
     assert read(passive) == LayerMessage(b"last", 4)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.net.contract import FACTS, OF_THE_WIRE, Fact
-from tests.net.layers.iso_bench import CAP, WAITS, IsoBench, OsNetwork
-from tests.net.net_bench import Bench
+from tests.net.layers.iso_bench import CAP, WAITS, IsoBench
+from tests.net.net_bench import Bench, OsNetwork
 from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
 from trcvtui.net.layers.layer_kernel import LayerKernel

@@ -13,16 +13,16 @@ from trcvtui.net.layers.iso_on_tcp import (
     Connect,
     Data,
     Disconnect,
-    Ignored,
-    Malformed,
-    Rejected,
+    ErrorTpdu,
+    MalformedTpdu,
     TpktReader,
+    UnusedTpdu,
     encode,
     segments,
 )
 
 E001, E002 = b"\xe0\x01", b"\xe0\x02"
-Written = Connect | Data | Disconnect | Rejected
+Written = Connect | Data | Disconnect | ErrorTpdu
 VECTORS: dict[str, tuple[str, Written]] = {
     "CR in the order C1, C2, C0": (
         "03 00 00 16 11 e0 00 00 00 01 00 c1 02 e0 01 c2 02 e0 02 c0 01 0a",
@@ -33,7 +33,7 @@ VECTORS: dict[str, tuple[str, Written]] = {
     "DT empty": ("03 00 00 07 02 f0 80", Data(b"", True)),
     "DR refuse": ("03 00 00 0b 06 80 44 31 00 00 03", Disconnect(0x4431, 0, 3)),
     "DR normal": ("03 00 00 0b 06 80 00 05 44 31 80", Disconnect(5, 0x4431, 0x80)),
-    "ER bad type": ("03 00 00 09 04 70 00 05 02", Rejected(5, 2)),
+    "ER bad type": ("03 00 00 09 04 70 00 05 02", ErrorTpdu(5, 2)),
 }
 READ_ONLY = {
     "CR in the order C0, C1, C2": (
@@ -55,7 +55,7 @@ READ_ONLY = {
         "03 00 00 0f 0a e0 00 00 00 01 00 c4 02 01 02",
         Connect(Code.CR, 0, 1),
     ),
-    "DC": ("03 00 00 0a 05 c0 00 01 00 02", Ignored(0xC0)),
+    "DC": ("03 00 00 0a 05 c0 00 01 00 02", UnusedTpdu(0xC0)),
 }
 MALFORMED = {
     "TPKT version 4": "04 00 00 07 02 f0 80",
@@ -88,12 +88,12 @@ def test_a_vector_is_written(name: str) -> None:
 
 @pytest.mark.parametrize("what", MALFORMED)
 def test_what_cannot_be_read_is_named(what: str) -> None:
-    assert read(bytes.fromhex(MALFORMED[what])) == [Malformed(what)]
+    assert read(bytes.fromhex(MALFORMED[what])) == [MalformedTpdu(what)]
 
 
 def test_after_what_cannot_be_read_nothing_more_is_read() -> None:
     reader = TpktReader()
-    assert reader.feed(b"\x04\0\0\x07") == [Malformed("TPKT version 4")]
+    assert reader.feed(b"\x04\0\0\x07") == [MalformedTpdu("TPKT version 4")]
     assert reader.feed(bytes.fromhex(VECTORS["DT abc"][0])) == []
     assert reader.held == 0
 
@@ -141,7 +141,7 @@ REFS = st.integers(0, 65535)
 TPDUS = st.one_of(
     st.builds(Data, PIECES, st.booleans()),
     st.builds(Disconnect, REFS, REFS, st.integers(0, 255)),
-    st.builds(Rejected, REFS, st.integers(0, 255)),
+    st.builds(ErrorTpdu, REFS, st.integers(0, 255)),
     st.builds(
         Connect, st.sampled_from([Code.CR, Code.CC]), REFS, REFS, TSAPS, TSAPS,
         st.none() | st.integers(7, 13), st.sampled_from([0, 1, 2, 3]),
@@ -151,5 +151,5 @@ TPDUS = st.one_of(
 
 @pytest.mark.slow
 @given(st.lists(TPDUS, max_size=8))
-def test_what_is_written_is_read_back(tpdus: list[Connect | Data | Disconnect | Rejected]) -> None:
+def test_what_is_written_is_read_back(tpdus: list[Connect | Data | Disconnect | ErrorTpdu]) -> None:
     assert read(b"".join(map(encode, tpdus))) == tpdus

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.net.layers.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_client
-from trcvtui.net.kernel import Handle
-from trcvtui.net.layers.iso_on_tcp import CAPS, Code, Connect, Data, IsoSettings, encode
+from tests.net.layers.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_up
+from trcvtui.net.layers.iso_on_tcp import CAPS, Data, IsoSettings, encode
 from trcvtui.net.layers.layered_stream import ENDED
 from trcvtui.net.results import WOULD_BLOCK, Fault
 
@@ -16,18 +15,11 @@ TOO_SLOW = ("C1", ENDED, "a message that has not ended in 30 s")
 ENDED_BY_US = Fault("session", "EPROTO")
 
 
-def up(b: IsoBench) -> tuple[Handle, Handle]:
-    """Return a plain TCP client whose CR was taken, and what it is connected to."""
-    listener = b.iso_listener(SMALL)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 10)))
-    return client, b.taken(listener, SMALL)
-
-
 @pytest.mark.parametrize(
     "half", [BEGUN, BEGUN[:9], b"\x03", encode(Data(b"", False))], ids=["no EOT", "cut", "a byte", "empty"]
 )
 def test_half_a_message_ends_the_connection_after_30_s(b: IsoBench, half: bytes) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     b.send(client, half)
     b.settle()
     b.net.now += 29 * SECOND
@@ -40,7 +32,7 @@ def test_half_a_message_ends_the_connection_after_30_s(b: IsoBench, half: bytes)
 
 
 def test_a_byte_now_and_then_is_no_way_round_the_limit(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     b.send(client, BEGUN)
     for byte in encode(Data(bytes(100), True))[:30]:
         b.settle()
@@ -51,7 +43,7 @@ def test_a_byte_now_and_then_is_no_way_round_the_limit(b: IsoBench) -> None:
 
 
 def test_each_message_has_30_s_of_its_own(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     whole = encode(Data(b"abc", True))
     b.send(client, whole[:5])
     for _ in range(5):
@@ -63,7 +55,7 @@ def test_each_message_has_30_s_of_its_own(b: IsoBench) -> None:
 
 
 def test_a_connection_that_is_silent_between_messages_stays(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     b.send(client, encode(Data(b"abc", True)))
     assert b.message(called) == (b"abc", 3)
     b.net.now += 1000 * SECOND
@@ -72,7 +64,7 @@ def test_a_connection_that_is_silent_between_messages_stays(b: IsoBench) -> None
 
 
 def test_a_partner_does_not_pay_for_a_block_that_takes_nothing(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     b.send(client, encode(Data(bytes(600), True)) * 2 + BEGUN)  # 1200 bytes wait, more than the cap
     b.until(lambda: b.kernel.unread(called) > 1200)
     b.net.now += 1000 * SECOND
@@ -85,7 +77,7 @@ def test_a_partner_does_not_pay_for_a_block_that_takes_nothing(b: IsoBench) -> N
 
 
 def test_dts_without_an_end_hold_the_cap_and_end_the_connection_at_16_of_it(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     endless, most, sent = memoryview(encode(Data(bytes(1000), False)) * 64), 0, 0
 
     def is_over() -> bool:
@@ -101,7 +93,7 @@ def test_dts_without_an_end_hold_the_cap_and_end_the_connection_at_16_of_it(b: I
 
 
 def test_a_message_longer_than_the_cap_that_ends_is_counted_and_the_next_is_clean(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b, SMALL, 10)
     b.send(client, encode(Data(bytes(1000), False)) * 3 + encode(Data(b"", True)))
     b.send(client, encode(Data(b"next", True)))
     assert b.message(called, CAP) == (bytes(1000), 3000)

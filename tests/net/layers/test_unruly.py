@@ -15,18 +15,12 @@ from tests.net.layers.iso_bench import (
     IsoBench,
     answer_of,
     raw_client,
+    raw_up,
 )
-from trcvtui.net.kernel import Accepted, Handle
+from trcvtui.net.kernel import Accepted
 from trcvtui.net.layers.iso_on_tcp import Code, Connect, Data, Disconnect, IsoSettings, encode
 from trcvtui.net.layers.layered_stream import CLIENTS_WAITING, ENDED, GAVE_WAY, IGNORED
 from trcvtui.net.results import WOULD_BLOCK, Fault
-
-
-def up(b: IsoBench, size: int = 7) -> tuple[Handle, Handle]:
-    """Return a plain TCP client whose CR was taken, and what it is connected to."""
-    listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, size)))
-    return client, b.taken(listener)
 
 
 def test_an_unknown_tsap_is_refused_and_told(b: IsoBench) -> None:
@@ -149,7 +143,7 @@ def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> 
 
 
 def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b)
     assert answer_of(b, client, 22) == [Connect(Code.CC, 1, 1, E001, E002, 7)]
     b.send(client, encode(Data(bytes(126), True)))
     assert b.loss(called).fault == Fault("session", "EPROTO")
@@ -166,7 +160,7 @@ def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> 
 def test_a_tpkt_announced_larger_than_agreed_is_refused_when_its_header_is_there(
     b: IsoBench, begins: bytes, why: str
 ) -> None:
-    client, called = up(b)
+    client, called = raw_up(b)
     b.send(client, begins[:-1])
     b.settle()
     assert b.net.heard == []
@@ -176,14 +170,14 @@ def test_a_tpkt_announced_larger_than_agreed_is_refused_when_its_header_is_there
 
 
 def test_a_tpdu_without_data_may_be_longer_than_a_small_agreed_size(b: IsoBench) -> None:
-    client, called = up(b, 4)
+    client, called = raw_up(b, size_code=4)
     long = b"\x03\0\0\x1e\x19\x10" + bytes(24)  # an ED with parameters
     b.send(client, long + encode(Data(b"abc", True)))
     assert b.message(called) == (b"abc", 3)
 
 
 def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b: IsoBench) -> None:
-    client, called = up(b)
+    client, called = raw_up(b)
     for _ in range(20):
         b.send(client, EXPEDITED)
     b.send(client, encode(Data(b"abc", True)))
@@ -216,7 +210,7 @@ def test_such_a_tpdu_before_the_cr_is_told_as_well(b: IsoBench) -> None:
 def test_garbage_after_the_handshake_ends_the_connection_and_is_told(
     b: IsoBench, bad: bytes, why: str
 ) -> None:
-    client, called = up(b)
+    client, called = raw_up(b)
     b.send(client, bad)
     assert b.loss(called).fault is not None
     assert b.net.heard == [("C1", ENDED, why)]

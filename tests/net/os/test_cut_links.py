@@ -5,26 +5,16 @@ from __future__ import annotations
 import socket
 import sys
 import time
-from collections.abc import Iterator
 
 import pytest
 
 import trcvtui.net.os.system_calls as os_link
 from tests.net.net_bench import Bench
-from tests.net.os.test_os_kernel import OsNetwork
 from trcvtui.net.kernel import KernelLoss, SocketOptions
 from trcvtui.net.os import system_calls as os_options
-from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="packet filters at sockets are Linux's own")
-
-
-@pytest.fixture
-def b() -> Iterator[Bench]:
-    network = OsNetwork(OsKernel())
-    yield Bench(network)
-    network.close()
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import resource
-import select
 import socket
 import subprocess
 import sys
@@ -18,7 +17,8 @@ import pytest
 import trcvtui.net.os.system_calls as os_poll
 import trcvtui.net.os.system_calls as os_queues
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
-from tests.net.net_bench import Bench
+from tests.net.facts_data import five_bytes_and_a_rst
+from tests.net.net_bench import Bench, OsNetwork
 from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, SocketOptions
 from trcvtui.net.os import kernel as os_kernel
 from trcvtui.net.os.kernel import OsKernel
@@ -27,32 +27,6 @@ from trcvtui.net.results import WOULD_BLOCK, Endpoint
 from trcvtui.net.results import Fault as Failed
 
 OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
-
-
-class OsNetwork:
-    """This machine's network; a breath waits a millisecond on a socket that is never ready."""
-
-    def __init__(self, kernel: OsKernel) -> None:
-        self.kernel = kernel
-        self._quiet, self._other = socket.socketpair()
-
-    def breathe(self) -> None:
-        """Let a millisecond pass."""
-        select.select([self._quiet], [], [], 0.001)
-
-    def close(self) -> None:
-        """Free everything."""
-        self.kernel.close_all()
-        self._quiet.close()
-        self._other.close()
-
-
-@pytest.fixture
-def network() -> Iterator[OsNetwork]:
-    made = OsNetwork(OsKernel())
-    yield made
-    made.close()
-    assert made.kernel.leaks() == ()
 
 
 def only_poll(patch: pytest.MonkeyPatch) -> None:
@@ -125,8 +99,7 @@ def test_without_a_descriptor_the_first_poll_add_is_emfile(network: OsNetwork) -
     assert network.kernel.poll_add(handle) is None
 
 
-def test_emfile_at_accept_leaves_the_client_queued_with_his_bytes(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_emfile_at_accept_leaves_the_client_queued_with_his_bytes(b: Bench) -> None:
     listener = b.listener()
     client = b.connect(b.end(listener))
     b.send(client, b"early")
@@ -145,8 +118,7 @@ def test_emfile_at_accept_leaves_the_client_queued_with_his_bytes(network: OsNet
 # -- descriptors that are taken away (1, L1) -----------------------------------------------------------------
 
 
-def test_a_descriptor_closed_underneath_is_ebadf(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_a_descriptor_closed_underneath_is_ebadf(b: Bench) -> None:
     one = b.pair()
     os.close(one.client)
     assert b.kernel.set_reuse(one.client) == Failed("set_reuse", "EBADF")
@@ -197,8 +169,7 @@ def option(handle: Handle, level: int, number: int) -> int:
 TCP, BASE = socket.IPPROTO_TCP, socket.SOL_SOCKET
 
 
-def test_the_options_reach_the_socket_and_reuseport_is_never_set(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_the_options_reach_the_socket_and_reuseport_is_never_set(b: Bench) -> None:
     options = SocketOptions(nodelay=True, keep_alive_s=7, user_timeout_ms=21_000, small_buffers=True)
     handle = b.socket(reuse=True)
     refused = b.kernel.set_options(handle, options)
@@ -237,8 +208,7 @@ def test_a_user_timeout_that_no_system_takes_is_refused_by_name(network: OsNetwo
     assert "TCP_USER_TIMEOUT" in refused
 
 
-def test_every_address_in_the_list_can_be_bound(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_every_address_in_the_list_can_be_bound(b: Bench) -> None:
     own = b.kernel.local_addresses()
     everybody = "127.255.255.255"
     assert LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True, broadcast=everybody) in own
@@ -246,8 +216,7 @@ def test_every_address_in_the_list_can_be_bound(network: OsNetwork) -> None:
         b.socket(end=Endpoint(address.address, 0))
 
 
-def test_one_poll_sees_all_that_are_ready_however_many(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_one_poll_sees_all_that_are_ready_however_many(b: Bench) -> None:
     listener = b.listener(backlog=100)
     pairs = [b.pair(listener) for _ in range(60)]
     for one in pairs:
@@ -256,8 +225,7 @@ def test_one_poll_sees_all_that_are_ready_however_many(network: OsNetwork) -> No
     assert all(b.kernel.readable(one.server) for one in pairs)
 
 
-def test_a_descriptor_number_that_is_used_again_begins_unseen(network: OsNetwork) -> None:
-    b = Bench(network)
+def test_a_descriptor_number_that_is_used_again_begins_unseen(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"x")
     b.until(lambda: b.kernel.readable(one.server))
@@ -271,13 +239,11 @@ def test_a_descriptor_number_that_is_used_again_begins_unseen(network: OsNetwork
 
 def test_close_all_frees_every_handle_and_the_poll_set() -> None:
     before = len(os.listdir("/dev/fd"))
-    network = OsNetwork(OsKernel())
-    b = Bench(network)
-    one = b.pair()
+    network = OsNetwork()
+    one = Bench(network).pair()
     assert len(network.kernel.leaks()) == 3
     assert f"{one.listener} {one.end}" in network.kernel.leaks()
     network.close()
-    assert network.kernel.leaks() == ()
     assert len(os.listdir("/dev/fd")) == before
 
 
@@ -298,13 +264,8 @@ def test_a_real_cut_link_is_etimedout_idle_and_with_data_in_flight() -> None:
     assert (lines, run.stderr) == (["busy recv ETIMEDOUT", "idle recv ETIMEDOUT"], "")
 
 
-def test_a_loss_found_after_bytes_is_kept_for_the_next_call(network: OsNetwork) -> None:
-    b = Bench(network)
-    one = b.pair()
-    b.send(one.client, b"five!")
-    b.until(lambda: b.kernel.unread(one.server) == 5)
-    b.kernel.abort(one.client)
-    b.settle()
+def test_a_loss_found_after_bytes_is_kept_for_the_next_call(b: Bench) -> None:
+    one = five_bytes_and_a_rst(b)
     assert b.try_recv(one.server, 100) == b"five!"
     assert b.kernel.loss(one.server) == KernelLoss(Failed("recv", "ECONNRESET"), 0)
     assert b.try_recv(one.server) == 0

@@ -30,8 +30,7 @@ def test_the_simulated_network_keeps_the_contract(fact: Fact, kind: str) -> None
 # -- time ----------------------------------------------------------------------------------------------------
 
 
-def test_without_latency_everything_is_there_at_once() -> None:
-    b = SimBench()
+def test_without_latency_everything_is_there_at_once(b: SimBench) -> None:
     listener, client = b.listener(), b.socket(polled=True)
     assert b.sim.connect(client, b.end(listener)) is None
     assert b.sim.connect_result(client) is None
@@ -67,8 +66,7 @@ def test_time_does_not_run_backwards() -> None:
         kernel.advance(4)
 
 
-def test_time_wait_holds_a_port_for_a_minute() -> None:
-    b = SimBench()
+def test_time_wait_holds_a_port_for_a_minute(b: SimBench) -> None:
     one = b.pair(client=b.socket(end=ANY_PORT))
     local = b.end(one.client)
     b.sim.close(one.client)
@@ -79,8 +77,7 @@ def test_time_wait_holds_a_port_for_a_minute() -> None:
     b.socket(end=local)
 
 
-def test_what_a_closed_handle_cannot_deliver_is_given_up_after_two_minutes() -> None:
-    b = SimBench()
+def test_what_a_closed_handle_cannot_deliver_is_given_up_after_two_minutes(b: SimBench) -> None:
     one = b.pair(small=True)
     b.send(one.client, bytes(4608))
     b.send(one.client, b"more than the window takes")
@@ -105,8 +102,7 @@ def test_the_machine_owns_loopback_and_what_it_was_given() -> None:
     )
 
 
-def test_own_addresses_can_be_bound_and_reached() -> None:
-    b = SimBench()
+def test_own_addresses_can_be_bound_and_reached(b: SimBench) -> None:
     one = b.pair(b.listener(Endpoint("10.0.0.1", 2000)))
     assert b.end(one.client).address == "10.0.0.1"
     assert b.sim.bind(b.socket(), Endpoint("10.0.0.9", 0)) == Fault("bind", "EADDRNOTAVAIL")
@@ -115,8 +111,7 @@ def test_own_addresses_can_be_bound_and_reached() -> None:
     assert b.verdict(from_loopback) is None
 
 
-def test_an_address_that_nobody_has_is_ehostunreach_after_three_seconds() -> None:
-    b = SimBench()
+def test_an_address_that_nobody_has_is_ehostunreach_after_three_seconds(b: SimBench) -> None:
     client = b.socket()
     assert b.sim.connect(client, Endpoint("10.0.0.7", 2000)) is None
     assert b.end(client).address == "10.0.0.1"
@@ -124,8 +119,7 @@ def test_an_address_that_nobody_has_is_ehostunreach_after_three_seconds() -> Non
     assert b.ms_until(lambda: b.sim.connect_result(client) == verdict, 5000) == 3070
 
 
-def test_when_every_port_is_borrowed_bind_and_connect_say_so() -> None:
-    b = SimBench()
+def test_when_every_port_is_borrowed_bind_and_connect_say_so(b: SimBench) -> None:
     listener = b.listener()
     while not isinstance(fault := b.sim.bind(b.socket(), ANY_PORT), Fault):
         pass
@@ -136,8 +130,7 @@ def test_when_every_port_is_borrowed_bind_and_connect_say_so() -> None:
 # -- what tests and the runner rely on -----------------------------------------------------------------------
 
 
-def test_leaks_names_every_open_handle_and_nothing_else() -> None:
-    b = SimBench()
+def test_leaks_names_every_open_handle_and_nothing_else(b: SimBench) -> None:
     one = b.partners()
     fresh = b.owned("C2")
     local, remote = b.end(one.client), one.end
@@ -190,8 +183,7 @@ def test_connections_that_are_over_are_forgotten() -> None:
     assert streams_in_memory() == before
 
 
-def test_a_scan_s_poll_costs_nothing_for_idle_connections() -> None:
-    b = SimBench()
+def test_a_scan_s_poll_costs_nothing_for_idle_connections(b: SimBench) -> None:
     listener = b.listener(backlog=300)
     pairs = [b.pair(listener) for _ in range(200)]
     b.send(pairs[7].client, b"x")

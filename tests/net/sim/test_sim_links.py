@@ -23,15 +23,13 @@ def dead_after(b: SimBench, one: Pair, most_ms: int) -> int:
 
 
 @pytest.mark.parametrize("interval", [1, 2, 10])
-def test_an_idle_link_is_dead_three_intervals_after_the_last_packet(interval: int) -> None:
-    b = SimBench()
+def test_an_idle_link_is_dead_three_intervals_after_the_last_packet(b: SimBench, interval: int) -> None:
     one = b.partners(SocketOptions(keep_alive_s=interval))
     b.cut()
     assert dead_after(b, one, 40_000) == 3000 * interval
 
 
-def test_the_clock_starts_at_the_last_packet_received_not_at_the_cut() -> None:
-    b = SimBench()
+def test_the_clock_starts_at_the_last_packet_received_not_at_the_cut(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1))
     b.send(one.server, b"x")
     assert b.receive(one.client, 1) == b"x"
@@ -40,8 +38,7 @@ def test_the_clock_starts_at_the_last_packet_received_not_at_the_cut() -> None:
     assert dead_after(b, one, 10_000) == 2300
 
 
-def test_answered_probes_keep_an_idle_link_alive_and_move_the_clock() -> None:
-    b = SimBench()
+def test_answered_probes_keep_an_idle_link_alive_and_move_the_clock(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=2))
     b.time.pass_ms(3_600_500)
     assert b.sim.loss(one.client) is None
@@ -49,8 +46,7 @@ def test_answered_probes_keep_an_idle_link_alive_and_move_the_clock() -> None:
     assert dead_after(b, one, 10_000) == 5500  # the last answered probe is half a second old
 
 
-def test_without_keep_alive_nobody_notices_a_cut() -> None:
-    b = SimBench()
+def test_without_keep_alive_nobody_notices_a_cut(b: SimBench) -> None:
     one = b.partners()
     b.cut()
     b.time.pass_ms(24 * 3_600_000)
@@ -58,32 +54,30 @@ def test_without_keep_alive_nobody_notices_a_cut() -> None:
 
 
 @pytest.mark.parametrize(("user_timeout", "expected"), [(2500, 3000), (3000, 3000), (9000, 9000)])
-def test_a_user_timeout_takes_the_place_of_the_probe_count(user_timeout: int, expected: int) -> None:
-    b = SimBench()
+def test_a_user_timeout_takes_the_place_of_the_probe_count(
+    b: SimBench, user_timeout: int, expected: int
+) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=user_timeout))
     b.cut()
     assert dead_after(b, one, 20_000) == expected
 
 
 @pytest.mark.parametrize(("user_timeout", "expected"), [(3000, 3420), (15_000, 15_420)])
-def test_data_in_flight_dies_by_the_user_timeout(user_timeout: int, expected: int) -> None:
-    b = SimBench()
+def test_data_in_flight_dies_by_the_user_timeout(b: SimBench, user_timeout: int, expected: int) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=user_timeout))
     b.cut()
     b.send(one.client, b"into the dark")
     assert dead_after(b, one, 20_000) == expected
 
 
-def test_data_in_flight_suspends_keep_alive() -> None:
-    b = SimBench()
+def test_data_in_flight_suspends_keep_alive(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1))
     b.cut()
     b.send(one.client, b"into the dark")
     assert 14_000 < dead_after(b, one, 20_000) < 16_000  # 15 retransmissions, a second apart at most
 
 
-def test_the_timeout_is_told_once_to_whoever_asks_first() -> None:
-    b = SimBench()
+def test_the_timeout_is_told_once_to_whoever_asks_first(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1))
     b.send(one.server, b"kept")
     b.cut()
@@ -95,8 +89,7 @@ def test_the_timeout_is_told_once_to_whoever_asks_first() -> None:
     assert b.try_recv(one.client) == 0
 
 
-def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing() -> None:
-    b = SimBench()
+def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=3000))
     b.cut()
     b.send(one.client, b"one ")
@@ -111,8 +104,7 @@ def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing() -> 
     assert b.sim.loss(one.client) is None
 
 
-def test_the_partner_is_never_told_until_it_sends() -> None:
-    b = SimBench()
+def test_the_partner_is_never_told_until_it_sends(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=1))
     b.cut()
     assert dead_after(b, one, 4000) == 3000
@@ -124,8 +116,7 @@ def test_the_partner_is_never_told_until_it_sends() -> None:
     assert b.answer(one.server) == Fault("recv", "ECONNRESET")
 
 
-def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst() -> None:
-    b = SimBench()
+def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst(b: SimBench) -> None:
     one = b.partners(SocketOptions(keep_alive_s=10))
     b.cut()
     b.sim.abort(one.server)
@@ -148,8 +139,7 @@ def stalled(b: SimBench, user_timeout: int) -> Pair:
     return one
 
 
-def test_a_closed_window_without_user_timeout_lives_for_ever() -> None:
-    b = SimBench()
+def test_a_closed_window_without_user_timeout_lives_for_ever(b: SimBench) -> None:
     one = stalled(b, user_timeout=0)
     b.time.pass_ms(3_600_000)
     assert b.sim.loss(one.client) is None
@@ -160,15 +150,13 @@ def test_a_closed_window_without_user_timeout_lives_for_ever() -> None:
     assert len(b.receive(one.server, 13824)) == 13824
 
 
-def test_a_user_timeout_kills_a_healthy_partner_who_does_not_read() -> None:
-    b = SimBench()
+def test_a_user_timeout_kills_a_healthy_partner_who_does_not_read(b: SimBench) -> None:
     one = stalled(b, user_timeout=3000)
     assert dead_after(b, one, 10_000) == 3200
     assert b.sim.loss(one.server) is None
 
 
-def test_switching_the_user_timeout_off_while_the_window_is_closed_keeps_the_connection() -> None:
-    b = SimBench()
+def test_switching_the_user_timeout_off_while_the_window_is_closed_keeps_the_connection(b: SimBench) -> None:
     one = stalled(b, user_timeout=3000)
     for _ in range(1200):
         seen = b.sim.path(one.client)
@@ -184,8 +172,7 @@ def test_switching_the_user_timeout_off_while_the_window_is_closed_keeps_the_con
     assert dead_after(b, one, 10_000) == 3420
 
 
-def test_a_cut_while_the_window_is_closed_shows_in_the_age_of_the_last_ack() -> None:
-    b = SimBench()
+def test_a_cut_while_the_window_is_closed_shows_in_the_age_of_the_last_ack(b: SimBench) -> None:
     one = stalled(b, user_timeout=0)
     b.time.pass_ms(20_000)
     b.cut()
@@ -195,8 +182,7 @@ def test_a_cut_while_the_window_is_closed_shows_in_the_age_of_the_last_ack() -> 
     assert seen.last_ack_ms >= 3000
 
 
-def test_a_window_that_opens_while_the_link_is_cut_is_found_by_a_probe() -> None:
-    b = SimBench()
+def test_a_window_that_opens_while_the_link_is_cut_is_found_by_a_probe(b: SimBench) -> None:
     one = stalled(b, user_timeout=0)
     b.cut()
     assert b.receive(one.server, 4608) == bytes(4608)
@@ -207,8 +193,9 @@ def test_a_window_that_opens_while_the_link_is_cut_is_found_by_a_probe() -> None
 # -- attempts ------------------------------------------------------------------------------------------------
 
 
-def test_an_attempt_into_a_cut_link_is_silent_and_succeeds_at_the_next_syn_after_the_repair() -> None:
-    b = SimBench()
+def test_an_attempt_into_a_cut_link_is_silent_and_succeeds_at_the_next_syn_after_the_repair(
+    b: SimBench,
+) -> None:
     one = b.partners()
     b.cut()
     client = b.owned("C1")
@@ -220,8 +207,7 @@ def test_an_attempt_into_a_cut_link_is_silent_and_succeeds_at_the_next_syn_after
 
 
 @pytest.mark.parametrize(("user_timeout", "expected"), [(0, 134_144), (2500, 2500)])
-def test_swallowed_syns_end_in_etimedout(user_timeout: int, expected: int) -> None:
-    b = SimBench()
+def test_swallowed_syns_end_in_etimedout(b: SimBench, user_timeout: int, expected: int) -> None:
     one = b.partners()
     b.cut()
     client = b.owned("C1", SocketOptions(user_timeout_ms=user_timeout))
@@ -231,8 +217,7 @@ def test_swallowed_syns_end_in_etimedout(user_timeout: int, expected: int) -> No
     )
 
 
-def test_a_new_connection_with_the_same_ends_ends_the_partner_s_old_one() -> None:
-    b = SimBench()
+def test_a_new_connection_with_the_same_ends_ends_the_partner_s_old_one(b: SimBench) -> None:
     one = b.partners()
     local = b.end(one.client)
     b.cut()

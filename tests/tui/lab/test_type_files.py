@@ -1,4 +1,4 @@
-"""Type files while somebody edits them: what is good stays until something better is saved."""
+"""Type files while they are edited: what is good stays until something better is saved."""
 
 from __future__ import annotations
 

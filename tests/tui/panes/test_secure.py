@@ -1,4 +1,4 @@
-"""A secure connection says so on the screen, and one whose certificates nobody checks says it everywhere."""
+"""A secure connection says so on the screen, and one with unchecked certificates says it everywhere."""
 
 from __future__ import annotations
 

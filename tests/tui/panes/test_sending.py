@@ -90,12 +90,11 @@ def test_a_dead_link_shows_when_the_wire_line_says(interval: int) -> None:
     bench = LocalDriver(Bench(read_project(content, "b.toml", CONFIGS), "sim"))
 
     up = "set TSEND_C_1 CONT=1", "run 3", "peer P1 connect", "run 3"
-    for line in (*up, "link C1 down", "pulse TSEND_C_1 REQ", "run 1"):
-        bench.scan(int(line[4:])) if line.startswith("run") else bench.submit(line)
-    runtime = bench.console.bench.runtime
+    bench.play(*up, "link C1 down", "pulse TSEND_C_1 REQ", "run 1")
+    runtime = bench.bench.runtime
     began, last = runtime.scans, runtime.scans + 100 * (3 * interval + LATE_S)
     while not runtime.outputs("TSEND_C_1").error and runtime.scans < last:
         bench.scan(1)
     assert runtime.outputs("TSEND_C_1").error
     assert runtime.scans - began >= 100 * 3 * interval
-    bench.console.bench.close()
+    bench.close()

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from tests.recording.wire import NS, PARTNER, PLC
 from tests.tui.fakes import picture
 from tests.tui.looking import WIDE, looking
-from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind, WireDirection
+from trcvtui.capture.reassembly import Conversation, ConversationEvent, SegmentKind
 from trcvtui.commands.snapshots import ARMED_TAP, TAP, ConversationSnapshot
 from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.line.conversations import SECONDS, ConversationFigures
@@ -17,13 +17,11 @@ from trcvtui.tui.prompt import PromptInput
 SECOND = 1_000_000_000
 
 
-class Told:
+class TapStory:
     def __init__(self) -> None:
         self.talks = ConversationFigures()
-        self.talk = Conversation(1, "tcp", NS)
-        there = self.talk.there = WireDirection(self.talk, (bytes([10, 0, 0, 9]), PARTNER[1]), b"")
-        back = self.talk.back = WireDirection(self.talk, (bytes([10, 0, 0, 5]), PLC[1]), b"")
-        there.other, back.other = back, there
+        ends = (bytes([10, 0, 0, 9]), PARTNER[1]), (bytes([10, 0, 0, 5]), PLC[1])
+        self.talk = Conversation(1, "tcp", NS, ends)
 
     def tell(
         self, kind: SegmentKind, s: float = 0, from_plc: bool = False, data: bytes = b"", size: int = 0
@@ -37,8 +35,8 @@ class Told:
         return self.talks.snapshot()[0]
 
 
-def connected() -> Told:
-    told = Told()
+def connected() -> TapStory:
+    told = TapStory()
     told.tell(SegmentKind.SYN)
     assert told.shown.state == "connecting"
     told.tell(SegmentKind.ESTABLISHED, 0.002)
@@ -88,17 +86,14 @@ def test_what_the_stack_of_a_tap_says_is_shown_beside_each_direction() -> None:
 def test_those_that_are_over_go_first_when_there_are_too_many() -> None:
     told = connected()
     for number in range(2, 2000):
-        told.talk = Conversation(number, "tcp", NS)
-        told.talk.there = WireDirection(told.talk, (bytes(4), number), b"")
-        told.talk.back = WireDirection(told.talk, (bytes(4), 1), b"")
-        told.talk.there.other, told.talk.back.other = told.talk.back, told.talk.there
+        told.talk = Conversation(number, "tcp", NS, ((bytes(4), number), (bytes(4), 1)))
         told.tell(SegmentKind.BYTES, 2, data=b"x")
         told.tell(SegmentKind.FIN, 2)
     listed = told.talks.snapshot()
     assert listed[0].number == 1 and len(listed) == 64
 
 
-def of_a_tap(told: Told, kernel: str = TAP) -> BenchUpdate:
+def of_a_tap(told: TapStory, kernel: str = TAP) -> BenchUpdate:
     return replace(picture(), talks=told.talks.snapshot(), shadows=frozenset({"TRCV_C_1"}), kernel=kernel)
 
 

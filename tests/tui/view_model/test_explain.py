@@ -9,39 +9,23 @@ from contextlib import asynccontextmanager
 import pytest
 from msgspec.structs import replace
 
-from tests.local_driver import LocalDriver
-from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing
-from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.bench.bench import Bench
+from tests.tui.fakes import bench_project, connecting, picture, receiving, showing
+from tests.tui.looking import BOTH, SMALL, WIDE, looking
+from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.commands.snapshots import TriggerEvent
-from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 UP = ("set TRCV_C_1 CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4")
 SWAPPED = struct.pack(">ihBxf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00\x00\x00"
 
 
-class Desk(Looker):
-    bench: LocalDriver
-
+class Desk(LocalLooker):
     async def do(self, *lines: str) -> None:
         """Carry out bench commands; `run` lets scans pass. Then wait until the screen shows it."""
-        for line in lines:
-            if line.startswith("run "):
-                self.bench.scan(int(line.removeprefix("run ")))
-            else:
-                self.bench.submit(line)
+        self.bench.play(*lines)
         await self.see()
-
-    async def see(self) -> None:
-        for _ in range(2):
-            before = self.app.view_model.live
-            while self.app.view_model.live is before:
-                self.app._frame()
-                await self.pilot.pause()
-        await self.settle()
 
     @property
     def header(self) -> str:
@@ -49,17 +33,12 @@ class Desk(Looker):
 
     @property
     def scan(self) -> int:
-        return self.bench.console.bench.runtime.scans
+        return self.bench.bench.runtime.scans
 
 
 @asynccontextmanager
 async def at_the_desk(size: tuple[int, int], *lines: str) -> AsyncIterator[Desk]:
-    project = bench_project()
-    driver = LocalDriver(Bench(project, "sim"))
-    app = BenchApp(driver, project)
-    async with app.run_test(size=size) as pilot:
-        desk = Desk(app, FakeDriver(), pilot)
-        desk.bench = driver
+    async with on_local(Desk, bench_project(), size) as desk:
         await desk.do(*lines)
         yield desk
 

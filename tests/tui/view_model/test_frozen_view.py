@@ -1,4 +1,4 @@
-"""A frozen view: every pane shows the one moment, whoever is looked at and whatever is done after it."""
+"""A frozen view: every pane shows the one moment, whatever is looked at and whatever is done after it."""
 
 from __future__ import annotations
 

@@ -186,7 +186,7 @@ class AutomaticPeer:
             self._say(now)
             return
         if now > self._next_word:
-            self._next_word = 0  # nobody was there for it: the next connection begins a new beat
+            self._next_word = 0  # no partner was there for it: the next connection begins a new beat
         if self._routine.reconnect_ns and self._peer.state != "connecting":
             self._connect(now)
 

@@ -68,7 +68,7 @@ class StreamTransport(_Transport):
 
     remote: Endpoint | None = None
     _listener: Handle | None = None
-    _kept: Handle | None = None  # the free port that it listened on: nobody else gets it meanwhile
+    _kept: Handle | None = None  # the free port that it listened on: nothing else gets it meanwhile
     _attempt: Handle | None = None
     _handle: Handle | None = None
     _half_closed = False
@@ -259,7 +259,7 @@ class StreamTransport(_Transport):
                 return
             # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
             if self._handle is not None and not self._is_stalled:
-                self._read(self._handle)  # who has sent and gone in the same moment was heard
+                self._read(self._handle)  # what was sent by one that has gone at once is heard
             if self._handle is not None:
                 self._kernel.abort(self._handle)
                 self._end(("reset", "closed"), "reset for a newer connection")
@@ -335,10 +335,10 @@ class StreamTransport(_Transport):
 
 
 class DatagramTransport(_Transport):
-    """One UDP socket, a datagram a message, to the `remote` of the file, else to whoever was heard last."""
+    """One UDP socket, a datagram a message, to the `remote` of the file, else to the sender heard last."""
 
     _handle: Handle | None = None
-    _heard: Endpoint | None = None  # who sent last
+    _heard: Endpoint | None = None  # the end that sent last
     listening_port: int | None = None  # of TCP
 
     @property
@@ -357,7 +357,7 @@ class DatagramTransport(_Transport):
 
     @property
     def remote(self) -> Endpoint | None:
-        """Return whom it sends to, None while it knows nobody."""
+        """Return the end it sends to, None while it knows none."""
         remote = self._decl.remote
         if remote is None:
             return self._heard

@@ -17,7 +17,7 @@ from trcvtui.blocks.serial.receiving import text_of
 NOT_CALLED: Final = Cause(Why.INPUT, "EN is 0", pin="EN", value=0)
 
 
-class Sending(NoJob):
+class SendBlock(NoJob):
     """What the three have in common; `have` of `need` bytes are in the ComBuffer."""
 
     def __init__(self, bound: SerialBinding) -> None:
@@ -28,7 +28,7 @@ class Sending(NoJob):
         self._begun: tuple[int, object] | None = None  # length and data of what is being sent
 
     @property
-    def job(self) -> Sending:
+    def job(self) -> SendBlock:
         return self
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -78,7 +78,7 @@ class Sending(NoJob):
         return shown
 
 
-class SendData(Sending):
+class SendData(SendBlock):
     """One SendData instance: Length bytes from pSendData."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
@@ -91,7 +91,7 @@ class SendData(Sending):
         return bytes(self._data.content[: inputs.length])
 
 
-class SendString(Sending):
+class SendString(SendBlock):
     """One SendString instance: the characters of a STRING, without its byte 00."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
@@ -100,7 +100,7 @@ class SendString(Sending):
         return text_of(self._data)
 
 
-class SendByte(Sending):
+class SendByte(SendBlock):
     """One SendByte instance: one byte a call."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:

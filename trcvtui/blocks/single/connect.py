@@ -83,11 +83,9 @@ class SingleTcon:
         return IDLE
 
     def stop(self, reason: str) -> None:
-        """Forget the attempt."""
         self._is_building = self._keeps = False
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._connection.keeping.give_back(self._claim)
 
     def _begin(self) -> Outcome:
@@ -158,28 +156,40 @@ _KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has no
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 
 
-class SingleTdiscon(ScriptBlock):
-    """One TDISCON instance."""
+class SingleScriptBlock(ScriptBlock):
+    """An instruction without bytes: 7000, then from an edge of REQ on 7001, 7002, 0000 with DONE."""
 
     def __init__(self, bound: Binding) -> None:
         super().__init__()
         self._connection = bound.connection
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, not built yet 80C4."""
         rose, self._req = inputs.req and not self._req, inputs.req
         if self._script:
-            shown = self._script.popleft()
-            self._connection.set_up.is_closing = bool(self._script)
-            return shown
+            return self._go_on()
         return self._begin() if rose else IDLE
+
+    def _begin(self) -> Outcome:
+        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
+        return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _go_on(self) -> Outcome:
+        return self._script.popleft()
+
+
+class SingleTdiscon(SingleScriptBlock):
+    """One TDISCON instance; nothing to close is 80A3, not built yet 80C4."""
+
+    def _go_on(self) -> Outcome:
+        shown = super()._go_on()
+        self._connection.set_up.is_closing = bool(self._script)
+        return shown
 
     def stop(self, reason: str) -> None:
         super().stop(reason)
         self._connection.set_up.is_closing = False
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self.stop(reason)
 
     def _begin(self) -> Outcome:
@@ -196,24 +206,14 @@ class SingleTdiscon(ScriptBlock):
         if ended[0].error:
             return ended[0]
         set_up.is_closing = True
-        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
-        return Outcome(Condition.STARTED, REQ_ROSE)
+        return super()._begin()
 
 
-class SingleTReset(ScriptBlock):
-    """One T_RESET instance. The endpoint stays; whoever keeps the connection builds it again."""
+class SingleTReset(SingleScriptBlock):
+    """One T_RESET instance; nothing established is 0001 with DONE.
 
-    def __init__(self, bound: Binding) -> None:
-        super().__init__()
-        self._course = bound.env.rules.course
-        self._connection = bound.connection
-
-    def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing established is 0001 with DONE."""
-        rose, self._req = inputs.req and not self._req, inputs.req
-        if self._script:
-            return self._script.popleft()
-        return self._begin() if rose else IDLE
+    The endpoint stays: the block that keeps the connection builds it again.
+    """
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
@@ -224,10 +224,7 @@ class SingleTReset(ScriptBlock):
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         ended = show_reset(self._connection, REQ_ROSE, (Condition.STARTED,))
-        if not ended[0].error:
-            running, finished = Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)
-            self._script.extend([running, finished])
-        return ended[0]
+        return ended[0] if ended[0].error else super()._begin()
 
 
 # InterfaceId, ID, ConnectionType, ActiveEstablished, State, Kind, SentBytes, ReceivedBytes.
@@ -240,21 +237,13 @@ DOWN, TRYING, WAITING, ESTABLISHED = 1, 2, 3, 4
 COUNTER: Final = 0xFFFFFFFF
 
 
-class TDiag(ScriptBlock):
-    """One T_DIAG instance."""
+class TDiag(SingleScriptBlock):
+    """One T_DIAG instance; RESULT is written with DONE."""
 
     def __init__(self, bound: Binding) -> None:
-        super().__init__()
-        self._connection = bound.connection
+        super().__init__(bound)
         self._result = bound.data
         self._shape: tuple[str, int] | None = None
-
-    def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7000, 7001, 7002, 0000 with DONE; RESULT is written with DONE."""
-        rose, self._req = inputs.req and not self._req, inputs.req
-        if self._script:
-            return self._go_on()
-        return self._begin() if rose else IDLE
 
     def _begin(self) -> Outcome:
         if self._result is None or self._result.size < RESULT_LAYOUT.size:
@@ -265,15 +254,14 @@ class TDiag(ScriptBlock):
         if self._connection.state is State.CLOSED:
             return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         self._shape = self._result.shape
-        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
-        return Outcome(Condition.STARTED, REQ_ROSE)
+        return super()._begin()
 
     def _go_on(self) -> Outcome:
         assert self._result is not None
         if self._result.shape != self._shape:
             self._script.clear()
             return changed("RESULT")
-        shown = self._script.popleft()
+        shown = super()._go_on()
         if shown.condition is Condition.FINISHED:
             self._result.write(0, _status(self._connection))
         return shown

@@ -167,9 +167,6 @@ class Tusend(JobBlock):
 _NO_SOCKET = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"))
 
 
-# The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
-
-
 class Turcv(JobBlock):
     """One TURCV instance."""
 

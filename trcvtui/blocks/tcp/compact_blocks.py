@@ -6,13 +6,13 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.block import Binding, JobBlock
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import NEXT_REQ, Cause, Lamp, Outcome, Why
+from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionControl, OneShotCont, Phase
 from trcvtui.blocks.tcp.job_checks import FaultRepeat
 from trcvtui.blocks.tcp.no_connection import StandingRequest, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
-from trcvtui.blocks.tcp.send_job import SendJob
+from trcvtui.blocks.tcp.send_job import NO_REQ, SendJob
 from trcvtui.net.connection.connection import ConnectionLoss
 
 
@@ -215,12 +215,7 @@ class TsendC(JobBlock):
     # -- connected ------------------------------------------------------------------------------------
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
-        if self.job.running:
-            got = self.job.go_on()
-        elif req_rose:
-            got = self.job.begin(inputs)
-        else:
-            got = self.job.check_loss() or no_req(self.job)
+        got = self.job.call(inputs, req_rose)
         return got if isinstance(got, Outcome) else self._lost(got, req_rose)
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
@@ -233,12 +228,3 @@ class TsendC(JobBlock):
             # Closed on our side shows no error that would tell the edge.
             self._asked = req_rose and not shown and not self._course.waiting_req_sends
         return outcome
-
-
-NO_REQ = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
-_NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
-
-
-def no_req(job: SendJob) -> Outcome:
-    """Return the outcome of a block that waits for an edge: the first, or that of the next job."""
-    return _NEXT_REQ if job.number else NO_REQ

@@ -11,9 +11,11 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
+from msgspec.structs import replace
+
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
+from trcvtui.blocks.outcome import FULL, NEXT_REQ, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import JobRequest, no_target, refuse, reserve, rival_of, unfit
 from trcvtui.blocks.tcp.jobs import OutgoingJob
@@ -25,6 +27,8 @@ from trcvtui.net.results import Fault, WouldBlock
 
 # What a datagram that no route takes shows; every other call that fails is "send failed".
 UNREACHED: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
+NO_REQ: Final = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+_NEXT_REQ: Final = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class SendJob(OutgoingJob):
@@ -41,6 +45,14 @@ class SendJob(OutgoingJob):
         self._refusal = FULL  # what the stack said when it took nothing
 
     # -- one scan, connected ------------------------------------------------------------------------
+
+    def call(self, inputs: Inputs, rose: bool) -> Outcome | ConnectionLoss:
+        """Go on, begin at the edge of REQ, or wait for one."""
+        if self.running:
+            return self.go_on()
+        if rose:
+            return self.begin(inputs)
+        return self.connection.check_loss() or (_NEXT_REQ if self.number else NO_REQ)
 
     def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
         """Start a job in the scan of the edge and send at once."""
@@ -131,10 +143,6 @@ class SendJob(OutgoingJob):
         if self._address is not None and isinstance(self.connection, UdpEndpoint):
             return self.connection.send_to(self._unsent, self._address, self._instance)
         return self.connection.send(self._unsent, self._instance)
-
-    def check_loss(self) -> ConnectionLoss | None:
-        """Look for a loss while no job runs."""
-        return self.connection.check_loss()
 
     def show_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""

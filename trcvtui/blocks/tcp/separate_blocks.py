@@ -10,7 +10,7 @@ from trcvtui.blocks.block import Binding, JobBlock, ScriptBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0, no_req
+from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0
 from trcvtui.blocks.tcp.connection_control import (
     ConnectionControl,
     Phase,
@@ -67,7 +67,6 @@ class Tcon(ScriptBlock):
         return self._part.lost(outcomes, "the connection is gone")
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; keep the connection open."""
         self._part.detach()
 
 
@@ -111,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. What it has reset it builds anew, together with whoever else wants it."""
+    """One T_RESET instance. What it has reset it builds anew, together with other blocks that want it."""
 
     def __init__(self, bound: Binding) -> None:
         super().__init__()
@@ -180,12 +179,7 @@ class Tsend(JobBlock):
         )
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
-        if self.job.running:
-            got = self.job.go_on()
-        elif req_rose:
-            got = self.job.begin(inputs)
-        else:
-            got = self.job.check_loss() or no_req(self.job)
+        got = self.job.call(inputs, req_rose)
         return got if isinstance(got, Outcome) else self._lost(got, req_rose)
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:

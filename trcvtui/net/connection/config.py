@@ -43,7 +43,7 @@ class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
 
     `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
-    `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where he is.
+    `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where it is.
     `any_local`: the system's own routing gives an active end its local address.
     `is_datagram`: UDP; the partner of each datagram stands in an ADDR.
     """

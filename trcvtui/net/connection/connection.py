@@ -1,11 +1,11 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
-Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
+Rule 1: `step` does at most one thing a scan, whichever block asks first; the others read the same answer.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
 Rule 3: a FIN never overtakes bytes: while somebody receives, or is about to (`readers`), the incarnation
 ends after the last of them. A sender that meets the loss first knows it at once; the loss is
 pending until the receiver has read on.
-Rule 4: who comes after the partner's FIN or RST is his successor, and waits; nobody resets him.
+Rule 4: a client that comes after the partner's FIN or RST is its successor, and waits; it is not reset.
 """
 
 from __future__ import annotations
@@ -62,27 +62,6 @@ class ConnectionLoss(Struct, frozen=True):
     release_fault: Fault | None = None
 
 
-class Losses:
-    """How the newest incarnations of one connection ended."""
-
-    def __init__(self) -> None:
-        self._of: dict[int, ConnectionLoss] = {}
-
-    def add(self, incarnation: int, loss: ConnectionLoss) -> None:
-        """Keep how this incarnation ended; the oldest one is forgotten."""
-        self._of[incarnation] = loss
-        if len(self._of) > LOSSES_KEPT:
-            del self._of[min(self._of)]
-
-    def of(self, incarnation: int) -> ConnectionLoss | None:
-        """Return how that incarnation ended, None where nobody knows."""
-        return self._of.get(incarnation)
-
-    @property
-    def newest(self) -> ConnectionLoss | None:
-        return self._of[max(self._of)] if self._of else None
-
-
 def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that a call's answer means; None is the partner's FIN.
 
@@ -117,7 +96,7 @@ class State(StrEnum):
 # Rule 3: where closed windows are probed often, an ACK older than the limit is a dead link.
 
 
-class Sent(Enum):
+class SentState(Enum):
     """How the bytes that were sent stand."""
 
     SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not say
@@ -148,16 +127,16 @@ class DeadLinkWatch:
         self._set_ms = 0
         self._limit(handle, closed_window=False)
 
-    def look(self, handle: Handle) -> Sent:
+    def look(self, handle: Handle) -> SentState:
         """Look once; done in each scan as long as bytes are under way."""
         path = self._kernel.path(handle)
         if path is None or not (path.unacked or path.unsent):
             self._limit(handle, closed_window=False)
-            return Sent.SETTLED
+            return SentState.SETTLED
         closed_window = path.unacked == 0
         self._limit(handle, closed_window)
         speaks = not path.probes_often or path.last_ack_ms < self._limit_ms
-        return Sent.DEAD if self._is_on and closed_window and not speaks else Sent.UNDER_WAY
+        return SentState.DEAD if self._is_on and closed_window and not speaks else SentState.UNDER_WAY
 
     def _limit(self, handle: Handle, closed_window: bool) -> None:
         limit = self._limit_ms if self._is_on and not closed_window else 0
@@ -206,7 +185,7 @@ class Connection:
         self._early: list[tuple[State, StepFault | None]] = []  # steps that were taken as it was queued
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
-        self._losses = Losses()
+        self._losses: dict[int, ConnectionLoss] = {}  # of the newest incarnations
         self._pauses = False  # the next step begins a pause
         self._dead_link = DeadLinkWatch(config, kernel, policy.user_timeout)
 
@@ -377,7 +356,7 @@ class Connection:
         before = self.incarnation
         while not self._is_over():  # accept ends when the scan has done its part (Work)
             got = self.set_up.accept()
-            # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
+            # When a newcomer could not be taken over, nobody is left: the next step adopts one that waits.
             if not isinstance(got, Accepted):
                 break
             if self._is_over():  # between the look and the accept
@@ -454,7 +433,7 @@ class Connection:
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
 
-        While somebody else than `asking` receives, or is about to, the loss is left to him (rule 3).
+        While somebody else than `asking` receives, or is about to, the loss is left to that one (rule 3).
         """
         if self.handle is None or self._others_read(asking):
             return None
@@ -485,11 +464,11 @@ class Connection:
             if self.pending_loss is None or self._reads(asking):
                 return None
             return self._found(self.pending_loss)
-        return self._losses.of(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
+        return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
     @property
     def last_loss(self) -> ConnectionLoss | None:
-        return self._losses.newest
+        return self._losses[max(self._losses)] if self._losses else None
 
     def unread(self) -> int:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
@@ -550,10 +529,10 @@ class Connection:
 
     def watch(self) -> bool:
         """Look after bytes that are under way; return whether the link has turned out to be dead."""
-        sent = Sent.SETTLED if self.handle is None else self._dead_link.look(self.handle)
-        if sent is Sent.SETTLED:
+        sent = SentState.SETTLED if self.handle is None else self._dead_link.look(self.handle)
+        if sent is SentState.SETTLED:
             self._resources.unsettled.pop(self._name, None)
-        if sent is not Sent.DEAD or self.pending_loss is not None:
+        if sent is not SentState.DEAD or self.pending_loss is not None:
             return False
         self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
         return True
@@ -628,7 +607,9 @@ class Connection:
         return removed or closed or freed
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
-        self._losses.add(self.incarnation, loss)
+        self._losses[self.incarnation] = loss
+        if len(self._losses) > LOSSES_KEPT:
+            del self._losses[min(self._losses)]
         self.link_is_dead = loss.kind is LossKind.LINK_DEAD
         self.handle, self.pending_loss, self.retry_at = None, None, None
         self.peer, self._local = None, None

@@ -162,7 +162,7 @@ def _meaning_of_param(description: Description) -> Meaning:
     )
 
 
-class Asked(Struct, frozen=True):
+class DescribedConnect(Struct, frozen=True):
     """A description and what the bench has written beside it.
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
@@ -179,7 +179,7 @@ class Asked(Struct, frozen=True):
     narrow_tsaps: bool = False
 
 
-def judge(asked: Asked) -> Finding | None:
+def judge(asked: DescribedConnect) -> Finding | None:
     """Return the first flaw, None where a CPU would try to connect."""
     found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
     return found._replace(field=field_name(asked.description, found.field)) if found else None
@@ -188,34 +188,34 @@ def judge(asked: Asked) -> Finding | None:
 # -- the questions -----------------------------------------------------------------------------------------
 
 
-def _structure(asked: Asked) -> Finding | None:
+def _structure(asked: DescribedConnect) -> Finding | None:
     name = asked.description.structure.name
     if not asked.structures or name in asked.structures:
         return None
     return Finding(Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only")
 
 
-def _length(asked: Asked) -> Finding | None:
+def _length(asked: DescribedConnect) -> Finding | None:
     structure, size = asked.description.structure, len(asked.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
     return Finding(Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}")
 
 
-def _identity(asked: Asked) -> Finding | None:
+def _identity(asked: DescribedConnect) -> Finding | None:
     if 1 <= asked.meaning.identity <= MOST_ID:
         return None
     name = "id" if asked.description.structure.field("id") else "ID"
     return Finding(Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}")
 
 
-def _configured(asked: Asked) -> Finding | None:
+def _configured(asked: DescribedConnect) -> Finding | None:
     if asked.meaning.protocol is not Protocol.CONFIGURED:
         return None
     return Finding(Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}")
 
 
-def _interface(asked: Asked) -> Finding | None:
+def _interface(asked: DescribedConnect) -> Finding | None:
     names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
     if asked.description.number(field) == 0 and not names_own:
@@ -225,7 +225,7 @@ def _interface(asked: Asked) -> Finding | None:
     return None
 
 
-def _type(asked: Asked) -> Finding | None:
+def _type(asked: DescribedConnect) -> Finding | None:
     if asked.meaning.protocol is not Protocol.UNKNOWN:
         return None
     structure = asked.description.structure
@@ -235,13 +235,13 @@ def _type(asked: Asked) -> Finding | None:
     return Finding(Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}")
 
 
-def _udp_active(asked: Asked) -> Finding | None:
+def _udp_active(asked: DescribedConnect) -> Finding | None:
     if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
         return None
     return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
 
 
-def _udp(asked: Asked) -> Finding | None:
+def _udp(asked: DescribedConnect) -> Finding | None:
     if asked.meaning.protocol is not Protocol.UDP:
         return None
     if not asked.meaning.local_port and not asked.takes_free_port:
@@ -249,13 +249,13 @@ def _udp(asked: Asked) -> Finding | None:
     return None
 
 
-def _tsap(asked: Asked) -> Finding | None:
+def _tsap(asked: DescribedConnect) -> Finding | None:
     if asked.meaning.protocol is not Protocol.ISO:
         return None
     return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
 
 
-def _tsap_of_any(asked: Asked) -> Finding | None:
+def _tsap_of_any(asked: DescribedConnect) -> Finding | None:
     local = asked.meaning.local_tsap
     if asked.description.structure.name == "TCON_Param":
         return _tsap_of_param(asked)
@@ -276,7 +276,7 @@ def _tsap_of_any(asked: Asked) -> Finding | None:
     return None
 
 
-def _firsts(asked: Asked) -> bytes:
+def _firsts(asked: DescribedConnect) -> bytes:
     return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
 
 
@@ -296,14 +296,14 @@ def _selector_length(description: Description, name: str) -> int:
     return int.from_bytes(description.data[field.offset : field.offset + 2], "big")
 
 
-def _tsap_of_param(asked: Asked) -> Finding | None:
+def _tsap_of_param(asked: DescribedConnect) -> Finding | None:
     local = asked.meaning.local_tsap
     if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
         return Finding(Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0")
     return None
 
 
-def _param(asked: Asked) -> Finding | None:
+def _param(asked: DescribedConnect) -> Finding | None:
     """Judge the lengths in a TCON_Param (S7-1200 System Manual)."""
     if asked.description.structure.name != "TCON_Param":
         return None
@@ -338,7 +338,7 @@ def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
     return lengths
 
 
-def _ports(asked: Asked) -> Finding | None:
+def _ports(asked: DescribedConnect) -> Finding | None:
     says = asked.meaning
     if says.protocol is not Protocol.TCP:
         return None
@@ -349,7 +349,7 @@ def _ports(asked: Asked) -> Finding | None:
     return None
 
 
-def _remote(asked: Asked) -> Finding | None:
+def _remote(asked: DescribedConnect) -> Finding | None:
     says = asked.meaning
     if asked.description.structure.field("RemoteQDN"):
         return None
@@ -364,14 +364,14 @@ def _remote(asked: Asked) -> Finding | None:
     return None
 
 
-def _local_port(asked: Asked) -> Finding | None:
+def _local_port(asked: DescribedConnect) -> Finding | None:
     port = asked.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
         return Finding(Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000")
     return None
 
 
-def _name(asked: Asked) -> Finding | None:
+def _name(asked: DescribedConnect) -> Finding | None:
     if asked.description.structure.field("RemoteQDN") is None:
         return None
     name = asked.meaning.remote_name
@@ -384,14 +384,14 @@ def _name(asked: Asked) -> Finding | None:
     return None
 
 
-def _secure_type(asked: Asked) -> Finding | None:
+def _secure_type(asked: DescribedConnect) -> Finding | None:
     is_udp = asked.description.number("ConnectionType") == UDP_TYPE
     if not is_udp or not asked.description.number("ActivateSecureConn"):
         return None
     return Finding(Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS")
 
 
-def _secure(asked: Asked) -> Finding | None:
+def _secure(asked: DescribedConnect) -> Finding | None:
     number = asked.description.number
     if not number("ActivateSecureConn"):
         return None
@@ -408,7 +408,7 @@ def _secure(asked: Asked) -> Finding | None:
     return None
 
 
-_QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
+_QUESTIONS: Final[tuple[Callable[[DescribedConnect], Finding | None], ...]] = (
     _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
     _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip

@@ -23,7 +23,7 @@ from trcvtui.wording import duration
 # interval is for such work. A party is one layer of one CONNECT: its stream, or the clients at its port.
 # Rule 1: a step is begun while its party has units left, so that a party oversteps by one step at most.
 # Rule 2: who had to wait gets an equal share in the next scan, put by for it, and nothing beside; all others
-# take from what is left over, at most half of the rest each: nobody comes to nothing because of his place.
+# take from what is left over, at most half of the rest each: none gets nothing because of its place.
 # Rule 3: what waits stays where it is, in the stack if it can. It is told once an episode, not once a scan.
 # Rule 4: TLS handshakes have, beside their units, a tenth of the interval by the clock, one step at least.
 
@@ -50,11 +50,6 @@ Said = Callable[[str, EventKind, str, str], None]  # CONNECT, what, the partner 
 
 def nobody_hears(owner: str, what: EventKind, partner: str, why: str) -> None:
     """Say it to nobody."""
-
-
-def no_clock() -> int:
-    """Return 0: work costs no time where nobody measures it."""
-    return 0
 
 
 class BudgetShare:
@@ -89,7 +84,7 @@ class ScanBudget:
     `said` hears when something has to wait, once an episode; begin() once a scan.
     """
 
-    def __init__(self, clock: Callable[[], int] = no_clock, interval_ns: int = USUAL_INTERVAL) -> None:
+    def __init__(self, clock: Callable[[], int] = int, interval_ns: int = USUAL_INTERVAL) -> None:
         self.clock = clock
         self.said: Said = nobody_hears
         self.scan = 0
@@ -97,7 +92,7 @@ class ScanBudget:
         self._now = 0
         self._waiting: dict[BudgetShare, None] = {}  # in the order in which they will get their shares
         self._put_by: dict[BudgetShare, int] = {}
-        self._rest = self._units
+        self._rest = self.units
         self._episodes: dict[tuple[str, EventKind], int] = {}  # when it last had to wait; the oldest first
         self._shaken = 0  # ns of handshakes in this scan
         self._steps = 0
@@ -105,11 +100,7 @@ class ScanBudget:
 
     def set_interval(self, interval_ns: int) -> None:
         self._interval = interval_ns
-        self._units = max(FEWEST, interval_ns // NS_A_UNIT)
-
-    @property
-    def units(self) -> int:
-        return self._units
+        self.units = max(FEWEST, interval_ns // NS_A_UNIT)
 
     def begin(self, now: int) -> None:
         """Begin a scan: put by the shares of those who had to wait in the last one."""
@@ -118,10 +109,10 @@ class ScanBudget:
         self._shaken = self._steps = 0
         self._longest -= self._longest >> FADES
         self._put_by.clear()
-        self._rest = self._units
+        self._rest = self.units
         if self._waiting:
-            turn = list(self._waiting)[: max(1, self._units // LEAST_SHARE - 1)]
-            share = self._units // (len(turn) + 1)
+            turn = list(self._waiting)[: max(1, self.units // LEAST_SHARE - 1)]
+            share = self.units // (len(turn) + 1)
             self._rest -= share * len(turn)
             for party in turn:
                 del self._waiting[party]
@@ -212,7 +203,7 @@ class DirectionClaims:
         return None
 
     def hold(self, claim: Claim) -> None:
-        """Hold it beside others: who builds a connection keeps nobody of his own priority out."""
+        """Hold it beside others: who builds a connection keeps nobody of its own priority out."""
         if claim not in self._claims:
             self._claims.append(claim)
 

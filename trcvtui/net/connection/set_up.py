@@ -106,7 +106,7 @@ class SetUp:
         self._has_told_limit = False
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
-        self._successor: Accepted | None = None  # accepted while the partner before him was ending
+        self._successor: Accepted | None = None  # accepted while the partner before it was ending
 
     @property
     def has_been_up(self) -> bool:
@@ -124,7 +124,7 @@ class SetUp:
         return None if self.attempt is None else self._deadline
 
     def judge(self) -> StepFault | None:
-        """Return what keeps whoever opens this connection from it, before there is any socket."""
+        """Return what keeps a block from opening this connection, before there is any socket."""
         return self.judge_description()
 
     def judge_description(self) -> StepFault | None:
@@ -271,7 +271,7 @@ class SetUp:
         return got
 
     def keep(self, client: Accepted) -> None:
-        """Keep an accepted client as the next partner: the one before him has ended in the same moment."""
+        """Keep an accepted client as the next partner: the one before it has ended in the same moment."""
         self._successor = client
 
     def _accept_any(self) -> Accepted | StepFault | None:

@@ -32,15 +32,13 @@ NO_ADDR: Final = StepFault(
 class UdpSetUp(SetUp):
     """From socket to bound port; nobody has to come."""
 
-    needs_addr = False  # whoever opens it has none, and needs one
+    needs_addr = False  # the block that opens it has none, and needs one
 
     @property
     def listening(self) -> Endpoint | None:
-        """Return where datagrams reach this CONNECT, None while there is no socket."""
         return self.local
 
     def judge(self) -> StepFault | None:
-        """Look at the description, and at ADDR."""
         return super().judge() or (NO_ADDR if self.needs_addr else None)
 
     def create(self) -> StepFault | None:
@@ -51,7 +49,6 @@ class UdpSetUp(SetUp):
         return None
 
     def prepare(self, now: int) -> StepFault | None:
-        """Bind it and put it into the poll set."""
         assert self.attempt is not None
         failed = self._bind(self.attempt)
         if failed is not None:
@@ -119,7 +116,6 @@ class UdpEndpoint(Connection):
 
     @property
     def is_open(self) -> bool:
-        """Return whether the socket is there and bound."""
         return self.handle is not None
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
@@ -156,7 +152,6 @@ class UdpEndpoint(Connection):
         return removed or freed
 
     def stop(self) -> None:
-        """Free everything without a word to any block (PLC STOP)."""
         if self.is_config:
             self.close()
             self.set_up.forget()
@@ -226,15 +221,3 @@ class UdpEndpoint(Connection):
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         super()._end_incarnation(loss, state)
         self.set_up.local = None
-
-
-def connection_of(
-    config: ConnectConfig,
-    kernel: Kernel,
-    resources: Resources,
-    policy: Policy,
-    resolve: Callable[[str], int | None],
-    write: Callable[[ConnectionEvent], None],
-) -> Connection:
-    kind = UdpEndpoint if config.is_datagram else Connection
-    return kind(config, kernel, resources, policy, resolve, write)

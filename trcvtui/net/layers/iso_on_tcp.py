@@ -17,12 +17,12 @@ from typing import Final, NamedTuple
 
 from msgspec import Struct
 
-from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
+from trcvtui.net.layer import LayerMessage, LayerSettings, SessionEnd
 from trcvtui.net.results import Endpoint, Unread, WaitingMessage
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
 #
-# Rule 1: what the partner sends is judged, never trusted: a TPDU that cannot be read is `Malformed`.
+# Rule 1: what the partner sends is judged, never trusted: a TPDU that cannot be read is `MalformedTpdu`.
 # Rule 2: a reader holds one TPKT at most (65535 bytes), however the bytes are cut.
 # Layout: RFC 1006 and RFC 905. All numbers are big-endian.
 
@@ -52,11 +52,8 @@ class Code(IntEnum):
 class Refusal(IntEnum):
     """Reasons of a DR (RFC 905)."""
 
-    UNSPECIFIED = 0x00
     NOBODY_WAITS = 0x02
     UNKNOWN_TSAP = 0x03
-    NORMAL = 0x80
-    PROTOCOL_ERROR = 0x85
     NEGOTIATION_FAILED = 0x82
     REFUSED = 0x88
 
@@ -106,30 +103,30 @@ class Disconnect(NamedTuple):
     reason: int
 
 
-class Rejected(NamedTuple):
+class ErrorTpdu(NamedTuple):
     """An ER: the partner could not read a TPDU of ours."""
 
     destination_ref: int
     cause: int
 
 
-class Ignored(NamedTuple):
+class UnusedTpdu(NamedTuple):
     """A TPDU that class 0 has no use for."""
 
     code: int
 
 
-class Malformed(NamedTuple):
+class MalformedTpdu(NamedTuple):
     """What cannot be read; the connection cannot go on after it."""
 
     what: str
 
 
-Tpdu = Connect | Data | Disconnect | Rejected | Ignored | Malformed
+Tpdu = Connect | Data | Disconnect | ErrorTpdu | UnusedTpdu | MalformedTpdu
 
 
 class TpktReader:
-    """Puts TPDUs together from bytes that come in any pieces; after `Malformed` nothing more is read."""
+    """Puts TPDUs together from bytes that come in any pieces; after `MalformedTpdu` nothing more is read."""
 
     def __init__(self) -> None:
         self.agreed: int | None = None  # bytes of a DT, where both ends have told
@@ -157,13 +154,13 @@ class TpktReader:
             size = int.from_bytes(self._held[begin + 2 : begin + 4], "big")
             wrong = _wrong_tpkt(self._held[begin], size) or self._too_large(begin, size)
             if wrong:
-                found.append(Malformed(wrong))
+                found.append(MalformedTpdu(wrong))
             elif len(self._held) - begin < size:
                 break
             else:
                 found.append(parse(bytes(self._held[begin + TPKT_HEADER : begin + size])))
             begin += size
-            self._is_lost = isinstance(found[-1], Malformed)
+            self._is_lost = isinstance(found[-1], MalformedTpdu)
         if self._is_lost:
             self._held.clear()
         else:
@@ -191,7 +188,7 @@ def parse(tpdu: bytes) -> Tpdu:
     """Return the TPDU after a TPKT header; `tpdu` begins with its length indicator."""
     length = tpdu[0]
     if length < 2 or length == 255 or length + 1 > len(tpdu):
-        return Malformed(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
+        return MalformedTpdu(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
     header, rest = tpdu[1 : length + 1], tpdu[length + 1 :]
     code = header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
     match code:
@@ -203,18 +200,18 @@ def parse(tpdu: bytes) -> Tpdu:
             return _disconnect(header)
         case Code.ER:
             return _rejected(header)
-    return Ignored(header[0])
+    return UnusedTpdu(header[0])
 
 
 def _connect(code: Code, header: bytes) -> Tpdu:
     if len(header) < 6:
-        return Malformed(f"a {code.name} of {len(header)} bytes")
+        return MalformedTpdu(f"a {code.name} of {len(header)} bytes")
     parameters = _parameters(header[6:])
     if parameters is None:
-        return Malformed(f"parameters of a {code.name} that run over its end")
+        return MalformedTpdu(f"parameters of a {code.name} that run over its end")
     calling, called = parameters.get(_Parameter.CALLING, b""), parameters.get(_Parameter.CALLED, b"")
     if max(len(calling), len(called)) > LONGEST_TSAP:
-        return Malformed(f"a TSAP of {max(len(calling), len(called))} bytes")
+        return MalformedTpdu(f"a TSAP of {max(len(calling), len(called))} bytes")
     size = parameters.get(_Parameter.SIZE)
     asked = header[5] >> 4
     return Connect(
@@ -241,20 +238,20 @@ def _parameters(data: bytes) -> dict[int, bytes] | None:
 
 def _disconnect(header: bytes) -> Tpdu:
     if len(header) < 6:
-        return Malformed(f"a DR of {len(header)} bytes")
+        return MalformedTpdu(f"a DR of {len(header)} bytes")
     return Disconnect(int.from_bytes(header[1:3], "big"), int.from_bytes(header[3:5], "big"), header[5])
 
 
 def _rejected(header: bytes) -> Tpdu:
     if len(header) < 4:
-        return Malformed(f"an ER of {len(header)} bytes")
-    return Rejected(int.from_bytes(header[1:3], "big"), header[3])
+        return MalformedTpdu(f"an ER of {len(header)} bytes")
+    return ErrorTpdu(int.from_bytes(header[1:3], "big"), header[3])
 
 
 # -- values to bytes ---------------------------------------------------------------------------------
 
 
-def encode(tpdu: Connect | Data | Disconnect | Rejected) -> bytes:
+def encode(tpdu: Connect | Data | Disconnect | ErrorTpdu) -> bytes:
     """Return the TPDU with its TPKT header."""
     match tpdu:
         case Connect():
@@ -265,7 +262,7 @@ def encode(tpdu: Connect | Data | Disconnect | Rejected) -> bytes:
         case Disconnect():
             refs = _refs(tpdu.destination_ref, tpdu.source_ref)
             body = bytes([Code.DR]) + refs + bytes([tpdu.reason])
-        case Rejected():
+        case ErrorTpdu():
             body = bytes([Code.ER]) + tpdu.destination_ref.to_bytes(2, "big") + bytes([tpdu.cause])
     return _framed(bytes([len(body)]) + body)
 
@@ -328,16 +325,18 @@ class IsoSettings(Struct, frozen=True):
     shares_port: bool = True
 
     def new(self, is_active: bool) -> IsoOnTcp:
-        """Return a fresh session."""
         return IsoOnTcp(self, is_active)
 
 
 class IsoOnTcp:
     """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
 
+    is_dear = False  # a handshake of two TPDUs costs nothing
+    partner_is_done = False  # class 0 ends with its stream
+
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = IsoPhase.WAITS_FOR_CC if is_active else IsoPhase.WAITS_FOR_CR
-        self.ended: Ended | None = None
+        self.ended: SessionEnd | None = None
         self.can_take_back = True
         self.request: Connect | None = None  # the partner's CR, until it is answered
         self._settings = settings
@@ -360,16 +359,13 @@ class IsoOnTcp:
 
     @property
     def is_up(self) -> bool:
-        """Return whether messages may flow."""
         return self.phase is IsoPhase.UP
 
     @property
     def has_data(self) -> bool:
-        """Return whether a message is complete."""
         return bool(self._messages)
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
-        """Return the messages that are complete."""
         found = [WaitingMessage(peer, *one) for one in islice(self._messages, skip, None)]
         return Unread(is_full=not self.wants_more, messages=tuple(found), has_session=True)
 
@@ -385,7 +381,6 @@ class IsoOnTcp:
 
     @property
     def held(self) -> int:
-        """Return how many bytes are kept: complete messages, and what is not complete yet."""
         return self._reader.held + len(self._collected) + self._waiting()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
@@ -398,18 +393,7 @@ class IsoOnTcp:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether TPDUs wait here that may be taken now."""
         return self._reader.stopped_short and self.wants_more
-
-    @property
-    def is_dear(self) -> bool:
-        """Return False: a handshake of two TPDUs costs nothing."""
-        return False
-
-    @property
-    def partner_is_done(self) -> bool:
-        """Return False: class 0 ends with its stream."""
-        return False
 
     @property
     def unfinished(self) -> int:
@@ -449,7 +433,6 @@ class IsoOnTcp:
         return LayerMessage(data[:size], whole)
 
     def encode(self, data: bytes) -> bytes:
-        """Return the DTs that carry one message."""
         return segments(data, self._most)
 
     def drop_data(self) -> int:
@@ -501,7 +484,7 @@ class IsoOnTcp:
 
     def _take(self, tpdu: Tpdu) -> None:
         match tpdu:
-            case Malformed(what):
+            case MalformedTpdu(what):
                 self._end("EPROTO", what)
             case Connect(unfit=unfit) if unfit:
                 self._cannot_agree(tpdu)
@@ -514,13 +497,13 @@ class IsoOnTcp:
             case Disconnect(reason=reason):
                 was_asking = self.phase is IsoPhase.WAITS_FOR_CC
                 self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
-            case Rejected(cause=cause):
+            case ErrorTpdu(cause=cause):
                 self._end("EPROTO", f"ER, cause {cause:02X}")
             case Connect():
                 self._end("EPROTO", f"a {tpdu.code.name} out of turn")
             case Data():
                 self._end("EPROTO", "a DT out of turn")
-            case Ignored(code=code):  # what class 0 does not know is no reason to end
+            case UnusedTpdu(code=code):  # what class 0 does not know is no reason to end
                 self._pass_over(code)
 
     def _cannot_agree(self, asked: Connect) -> None:
@@ -578,7 +561,7 @@ class IsoOnTcp:
 
     def _end(self, error: str, detail: str) -> None:
         if self.ended is None:
-            self.ended = Ended(error, detail)
+            self.ended = SessionEnd(error, detail)
         self.phase = IsoPhase.ENDED
         self._collected.clear()
 

@@ -53,7 +53,7 @@ class ReadyKernel(Kernel, Protocol):
 
 
 def nothing_known() -> Mapping[Handle, str] | None:
-    """Return None: whoever asks must look at everything."""
+    """Return None: everything must be looked at."""
     return None
 
 
@@ -371,7 +371,7 @@ class LayerKernel(KernelFront):
         if stream is not None and asked is not None:
             asked.refuse(is_known=True)
             stream.flush()
-            stream.is_told = True  # by whoever turns it away
+            stream.is_told = True  # by the call that turns it away
         says_goodbye = asked is None and self._goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:

@@ -110,12 +110,12 @@ class LayeredStream:
             return session.feed(data, max(1, party.left))
 
         party.spend(party.work.shake(party, str(self.peer), step) if session.is_dear else step())
-        if session.partner_is_done:  # his last word is answered at once (RFC 5246 7.2.1)
+        if session.partner_is_done:  # its last word is answered at once (RFC 5246 7.2.1)
             self.is_over = True
             self.goodbye()
 
     def take_last_words(self) -> None:
-        """Take what a partner has left who went before he could have had an answer: no step is worth it."""
+        """Take what a partner has left that went before it could have had an answer: no step is worth it."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
@@ -264,13 +264,13 @@ GAVE_WAY: Final = f"{CLIENTS_WAITING} clients were there before it was done, and
 FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
-class Choosing(Protocol):
+class ChoiceSession(Protocol):
     """A session whose partner asks for one of several: it waits until it is given to somebody, or refused."""
 
     has_asked: bool
 
     def names(self, settings: LayerSettings) -> bool:
-        """Return whether it asks for the name of this CONNECT, whoever may have it."""
+        """Return whether it asks for the name of this CONNECT, which several may have."""
         ...
 
     def is_for(self, settings: LayerSettings) -> str:
@@ -284,9 +284,9 @@ class Choosing(Protocol):
         ...
 
 
-def choosing(session: object) -> Choosing | None:
+def choosing(session: object) -> ChoiceSession | None:
     """Return the session if its partner has asked for somebody; None: not yet, or it knows no such thing."""
-    found: Choosing | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
+    found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
 
@@ -385,7 +385,7 @@ class SharedListener:
             client.too_slow("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
-    def _give(self, client: LayeredStream, session: Choosing) -> None:
+    def _give(self, client: LayeredStream, session: ChoiceSession) -> None:
         members = list(self.members.values())
         named = [member for member in members if session.names(member.settings)]
         meant = [member for member in named if not session.is_for(member.settings)]

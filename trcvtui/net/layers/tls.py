@@ -16,7 +16,7 @@ from typing import Final
 
 from trcvtui.files import check_readable, is_disk_left_alone
 from trcvtui.net.connection.resources import HANDSHAKE as HANDSHAKE_UNITS
-from trcvtui.net.layer import Credentials, Ended, LayerMessage, LayerSession, TlsError
+from trcvtui.net.layer import Credentials, LayerMessage, LayerSession, SessionEnd, TlsError
 from trcvtui.net.results import Endpoint, Unread
 
 # X509_V_ERR_...: what is wrong with the partner's certificate; every other number discards it.
@@ -59,16 +59,16 @@ _REASONS: Final = {
 _ALERT: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: the partner says so
 
 
-def ended_of(problem: Exception) -> Ended:
+def ended_of(problem: Exception) -> SessionEnd:
     """Return why a session ends that met this exception."""
     if isinstance(problem, ssl.SSLCertVerificationError):
         error = _VERIFYING.get(problem.verify_code, TlsError.DISCARDED)
-        return Ended(error, f"the partner's certificate: {problem.verify_message}")
+        return SessionEnd(error, f"the partner's certificate: {problem.verify_message}")
     reason = str(getattr(problem, "reason", None) or problem)
     before, alert, said = reason.partition(_ALERT)
     if alert and before in ("SSLV3", "TLSV1", "TLSV13"):
-        return Ended(TlsError.REFUSED, f"the partner says: {_in_words(said)}")
-    return Ended(_REASONS.get(reason, TlsError.HANDSHAKE), _in_words(reason))
+        return SessionEnd(TlsError.REFUSED, f"the partner says: {_in_words(said)}")
+    return SessionEnd(_REASONS.get(reason, TlsError.HANDSHAKE), _in_words(reason))
 
 
 def _in_words(reason: str) -> str:
@@ -100,8 +100,10 @@ _RAISED: Final = (ssl.SSLError, OSError, ValueError)
 class Tls:
     """One end. `ended` is the reason of a failure; a partner who closed in good order `partner_is_done`."""
 
+    unfinished = 0  # records are no messages, and what is not complete of one is bounded
+
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
-        self.ended: Ended | None = None
+        self.ended: SessionEnd | None = None
         self.can_take_back = False  # records are counted
         self.is_up = False
         self.partner_is_done = False
@@ -121,7 +123,7 @@ class Tls:
                 server_hostname=credentials.server_name.rstrip(".") or None if is_active else None,
             )
         except _RAISED as problem:
-            self.ended = Ended(TlsError.REFERENCE, f"our own certificates: {problem}")
+            self.ended = SessionEnd(TlsError.REFERENCE, f"our own certificates: {problem}")
         if is_active:
             self._shake_hands()
 
@@ -136,7 +138,6 @@ class Tls:
         return self.ended is None and not self.partner_is_done and self.held < CAP
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
-        """Return the bytes that are decrypted."""
         return Unread(
             len(self._plain), bytes(self._plain[skip:]), is_full=not self.wants_more, has_session=True
         )
@@ -153,7 +154,7 @@ class Tls:
         if self.ended is not None or self.partner_is_done:
             return 0
         if not self._has_fed and data and data[0] not in self._first_bytes:
-            self._end(Ended(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
+            self._end(SessionEnd(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
             return 0
         if data:
             self._has_fed = True
@@ -163,7 +164,6 @@ class Tls:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether records wait that may be read now."""
         return self._stopped_short and len(self._plain) < CAP and self.wants_more
 
     @property
@@ -178,12 +178,7 @@ class Tls:
         if self.is_up:
             self._go_on(1)
         elif self._has_fed:
-            self._end(Ended(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
-
-    @property
-    def unfinished(self) -> int:
-        """Return 0: records are no messages, and what is not complete of one is bounded."""
-        return 0
+            self._end(SessionEnd(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
     def take_remarks(self) -> list[str]:
         """Return nothing: the library passes over nothing that it tells."""
@@ -192,10 +187,10 @@ class Tls:
     def give_up(self, why: str) -> None:
         """End a handshake that does not go on."""
         if not self.is_up:
-            self._end(Ended(TlsError.SILENT, "the handshake does not go on"))
+            self._end(SessionEnd(TlsError.SILENT, "the handshake does not go on"))
 
     def say_goodbye(self) -> bool:
-        """Tell the partner that nothing more comes (close_notify), once; return whether he has been told."""
+        """Tell the partner that nothing more comes (close_notify), once; return whether it has been told."""
         if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
             self._has_said_goodbye = True
             with suppress(*_RAISED):  # ours is in the output; the partner's own may come or not
@@ -267,7 +262,7 @@ class Tls:
             except ssl.SSLZeroReturnError:
                 got = b""
             except ssl.SSLEOFError:
-                self._end(Ended(TlsError.TRUNCATED, "the stream ended without a close_notify"))
+                self._end(SessionEnd(TlsError.TRUNCATED, "the stream ended without a close_notify"))
                 break
             except _RAISED as problem:
                 self._end(ended_of(problem))
@@ -276,7 +271,7 @@ class Tls:
             self.partner_is_done = not got
         return count
 
-    def _end(self, ended: Ended) -> None:
+    def _end(self, ended: SessionEnd) -> None:
         if self.ended is None:
             self.ended = ended
 

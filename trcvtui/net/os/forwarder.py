@@ -13,13 +13,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from heapq import heappop, heappush
-from itertools import count, islice
+from itertools import islice
 from typing import Any, Final
 
 from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
-from trcvtui.net.os.tapped_lane import READ, TapLane, in_words, intervene, refusal
+from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
 from trcvtui.net.tap import (
     EVENT,
     FIGURES,
@@ -73,7 +72,7 @@ class PollOfSelect:
 
 
 class Observer:
-    """Who is told events over a socket, and may give orders over it. He never makes the loop wait."""
+    """A program that is told events over a socket, and may give orders; it never makes the loop wait."""
 
     def __init__(
         self, loop: Forwarder, sock: socket.socket, what: str, gives_orders: bool, wants_bytes: bool
@@ -122,7 +121,7 @@ class Observer:
             self.go_on()
 
     def go_on(self) -> None:
-        """Hand over what waits, as much as he takes."""
+        """Hand over what waits, as much as it takes."""
         try:
             while self._waiting:
                 first = self._waiting[0]
@@ -157,7 +156,7 @@ class Observer:
             self._loop.obey(order_of(line))
 
     def end(self) -> None:
-        """Forget him; nothing that he holds stays held."""
+        """Forget it; nothing that it holds stays held."""
         if not self.is_gone:
             self.is_gone = True
             self._loop.forget(self._sock.fileno())
@@ -174,44 +173,15 @@ class Observer:
         self.end()
 
 
-class Forwarder:
+class Forwarder(TapLoop):
     """The loop; `say` gets lines for the user."""
 
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
-        self._say = say
-        self.buffer = memoryview(bytearray(READ))
-        self._numbers = count(1)
+        super().__init__(say, poll or (select.epoll() if hasattr(select, "epoll") else PollOfSelect()))
         self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
-        self._poll: Any = poll or (select.epoll() if hasattr(select, "epoll") else PollOfSelect())
-        self._heard: dict[int, Callable[[int], None]] = {}
-        self._timers: list[tuple[int, int, Callable[[], None]]] = []
-        self._timer_numbers = count()
         self._lookers: tuple[Observer, ...] = ()
-        self.holds = False  # each direction from its beginning
         self._ends = False
         self._ticks = 0
-
-    # -- the poll set -----------------------------------------------------------------------------------
-
-    def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
-        self._poll.register(fd, mask)
-        self._heard[fd] = ready
-
-    def want(self, fd: int, mask: int) -> None:
-        self._poll.modify(fd, mask)
-
-    def forget(self, fd: int) -> None:
-        if self._heard.pop(fd, None) is not None:
-            self._poll.unregister(fd)
-
-    def at(self, ns: int, call: Callable[[], None]) -> None:
-        heappush(self._timers, (ns, next(self._timer_numbers), call))
-
-    def next_number(self) -> int:
-        return next(self._numbers)
-
-    def say(self, line: str) -> object:
-        return self._say(line)
 
     # -- who looks on ----------------------------------------------------------------------------------------
 
@@ -232,7 +202,7 @@ class Forwarder:
     def add_looker(
         self, sock: socket.socket, what: str, gives_orders: bool = False, wants_bytes: bool = True
     ) -> None:
-        """Tell events to one more, and obey him; `what` he does, for when he is gone."""
+        """Tell events to one more, and obey it; `what` it does, for when it is gone."""
         looker = Observer(self, sock, what, gives_orders, wants_bytes)
         self._lookers += (looker,)
         self._tell_all(looker)
@@ -360,20 +330,6 @@ class Forwarder:
     def stop_after(self, ns: int) -> None:
         """End the loop when so much time has passed."""
         self.at(time.monotonic_ns() + ns, self.stop)
-
-    def turn(self, seconds: float) -> None:
-        """Do what there is to do; wait so long at most for it, -1: for ever."""
-        while self._timers and self._timers[0][0] <= time.monotonic_ns():
-            heappop(self._timers)[2]()
-            seconds = 0  # it may have ended the loop
-        if self._timers:
-            left = max(self._timers[0][0] - time.monotonic_ns(), 0) / 1e9
-            seconds = left if seconds < 0 else min(left, seconds)
-        heard = self._heard
-        for fd, events in self._poll.poll(seconds):
-            ready = heard.get(fd)
-            if ready is not None:
-                ready(events)
 
     def close(self) -> None:
         """Listen no more, end both ends of all, let those who look on have what waits."""

@@ -117,7 +117,6 @@ class OsKernel:
         return self._ready  # type: ignore[return-value]  # a cast would be a call in each scan
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw something to read; a handle outside the set is looked at now."""
         if handle in self._polled:
             return handle in self._ready
         return bool(self._look(handle, IN))
@@ -155,13 +154,11 @@ class OsKernel:
         self._polls.unregister(sock.fileno())
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Let all traffic of an owner's handles go silent, or return; return what is wrong, or ""."""
         return self._links.set_link(owner, up)
 
     # -- set-up --------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        """Make a non-blocking TCP socket."""
         try:
             return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM), owner)
         except OSError as problem:
@@ -212,7 +209,6 @@ class OsKernel:
         return Accepted(self._keep(made, self._links.owner(handle)), Endpoint(address, port))
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name, or WOULD_BLOCK while the system's resolver is at work."""
         return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
@@ -335,20 +331,17 @@ class OsKernel:
         return Unread() if sock is None else peek_at(sock, skip, bool(self._ready.get(handle, 0) & GONE))
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state from TCP_INFO, or None where the system does not say."""
         return path_of(self._sockets.get(handle))
 
     # -- datagrams -----------------------------------------------------------------------------------
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a non-blocking UDP socket."""
         try:
             return self._keep(Socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram; the stack takes all of it or nothing."""
         if self._links.is_down(handle):
             return len(data)  # a datagram has no connection whose other end could be made deaf
         error = ""

@@ -170,7 +170,6 @@ class OsSerialPort:
             return self._gone("read", problem)
 
     def write(self, payload: bytes) -> int | Fault:
-        """Hand bytes over, as far as there is room."""
         try:
             if not self._has_room():
                 return 0

@@ -49,12 +49,10 @@ class PollList:
         self._wanted[fd] = mask
 
     def unregister(self, fd: int) -> None:
-        """Take fd out; ENOENT when it is not in."""
         if self._wanted.pop(fd, None) is None:
             raise OSError(errno.ENOENT, "not in the poll set")
 
     def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]:
-        """Return (descriptor, events) of those that are ready now."""
         return look_at(self._wanted) if self._wanted else []
 
     def close(self) -> None:
@@ -323,7 +321,7 @@ def _ask(sock: socket.socket, request: int) -> int:
 # Linux lets a program put a classic BPF filter on its own sockets. "Take 0 bytes" on every socket of a
 # CONNECT, and on the bench's own sockets at the other end of them, silences that wire both ways without FIN
 # or RST; the stack's own timers find out. A partner outside this bench still hears the PLC's segments, only
-# his answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
+# its answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
 
 CAN_CUT: Final = sys.platform == "linux"
 CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"
@@ -365,7 +363,6 @@ class CutLinks:
         self._deaf.pop(handle, None)
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
         if not CAN_CUT:
             return CANNOT_CUT
         if up:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, unread_bytes
-from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapEnd, TapLane, TapLoop
+from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
 
 CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
@@ -21,13 +21,14 @@ AGAIN_NS: Final = 1_000_000_000  # between two attempts to open a port that is g
 MOST_TALKS: Final = 1024  # UDP clients; then the one that is silent for longest goes
 
 
-class TcpTalk:
+class TcpTalk(TapConversation):
     """A TCP conversation: the near end is there, the far end is called."""
 
     has_ends = True
 
     def __init__(self, route: TcpRoute, number: int, near: socket.socket, said: bytes) -> None:
-        self.route, self.number, self.loop, self.said = route, number, route.loop, said
+        self.route, self.number, self.said = route, number, said
+        self.loop, self.place = route.loop, route.place
         self.lanes: tuple[TapLane, TapLane] | tuple[()] = ()
         self.has_ended = False
         self._near = near
@@ -45,9 +46,6 @@ class TcpTalk:
             self.loop.at(time.monotonic_ns() + CONNECT_NS, self._give_up)
         else:
             self._end_attempt(error)
-
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        self.loop.tell(kind, way, self.route.place, self.number, at, data)
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:
@@ -118,7 +116,6 @@ class TcpTalk:
             self.close()
 
     def pass_reset(self, lane: TapLane) -> None:
-        """Let the target see an RST; the source has sent one."""
         self.tell(TapEventKind.RST, lane.way, at=lane.at)
         self.close(reset=True)
 
@@ -193,7 +190,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: a socket of its own for each client, so that the answers find him."""
+    """A tap between UDP ends: a socket of its own for each client, so that the answers find it."""
 
     has_stack = False
 
@@ -246,25 +243,6 @@ class UdpRoute:
         self.door.close()
 
 
-class _NoConnection:
-    """A conversation whose ends are never seen."""
-
-    has_ends = False
-
-    def is_on_its_way(self, end: TapEnd) -> bool:
-        return False
-
-    def pass_fin(self, lane: TapLane) -> None:
-        """Pass nothing: there is no end."""
-
-    pass_reset = ended = pass_fin
-
-    def failed(self, lane: TapLane, failed: OSError) -> None:
-        """Take nothing from it: the next datagram may pass."""
-
-    refused = failed
-
-
 class _DatagramEnd(TapEnd):
     """One end of datagrams: they are read whatever waits."""
 
@@ -276,20 +254,17 @@ class _DatagramEnd(TapEnd):
         """Want nothing."""
 
 
-class UdpTalk(_NoConnection):
+class UdpTalk(TapConversation):
     """What one client says and hears."""
 
     def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
-        self.route, self.number, self.loop, self._sock = route, number, route.loop, sock
+        self.number, self.loop, self.place, self._sock = number, route.loop, route.place, sock
         self.said = _said(route.route.to, client)
         near = _DatagramEnd(route.door, lambda data: route.door.sendto(data, client))
         far = _DatagramEnd(sock, sock.send)
         self.lanes = DatagramLane(self, TO, near, far), DatagramLane(self, BACK, far, near)
         self.loop.hear(sock.fileno(), IN, self._answer)
         self.tell(TapEventKind.OPEN, TO, self.said)
-
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        self.loop.tell(kind, way, self.route.place, self.number, at, data)
 
     @staticmethod
     def sender(end: Any) -> Callable[[Any], int]:
@@ -316,7 +291,7 @@ class UdpTalk(_NoConnection):
         self.tell(TapEventKind.OVER, TO)
 
 
-class SerialTalk(_NoConnection):
+class SerialTalk(TapConversation):
     """Two serial ports; also its own route. A port that is gone is opened again."""
 
     said = b""
@@ -336,9 +311,6 @@ class SerialTalk(_NoConnection):
         for end in ends:
             end.want()
         self._pass_lines()
-
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        self.loop.tell(kind, way, self.place, self.number, at, data)
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:

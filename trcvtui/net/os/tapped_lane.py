@@ -13,7 +13,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final, Protocol
+from heapq import heappop, heappush
+from itertools import count
+from typing import Any, Final
 
 from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT, RESET_ON_CLOSE
 from trcvtui.net.tap import MOST_HELD_SHOWN, TapEventKind, TapOrder
@@ -27,72 +29,97 @@ MOST_HELD: Final = 1 << 20  # bytes of one direction that are held or delayed
 BOUNDED: Final = "the tap holds no more than 1 MiB of a direction"
 
 
-class TapLoop(Protocol):
-    """Whom conversations ask: the poll set, the timers, those who look on."""
+class TapLoop:
+    """The poll set and the timers, which conversations ask."""
 
-    buffer: memoryview
-    holds: bool  # each direction from its beginning
+    def __init__(self, say: Callable[[str], object], poll: Any) -> None:
+        self.say = say
+        self.buffer = memoryview(bytearray(READ))
+        self.holds = False  # each direction from its beginning
+        self._numbers = count(1)
+        self._poll = poll
+        self._heard: dict[int, Callable[[int], None]] = {}
+        self._timers: list[tuple[int, int, Callable[[], None]]] = []
+        self._timer_numbers = count()
 
     def hear(self, fd: int, mask: int, ready: Callable[[int], None]) -> None:
         """Call `ready` with what the poll set says of a descriptor."""
-        ...
+        self._poll.register(fd, mask)
+        self._heard[fd] = ready
 
     def want(self, fd: int, mask: int) -> None:
         """Change what is wanted of a descriptor."""
-        ...
+        self._poll.modify(fd, mask)
 
     def forget(self, fd: int) -> None:
-        """Hear of a descriptor no more."""
-        ...
+        if self._heard.pop(fd, None) is not None:
+            self._poll.unregister(fd)
 
     def at(self, ns: int, call: Callable[[], None]) -> None:
         """Call at a time of the monotonic clock."""
-        ...
+        heappush(self._timers, (ns, next(self._timer_numbers), call))
+
+    def next_number(self) -> int:
+        return next(self._numbers)
+
+    def turn(self, seconds: float) -> None:
+        """Do what there is to do; wait so long at most for it, -1: for ever."""
+        while self._timers and self._timers[0][0] <= time.monotonic_ns():
+            heappop(self._timers)[2]()
+            seconds = 0  # it may have ended the loop
+        if self._timers:
+            left = max(self._timers[0][0] - time.monotonic_ns(), 0) / 1e9
+            seconds = left if seconds < 0 else min(left, seconds)
+        heard = self._heard
+        for fd, events in self._poll.poll(seconds):
+            ready = heard.get(fd)
+            if ready is not None:
+                ready(events)
 
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
-    ) -> None: ...
-
-    def say(self, line: str) -> object: ...
-
-    def next_number(self) -> int: ...
+    ) -> None:
+        """Tell those that look on."""
+        raise NotImplementedError
 
 
-class TapConversation(Protocol):
-    """A conversation with two lanes; it knows what its ends are."""
+class TapConversation:
+    """A conversation with two lanes, which knows what its ends are: here none is ever seen."""
 
     loop: TapLoop
-    has_ends: bool  # FIN and RST
+    place: int
+    number: int
+    has_ends = False  # FIN and RST
 
-    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None: ...
+    def tell(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
+        self.loop.tell(kind, way, self.place, self.number, at, data)
 
-    def sender(self, end: TapEnd) -> Callable[[Any], int]: ...
+    @staticmethod
+    def sender(end: Any) -> Callable[[Any], int]:
+        raise NotImplementedError
 
-    def receiver(self, end: TapEnd) -> Callable[[Any], int]: ...
+    @staticmethod
+    def receiver(end: Any) -> Callable[[Any], int]:
+        raise NotImplementedError
 
     def ended(self, lane: TapLane) -> None:
         """Take the FIN of a lane's source."""
-        ...
 
     def failed(self, lane: TapLane, failed: OSError) -> None:
         """Take the RST of a lane's source: nothing is left to read."""
-        ...
 
     def refused(self, lane: TapLane, failed: OSError) -> None:
         """Take the RST of a lane's target, which may have said something before it."""
-        ...
 
     def is_on_its_way(self, end: TapEnd) -> bool:
         """Return whether the stack still has bytes that the end has not acknowledged."""
-        ...
+        return False
 
     def pass_fin(self, lane: TapLane) -> None:
         """Let the target see that no more comes."""
-        ...
 
     def pass_reset(self, lane: TapLane) -> None:
         """Let the target see an RST."""
-        ...
 
 
 class TapEnd:

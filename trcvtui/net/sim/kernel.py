@@ -78,7 +78,7 @@ class DatagramWire:
             target.arrive(source, data)
 
     def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
-        """Hand over a datagram from elsewhere; return whether there is somebody with room for it."""
+        """Hand over a datagram from elsewhere; return whether a socket there had room for it."""
         target = self._socket_at(remote)
         return target is not None and target.arrive(source, data)
 
@@ -101,6 +101,8 @@ class SimDatagrams(SimSocket):
 
     __slots__ = ("_datagrams", "_dropped", "_queue", "_used")
 
+    is_gone = False  # there is no connection that could end
+
     def __init__(self, datagrams: DatagramWire, owner: str) -> None:
         super().__init__(datagrams.wire, owner)
         self.tuning.receive_room = RECEIVE_ROOM
@@ -111,11 +113,6 @@ class SimDatagrams(SimSocket):
     @property
     def is_readable(self) -> bool:
         return bool(self._queue)
-
-    @property
-    def is_gone(self) -> bool:
-        """Return False: there is no connection that could end."""
-        return False
 
     def bind(self, end: Endpoint) -> str:
         """Bind to a local end; port 0 takes a free one. UDP has port numbers of its own."""
@@ -220,8 +217,8 @@ class SimKernel:
         fragment: bool = False,
         names: Mapping[str, str] | None = None,
     ) -> None:
-        self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
-        self._datagrams = DatagramWire(self._wire, latency_ns)
+        self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self.datagrams = DatagramWire(self.wire, latency_ns)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
         self._random = Chance(seed)
         self._not_ethernet = not_ethernet
@@ -236,23 +233,22 @@ class SimKernel:
 
     @property
     def now_ns(self) -> int:
-        """Return the virtual time in ns."""
-        return self._wire.now
+        return self.wire.now
 
     @property
     def due(self) -> int | None:
         """Return when something happens by itself next, None: never."""
-        return self._wire.agenda.due
+        return self.wire.agenda.due
 
     def advance(self, now_ns: int) -> None:
         """Move the clock to now_ns; everything due until then happens at its own time."""
-        if now_ns < self._wire.now:
-            raise ValueError(f"time runs forwards: {now_ns} is before {self._wire.now}")
-        self._wire.agenda.run_until(now_ns)
+        if now_ns < self.wire.now:
+            raise ValueError(f"time runs forwards: {now_ns} is before {self.wire.now}")
+        self.wire.agenda.run_until(now_ns)
 
     def pass_time(self, until_ns: int) -> int:
         """Move the clock until something becomes ready, at most to until_ns; return the time."""
-        agenda = self._wire.agenda
+        agenda = self.wire.agenda
         while not self._is_news and (due := agenda.due) is not None and due <= until_ns:
             agenda.run_until(max(due, agenda.now))
         if not self._is_news:
@@ -264,19 +260,9 @@ class SimKernel:
         is_news, self._is_news = self._is_news, False
         return is_news
 
-    @property
-    def wire(self) -> SimWire:
-        """Return the network, for partners that are played."""
-        return self._wire
-
-    @property
-    def datagrams(self) -> DatagramWire:
-        """Return the network of datagrams, for partners that are played."""
-        return self._datagrams
-
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""
-        self._wire.set_link(owner, up)
+        self.wire.set_link(owner, up)
         return ""
 
     def leaks(self) -> tuple[str, ...]:
@@ -287,7 +273,7 @@ class SimKernel:
         """Return loopback and the addresses this machine was given."""
         others = (
             LocalAddress(a, "tun0", ethernet=False) if a in self._not_ethernet else LocalAddress(a, "eth0")
-            for a in self._wire.addresses
+            for a in self.wire.addresses
         )
         return (LOOPBACK_PORT, *others)
 
@@ -343,7 +329,7 @@ class SimKernel:
     # -- set-up --------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
-        return self._keep(SimSocket(self._wire, owner))
+        return self._keep(SimSocket(self.wire, owner))
 
     def _keep(self, socket: SimSocket) -> Handle:
         self._made += 1
@@ -373,7 +359,6 @@ class SimKernel:
         return _fault("bind", "EBADF" if socket is None else socket.bind(end))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        """Start to listen; backlog + 1 handshakes are finished without accept."""
         socket = self._sockets.get(handle)
         return _fault("listen", "EBADF" if socket is None else socket.listen(backlog))
 
@@ -391,7 +376,7 @@ class SimKernel:
             return WOULD_BLOCK
         stream = socket.listener.queue.popleft()
         socket.changed()
-        return Accepted(self._keep(SimSocket(self._wire, socket.owner, stream)), stream.remote)
+        return Accepted(self._keep(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         """Return the address of a name; without a table nobody knows any but localhost."""
@@ -443,7 +428,7 @@ class SimKernel:
         return Fault("send", got) if isinstance(got, str) else got
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        return self._keep(SimDatagrams(self._datagrams, owner))
+        return self._keep(SimDatagrams(self.datagrams, owner))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         socket = self._sockets.get(handle)
@@ -486,11 +471,9 @@ class SimKernel:
         return 0 if socket is None or socket.stream is None else socket.stream.unread
 
     def left(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the handles that are readable still."""
         return [each for each in handles if each in self._sockets and self._sockets[each].is_readable]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what lies unread; all of it is in the queues."""
         socket = self._sockets.get(handle)
         if isinstance(socket, SimDatagrams):
             return socket.peek(skip)
@@ -500,7 +483,6 @@ class SimKernel:
         return socket.stream.peek(skip)
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, or None without a connection."""
         socket = self._sockets.get(handle)
         return None if socket is None or socket.stream is None else socket.stream.path()
 

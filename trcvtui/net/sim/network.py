@@ -124,7 +124,7 @@ class SimWire:
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
-        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that nobody answers by himself
+        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that no machine answers by itself
         self._down: dict[str, None] = {}
         self._listeners: dict[Endpoint, SimListener] = {}
         self._streams: dict[tuple[Endpoint, Endpoint], SimStream] = {}
@@ -133,7 +133,6 @@ class SimWire:
 
     @property
     def now(self) -> int:
-        """Return the virtual time in ns."""
         return self.agenda.now
 
     def at(self, due: int, act: Callable[[], None]) -> Ticket:
@@ -145,7 +144,6 @@ class SimWire:
     # -- links ---------------------------------------------------------------------------------------
 
     def set_link(self, owner: str, up: bool) -> None:
-        """Let all traffic of the owner's handles go silent, or return."""
         if up:
             self._down.pop(owner, None)
         else:
@@ -219,7 +217,7 @@ class SimWire:
         client.connect()
 
     def syn(self, client: SimStream) -> None:
-        """Carry a SYN to whoever has the address."""
+        """Carry a SYN to the machine that has the address."""
         if client.owner in self._down or not self.owns(client.remote.address):
             return
         if client.local == client.remote:
@@ -233,7 +231,8 @@ class SimWire:
     def _syn_arrives(self, client: SimStream) -> None:
         if client.phase is not StreamPhase.SYN_SENT:
             return
-        listener = self._listener_at(client.remote)
+        at_any = Endpoint(ANY_ADDRESS, client.remote.port)
+        listener = self._listeners.get(client.remote) or self._listeners.get(at_any)
         if listener is None:
             self._refuse(client)
         elif self.is_up(client.owner, listener.owner):
@@ -290,9 +289,6 @@ class SimWire:
     def _refusal_arrives(self, client: SimStream) -> None:
         if client.owner not in self._down and client.phase is StreamPhase.SYN_SENT:
             client.arrive(RESET)
-
-    def _listener_at(self, end: Endpoint) -> SimListener | None:
-        return self._listeners.get(end) or self._listeners.get(Endpoint(ANY_ADDRESS, end.port))
 
     def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
         """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
@@ -383,7 +379,6 @@ class SimSocket:
 
     @property
     def end(self) -> Endpoint | None:
-        """Return the local end, None while there is none."""
         return self.stream.local if self.stream is not None else self.claim.end
 
     def __str__(self) -> str:
@@ -394,7 +389,6 @@ class SimSocket:
         return f"{self.owner} {state} {self.claim.end or ''}".rstrip()
 
     def set_options(self, options: SocketOptions) -> tuple[str, ...]:
-        """Obey the options; return the names of those that were refused."""
         low, high = KEEP_ALIVE_LIMITS_S
         is_valid = low <= options.keep_alive_s <= high
         self.tuning.keep_alive = options.keep_alive_s * SECOND if is_valid else KEEP_ALIVE_DEFAULT
@@ -407,7 +401,6 @@ class SimSocket:
         return () if is_valid else ("TCP_KEEPIDLE", "TCP_KEEPINTVL")
 
     def bind(self, end: Endpoint) -> str:
-        """Bind to a local end; port 0 takes a free one."""
         return self._cannot_bind(end) or self._wire.ports.bind(self.claim, end)
 
     def _cannot_bind(self, end: Endpoint) -> str:
@@ -419,7 +412,6 @@ class SimSocket:
         return ""
 
     def listen(self, backlog: int) -> str:
-        """Start to listen; backlog + 1 handshakes are finished without accept."""
         if self.stream is not None:
             return "EINVAL"
         if self.listener is not None:
@@ -433,7 +425,6 @@ class SimSocket:
         return error
 
     def connect(self, end: Endpoint) -> str:
-        """Start to connect; "" = pending."""
         if self.listener is not None:
             return "EISCONN"
         if self.stream is not None:
@@ -477,7 +468,6 @@ class SimSocket:
         return remote if self._wire.owns(remote) else self._wire.addresses[0]
 
     def probe(self) -> str:
-        """Return what `shut` would answer, without a FIN."""
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
     def shut(self, both: bool) -> str:

@@ -177,7 +177,7 @@ class ReceiveHalf:
         return segment.seq + len(segment.data) > self.next
 
     def accept(self, segment: Segment) -> None:
-        """Take in what is next in line; a partner never sends beyond the window he was told."""
+        """Take in what is next in line; a partner never sends beyond the window that it was told."""
         known = self.next - segment.seq
         if known < 0:  # something in front of it was lost
             return
@@ -504,7 +504,7 @@ class SimStream:
             self._end(self._closed_first)
 
     def hand_over(self, data: memoryview) -> bool:
-        """Let the partner have bytes, and his acknowledgement come: what segments without latency do.
+        """Let the partner have bytes, and its acknowledgement come: what segments without latency do.
 
         False: it is not the usual course; nothing was done.
         """

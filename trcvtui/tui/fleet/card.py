@@ -10,11 +10,11 @@ from trcvtui.fleet.event_log import KeptEvent
 from trcvtui.fleet.seen_fleet import OFFLINE, STALE, STUCK_S, FleetInstance, FleetLine
 from trcvtui.tui.fleet.table import since_text, spark_parts
 from trcvtui.tui.formatting import SECOND, lamp, plain, wrapped
-from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
+from trcvtui.tui.widgets.dialogs import LABEL, CardText, ListDialog
+from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
 from trcvtui.wording import age, count, size_text
 
-LABEL, CODE = 9, 9  # columns
+CODE: Final = 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
 DAY: Final = "%Y-%m-%d"
 
@@ -28,17 +28,13 @@ def time_text(t: float, wall: float) -> str:
     return f"{then:%H:%M:%S}" if f"{then:{DAY}}" == f"{now:{DAY}}" else f"{then:%d %b %H:%M}"
 
 
-class FleetCard(TextView):
+class FleetCard(CardText):
     """Everything that is known of one line."""
 
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
         self._line = line
         self._wall = wall
-
-    @property
-    def _width(self) -> int:
-        return max(40, self.line_width)
 
     def make_rows(self) -> list[Row]:
         rows = [*self._of_line()]
@@ -61,16 +57,18 @@ class FleetCard(TextView):
         since = line.since(wall) if line.shows == OFFLINE else line.agent.since
         told = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "not heard"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
-        yield from self._told("line", plain(state), "" if line.shows != OFFLINE else "faint")
-        yield from self._told("agent", told + version, "error" if line.shows in (OFFLINE, STALE) else "")
+        yield from self._labelled("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
+        yield from self._labelled(
+            "agent", [told + version], "error" if line.shows in (OFFLINE, STALE) else ""
+        )
         if skew := line.agent.skew_s:
             behind = "behind" if skew > 0 else "ahead of"
             told = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
-            yield from self._told("clock", told, "warn")
+            yield from self._labelled("clock", [told], "warn")
         recorded = next((event for _, event in self._events() if event.file), None)
         if recorded is not None:
             host = f" on {plain(agent.host)}" if agent is not None else ""
-            yield from self._told("recorded", f"{plain(recorded.file)}{host}", "strong")
+            yield from self._labelled("recorded", [f"{plain(recorded.file)}{host}"], "strong")
         if figures is not None:
             trip, again = figures.round_trip_ms, figures.retransmissions
             parts = [
@@ -81,7 +79,7 @@ class FleetCard(TextView):
                 count(again, "retransmission") if again is not None else "",
                 f"told {since_text(line.agent.at(figures.t, wall), wall)} ago",
             ]
-            yield from self._told("figures", " · ".join(filter(None, parts)), "")
+            yield from self._labelled("figures", [" · ".join(filter(None, parts))], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
         yield row(("errors".ljust(LABEL), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 
@@ -106,8 +104,8 @@ class FleetCard(TextView):
             since += f" · stuck for {age(int(stuck * SECOND))}"
         counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
         rows.append(row((f"16#{status.status}  ", style), *lamps, (f" {counted}", "")))
-        found = self._told("finding", plain(status.finding), "warn") if status.finding else []
-        return [*rows, *self._told("", plain(status.text), style), *found]
+        found = self._labelled("finding", [plain(status.finding)], "warn") if status.finding else []
+        return [*rows, *self._labelled("", [plain(status.text)], style), *found]
 
     def _events(self) -> list[tuple[str, KeptEvent]]:
         instances = self._line.instances.values()
@@ -128,14 +126,6 @@ class FleetCard(TextView):
             style = STYLES.get(event.kind, "dim")
             yield row((when.ljust(wide), "dim"), (code.ljust(CODE), style), (first, ""))
             yield from (row((" " * (wide + CODE), ""), (text, "")) for text in rest)
-
-    def _told(self, label: str, text: str, style: str) -> list[Row]:
-        lines = wrapped(text, self._width - LABEL)
-        labels = (label, *[""] * len(lines))
-        return [
-            row((name.ljust(LABEL), "label"), (line, style))
-            for name, line in zip(labels, lines, strict=False)
-        ]
 
 
 def file_name(path: str) -> str:

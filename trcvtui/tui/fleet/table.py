@@ -1,6 +1,6 @@
 """The list of `trcvtui fleet`: one row a line, or the head of a group; only rows in view are made.
 
-Rule: the list is ordered anew while somebody reads it. Until the cursor is moved it stays on the worst row;
+Rule: the list is ordered anew while it is read. Until the cursor is moved it stays on the worst row;
 then it stays on its line, at its place on the screen.
 """
 
@@ -27,7 +27,7 @@ from trcvtui.fleet.seen_fleet import (
 )
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, row
 from trcvtui.wording import age, count
 
 STATE, CODE, SINCE, SPARK, HOUR = 13, 5, 7, 12, 5  # columns
@@ -115,10 +115,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down,j", "move(1)", show=False),
-        Binding("up,k", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
+        *MOVES[:4],  # `g` groups
         Binding("home", "edge(-1)", show=False),
         Binding("end,G", "edge(1)", show=False),
         Binding("enter,right", "open", show=False),
@@ -130,7 +127,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self._wall = wall
         self.entries: Sequence[Entry] = ()
         self.cursor = 0
-        self._is_moved = False  # by somebody: from then on the cursor stays on its line
+        self._is_moved = False  # by a key or the mouse: from then on the cursor stays on its line
         self.nothing: Sequence[str] = NOTHING_YET
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -154,9 +151,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def row_at(self, y: int) -> Row:
         if not self.entries:
-            return row((self.nothing[y], "dim")) if y < len(self.nothing) else EMPTY
-        if y >= len(self.entries):
-            return EMPTY
+            return row((self.nothing[y], "dim"))
         entry, columns = self.entries[y], columns_of(self.line_width - 1)
         parts = self._group(entry, columns) if isinstance(entry, FleetGroup) else self._line(entry, columns)
         mark = ("▸" if y == self.cursor else " ", "key")

@@ -80,7 +80,6 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
-        self._line = Static("", markup=False, id="form-line")
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple, cast
 
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.widget import Widget
-from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
@@ -16,7 +13,7 @@ from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import FormDialog, ListDialog
+from trcvtui.tui.widgets.dialogs import FieldsDialog, ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.layout.layout import Layout, lay_out
@@ -133,7 +130,7 @@ class MemberField(TypedField):
         return f"{self.leaf.path}={quoted(text) if is_bare else text}"
 
 
-class UdtForm(FormDialog[str]):
+class UdtForm(FieldsDialog[str, MemberField]):
     """Ends with the payload of `send udt`, "" when it is left."""
 
     DEFAULT_CSS = """
@@ -145,33 +142,13 @@ class UdtForm(FormDialog[str]):
     def __init__(
         self, project: Project, peer: str, name: str, layout: Layout, values: dict[str, str]
     ) -> None:
-        super().__init__("")
+        leaves = list(layout.leaves(0, MOST_FIELDS))
+        rows = [(_columns(leaf), MemberField(leaf, values.get(leaf.path, ""))) for leaf in leaves]
+        super().__init__("", f"{name}: {len(leaves)} members", KEYS_LINE, rows)
         self._project = project
         self._peer = peer
         self._name = name
-        leaves = list(layout.leaves(0, MOST_FIELDS))
         self._more = layout.leaf_count - len(leaves)
-        self._fields = [MemberField(leaf, values.get(leaf.path, "")) for leaf in leaves]
-        self._line = Static("", markup=False, id="form-line")
-
-    def compose(self) -> Iterator[Widget]:
-        with Vertical(id="form") as form:
-            form.border_title = f"{self._name}: {len(self._fields)} members"
-            form.border_subtitle = KEYS_LINE
-            with VerticalScroll(can_focus=False):
-                for field in self._fields:
-                    with Horizontal():
-                        yield Static(clip(plain(field.leaf.path), NAME - 1), markup=False, classes="name")
-                        yield Static(
-                            clip(plain(type_text(field.leaf.type)), TYPE - 1), markup=False, classes="type"
-                        )
-                        yield field
-            yield self._line
-
-    def on_mount(self) -> None:
-        self._judge()
-        if self._fields:
-            self.set_focus(self._fields[0])
 
     @property
     def payload(self) -> str:
@@ -192,13 +169,13 @@ class UdtForm(FormDialog[str]):
         self._line.update(f"✗ {plain(first)}" if first else f"▸ udt {plain(self.payload)}{more}")
         self._line.set_class(bool(first), "-bad")
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        event.stop()
-        self._judge()
-
     def take(self) -> None:
         if not self._fault(self.payload):
             self.dismiss(self.payload)
+
+
+def _columns(leaf: Leaf) -> dict[str, str]:
+    return {"name": clip(plain(leaf.path), NAME - 1), "type": clip(plain(type_text(leaf.type)), TYPE - 1)}
 
 
 def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:

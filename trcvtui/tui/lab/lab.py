@@ -134,7 +134,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def begin(self) -> str:
-        """Take the running job's bytes where nobody chose and no job has written DATA; return what to say."""
+        """Take those of the running job where DATA was never written and none are chosen; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -322,9 +322,8 @@ class Lab:
 
     def _type(self, name: str) -> Type:
         declared = self._view_model.declaration
-        if name.casefold() in self.files.types.types or declared is None:
-            return self.files.types.named(name, "udt type")
-        if declared.type_name == name:
+        is_known = name.casefold() in self.files.types.types
+        if not is_known and declared is not None and declared.type_name == name:
             return declared.type
         return self.files.types.named(name, "udt type")
 
@@ -351,11 +350,14 @@ class Lab:
         self._take_over(before)
         return True
 
-    def _take_over(self, before: str) -> None:
+    def _choose_again(self) -> None:
         try:
             self.choose_type(self.type_name)
         except UserError:
             self.choose_type("")
+
+    def _take_over(self, before: str) -> None:
+        self._choose_again()
         self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
         if before and before != self.size_text:
             self.news += f", before {before}"
@@ -365,10 +367,7 @@ class Lab:
 
     def know(self, constants: dict[str, int]) -> None:
         self.files.know(constants)
-        try:
-            self.choose_type(self.type_name)
-        except UserError:
-            self.choose_type("")
+        self._choose_again()
         left = self.files.unknown_constants
         self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
 
@@ -381,10 +380,7 @@ class Lab:
         self._project = project
         if is_other and self.opened is None:
             self._own = self._project_files()
-            try:
-                self.choose_type(self.type_name)
-            except UserError:
-                self.choose_type("")
+            self._choose_again()
 
     # -- layouts ------------------------------------------------------------------------------------
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.widget import Widget
-from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
-from trcvtui.tui.widgets.dialogs import FormDialog, ResultScreen
+from trcvtui.tui.widgets.dialogs import FieldsDialog, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -63,7 +60,7 @@ class NumberField(TypedField):
         return parse_integer(text) if text else None
 
 
-class ConstantsForm(FormDialog[dict[str, int]]):
+class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
     """Ends with the values that were given; none when it is left."""
 
     DEFAULT_CSS = """
@@ -72,25 +69,9 @@ class ConstantsForm(FormDialog[dict[str, int]]):
     """
 
     def __init__(self, names: Sequence[str], where: str) -> None:
-        super().__init__({})
-        self._fields = [NumberField(name) for name in names[:MOST_FIELDS]]
-        self._where = where
-        self._line = Static("", markup=False, id="form-line")
-
-    def compose(self) -> Iterator[Widget]:
-        with Vertical(id="form") as form:
-            form.border_title = clip(f"Constants that {plain(self._where)} uses", 66)
-            form.border_subtitle = "tab field · enter take · esc leave"
-            with VerticalScroll(can_focus=False):
-                for field in self._fields:
-                    with Horizontal():
-                        yield Static(clip(plain(field.constant), NAME - 1), markup=False, classes="name")
-                        yield field
-            yield self._line
-
-    def on_mount(self) -> None:
-        self.set_focus(self._fields[0])
-        self._judge()
+        title = clip(f"Constants that {plain(where)} uses", 66)
+        rows = [({"name": clip(plain(name), NAME - 1)}, NumberField(name)) for name in names[:MOST_FIELDS]]
+        super().__init__({}, title, "tab field · enter take · esc leave", rows)
 
     def _judge(self) -> None:
         bad = [field for field in self._fields if field.value.strip() and field.number is None]
@@ -100,10 +81,6 @@ class ConstantsForm(FormDialog[dict[str, int]]):
             "no whole number" if bad else "bounds of arrays such as ARRAY[1..MAX]; `save project` keeps them"
         )
         self._line.update(f"✗ {said}, such as 10 or 16#0A" if bad else said)
-
-    def on_input_changed(self, event: Input.Changed) -> None:
-        event.stop()
-        self._judge()
 
     def go_on(self, field: NumberField) -> None:
         """Go to the next empty field; after the last one, end with what was given."""

@@ -14,7 +14,7 @@ from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.tui.formatting import bar, clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import count, duration
 
 GAP_BAR: Final = 12
@@ -75,7 +75,8 @@ def framer_lines(view_model: ViewModel, instance: InstanceSnapshot, width: int) 
     """Return the lines, none for a block that has no ComBuffer."""
     if not block_row(instance.block).buffer_pin:
         return []
-    rows, data = [_buffer(view_model, instance, width)], _data(view_model, instance)
+    rows = [_buffer(view_model, instance, width)]
+    data = row(_label("data"), *data_parts(view_model, instance))
     if instance.framer is None:
         return [*rows, _jobs(instance), data, row()]
     rows.append(_frames(instance.framer))
@@ -121,12 +122,12 @@ def source_words(buffer: ComBufferSnapshot) -> str:
     return known.get(buffer.source, f"from {buffer.source}")
 
 
-def _data(view_model: ViewModel, instance: InstanceSnapshot) -> Row:
+def data_parts(view_model: ViewModel, instance: InstanceSnapshot) -> list[Part]:
     declared = view_model.declaration
     if declared is None:
-        return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))
+        return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
     size = f"  {clip(declared.type_name, 24)}, {declared.size} B"
-    return row(_label("data"), (declared.name, "strong"), (size, "dim"))
+    return [(declared.name, "strong"), (size, "dim")]
 
 
 def _jobs(instance: InstanceSnapshot) -> Row:
@@ -210,10 +211,8 @@ class LineFeed(LineView):
             return self._line(names[y])
         if y == len(names):
             return self._message()
-        if y == len(names) + 1:
-            keys = "enter: type bytes · s: again · →: byte by byte · b: the cable is pulled"
-            return row((clip(keys, self.line_width), "dim"))
-        return EMPTY
+        keys = "enter: type bytes · s: again · →: byte by byte · b: the cable is pulled"
+        return row((clip(keys, self.line_width), "dim"))
 
     def _line(self, name: str) -> Row:
         chosen = name == self.chosen
@@ -222,8 +221,7 @@ class LineFeed(LineView):
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:
             parts += _filled(buffer)
-        style = self.cursor_style(chosen)
-        return row(*parts, style=style)
+        return row(*parts, style=self.cursor_style(chosen))
 
     def _message(self) -> Row:
         payload, gone = self._fed.get(self.chosen, (b"", 0))

@@ -237,9 +237,9 @@ class Composer(Vertical):
         )
         self._payload = PayloadField(self.send, "payload", EXAMPLES[HEX])
         self.split_row = SplitsLine(self._split, self.send)
-        self._options = [
-            PayloadField(self.send, f"option-{name}", example, "option") for name, example in OPTIONS
-        ]
+        self._options = {
+            name: PayloadField(self.send, f"option-{name}", example, "option") for name, example in OPTIONS
+        }
 
     def compose(self) -> Iterator[Widget]:
         """Compose three lines; what can be typed into comes right after the first frame."""
@@ -250,9 +250,9 @@ class Composer(Vertical):
 
     async def prepare(self) -> None:
         await self._above.mount(self._payload)
-        named = zip(OPTIONS, self._options, strict=True)
+        named = self._options.items()
         await self._below.mount_all(
-            widget for (name, _), field in named for widget in (Static(name, markup=False), field)
+            widget for name, field in named for widget in (Static(name, markup=False), field)
         )
 
     # -- the command --------------------------------------------------------------------------------
@@ -262,9 +262,7 @@ class Composer(Vertical):
         """Return the command as it stands, "" without a payload."""
         if not self._payload.value.strip() or not self._view_model.peer:
             return ""
-        options = tuple(
-            (name, option.value) for (name, _), option in zip(OPTIONS, self._options, strict=True)
-        )
+        options = tuple((name, option.value) for name, option in self._options.items())
         return send_line(self._view_model.peer, self.mode, self._payload.value, options)
 
     def judge(self) -> None:
@@ -276,13 +274,12 @@ class Composer(Vertical):
         bad_options = bool(self.fault) and not fault_of(self._without_options(), self._view_model.project)
         self._draw(line if not self.fault else self._without_options() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
-        for option in self._options:
-            option.set_class(bad_options and bool(option.value.strip()) and self._is_bad(option), "-bad")
+        for name, option in self._options.items():
+            is_bad = bad_options and bool(option.value.strip()) and self._is_bad(name, option.value)
+            option.set_class(is_bad, "-bad")
 
     def _draw(self, line: str) -> None:
-        from trcvtui.commands.table import (
-            parse_line,
-        )  # read at the first line, not before the first screen
+        from trcvtui.commands.table import parse_line  # at the first line, not before the first screen
         from trcvtui.commands.words import PeerSend
 
         send = parse_line(line, self._view_model.project, "message") if line else None
@@ -292,18 +289,14 @@ class Composer(Vertical):
             self.split_row.draw(b"", Splits())
 
     def _split(self, cuts: Splits) -> None:
-        for (name, _), option in zip(OPTIONS, self._options, strict=True):
-            if name in ("split", "gap"):
-                option.value = cuts.split if name == "split" else cuts.gap
+        self._options["split"].value, self._options["gap"].value = cuts.split, cuts.gap
         self.judge()
 
     def try_line(self, instance: str) -> str:
         """Return the command that tries every split of the message, "" without one."""
         if not self._payload.value.strip():
             return ""
-        gap = next(
-            option.value for (name, _), option in zip(OPTIONS, self._options, strict=True) if name == "gap"
-        )
+        gap = self._options["gap"].value
         return try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
 
     def put(self, mode: str, text: str) -> None:
@@ -318,9 +311,8 @@ class Composer(Vertical):
     def _without_options(self) -> str:
         return send_line(self._view_model.peer, self.mode, self._payload.value, ())
 
-    def _is_bad(self, field: PayloadField) -> bool:
-        name = (field.id or "").removeprefix("option-")
-        alone = send_line(self._view_model.peer, self.mode, self._payload.value, ((name, field.value),))
+    def _is_bad(self, name: str, value: str) -> bool:
+        alone = send_line(self._view_model.peer, self.mode, self._payload.value, ((name, value),))
         return bool(fault_of(alone, self._view_model.project))
 
     def send(self) -> None:

@@ -11,7 +11,7 @@ from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, lamp, status_word
 from trcvtui.tui.messages import DescriptionWanted, PaneActions
-from trcvtui.tui.panes.combuffer import framer_lines
+from trcvtui.tui.panes.combuffer import data_parts, framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -103,24 +103,15 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
     letters = letters_of(
         [pin.name for pin in pins if pin.direction != "out"], {pin.letter for pin in wired.values()}
     )
-    drawn = [
-        (
-            pin.direction,
-            DrawnPin(
-                pin.name,
-                pin.text,
-                pin.is_bool,
-                pin.edge,
-                letters.get(pin.name, ""),
-                pin.label or pin.name,
-            ),
-        )
-        for pin in pins
-    ]
-    inputs = placed(block, [pin for direction, pin in drawn if direction != "out"], wired)
+    sides: dict[bool, list[DrawnPin]] = {False: [], True: []}  # by "is an output"
+    for pin in pins:
+        letter, label = letters.get(pin.name, ""), pin.label or pin.name
+        drawn = DrawnPin(pin.name, pin.text, pin.is_bool, pin.edge, letter, label)
+        sides[pin.direction == "out"].append(drawn)
+    inputs = placed(block, sides[False], wired)
     if project.identity(block, connect) is not None:
         inputs = (*inputs[:1], ID, *inputs[1:])
-    return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
+    return Drawing(inputs, tuple(sides[True]))
 
 
 def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
@@ -290,7 +281,7 @@ class FunctionBlock(LineView):
 
     def row_at(self, y: int) -> Row:
         drawing = self.drawing()
-        left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
+        left = " " * self._left()
         if y == 0:
             instance = self._view_model.instance
             width, name = self._box() + self._out_box(), instance.block if instance else ""
@@ -319,6 +310,9 @@ class FunctionBlock(LineView):
     def _joints(self) -> tuple[str, str]:
         return TIGHT_JOINTS if self._is_tight() else JOINTS
 
+    def _left(self) -> int:
+        return self.drawing().name_width + self._lead() + len(self._joints()[0])
+
     def _lead(self) -> int:
         return 2 if self._is_tight() else 3
 
@@ -340,8 +334,7 @@ class FunctionBlock(LineView):
             style = "cursor" if pointed else "hover" if y == self._hover else ""
             parts += [(text, f"{names} {style}") for text, names in self._input(drawing, drawing.inputs[y])]
         else:
-            left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]) - 1)
-            parts.append((f"{left}│{'':<{self._box()}}", "dim"))
+            parts.append((f"{' ' * (self._left() - 1)}│{'':<{self._box()}}", "dim"))
         if y < len(drawing.outputs):
             parts += self._output(drawing.outputs[y])
         else:
@@ -369,13 +362,7 @@ class FunctionBlock(LineView):
         joint = self._joints()[1]
         name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
         if glow and not roomy:
-            used = (
-                self.drawing().name_width
-                + self._lead()
-                + len(self._joints()[0])
-                + self._box()
-                + self._out_box()
-            )
+            used = self._left() + self._box() + self._out_box()
             name = clip(name, max(4, self.line_width - used - len(joint) - len(glow)))
         gap = " " * (1 + self.drawing().label_width - cells(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
@@ -401,7 +388,7 @@ class FunctionBlock(LineView):
             end = (instance.connect, "strong")
             return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
         if y == 1:
-            return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
+            return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *data_parts(self._view_model, instance))
         if y == 2:
             errors = f"  {count(instance.errors, 'error')}" + ", expected" * instance.last_is_expected
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
@@ -448,13 +435,6 @@ class FunctionBlock(LineView):
             return ""
         addr = picture.snapshot.addr(instance.addr)
         return f"  {addr.name} {addr.end}" if addr is not None else ""
-
-    def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
-        declared = self._view_model.declaration
-        if declared is None:
-            return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
-        size = f"  {clip(declared.type_name, 24)}, {declared.size} B"
-        return [(declared.name, "strong"), (size, "dim")]
 
     # -- toggling -----------------------------------------------------------------------------------
 

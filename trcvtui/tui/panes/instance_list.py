@@ -79,7 +79,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_BENCH)
 
     def show(self) -> None:
-        """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
+        """Repaint what changed; the title says how many a filter lets through, and how many show an ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
         told = [f"{len(self._listed)} of {len(instances)} with {' '.join(self._words)}, esc: all"]
@@ -276,7 +276,7 @@ def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) ->
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
-    """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or only `← 127.0.0.1:51322`."""
+    """Return both ends: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or only `← 127.0.0.1:51322`."""
     if connection is None:
         return ""
     if connection.udp:

@@ -30,7 +30,7 @@ from trcvtui.tui.peer_commands import (
 )
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ResultScreen, text_rows
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.wording import count
 
@@ -162,8 +162,7 @@ class PeerNotes(LineView, can_focus=False):
         return len(self._rows())
 
     def row_at(self, y: int) -> Row:
-        rows = self._rows()
-        return rows[y] if y < len(rows) else EMPTY
+        return self._rows()[y]
 
     def _rows(self) -> list[Row]:
         peer = self._view_model.peer_snapshot
@@ -387,7 +386,7 @@ class PeerPanel(Vertical):
     def on_button_pointed(self) -> None:
         self._show_preview()
 
-    def _nobody(self) -> bool:
+    def _lacks_peer(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
         if not self._view_model.peer:
             self._actions.complain(NO_PEER)
@@ -404,16 +403,15 @@ class PeerPanel(Vertical):
 
     def action_button(self, letter: str) -> None:
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
-        if button is not None and not self._nobody():
+        if button is not None and not self._lacks_peer():
             self._do(button)
 
     def action_mode(self) -> None:
-        if self._nobody():
-            return
-        self.composer.next_mode()
+        if not self._lacks_peer():
+            self.composer.next_mode()
 
     def action_cuts(self) -> None:
-        if self._nobody():
+        if self._lacks_peer():
             return
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
@@ -425,7 +423,7 @@ class PeerPanel(Vertical):
     def action_library(self) -> None:
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
-        if not self._nobody():
+        if not self._lacks_peer():
             self.app.push_screen(
                 MessagesScreen(self._view_model.peer, self._view_model.project), self._picked
             )
@@ -436,7 +434,7 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
-        if self._nobody():
+        if self._lacks_peer():
             return
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
@@ -449,7 +447,7 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        if self._nobody():
+        if self._lacks_peer():
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
@@ -465,9 +463,8 @@ class PeerPanel(Vertical):
             self._show_preview()
 
     def action_payload(self) -> None:
-        if self._nobody():
-            return
-        self.composer.edit()
+        if not self._lacks_peer():
+            self.composer.edit()
 
 
 def _shortened(text: str, width: int) -> str:

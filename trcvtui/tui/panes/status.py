@@ -14,7 +14,7 @@ from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, status_word, wra
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import Explainer, why
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.wording import stamp
 
 WORD: Final = 14  # at least; wider where a condition or a lamp is
@@ -171,17 +171,11 @@ class StatusHistory(LineView):
 
 
 def _lamp(edge: StatusEdge) -> str:
-    if edge.outputs.error and edge.outputs.done:  # a frame that had no end in its size
-        return (
-            f"{ON} DONE {edge.outputs.rcvd_len} B, ERROR"
-            if edge.outputs.rcvd_len is not None
-            else f"{ON} DONE, ERROR"
-        )
-    if edge.outputs.error:
-        return f"{ON} ERROR"
-    if edge.outputs.done:
-        return f"{ON} DONE {edge.outputs.rcvd_len} B" if edge.outputs.rcvd_len is not None else f"{ON} DONE"
-    return f"{ON} BUSY" if edge.outputs.busy else ""
+    out = edge.outputs
+    size = f" {out.rcvd_len} B" if out.rcvd_len is not None else ""
+    ends = [f"DONE{size}"] * out.done + ["ERROR"] * out.error  # both: a frame that had no end in its size
+    lit = ends or ["BUSY"] * out.busy
+    return f"{ON} {', '.join(lit)}" if lit else ""
 
 
 if TYPE_CHECKING:
@@ -194,7 +188,7 @@ PIN_COMMAND: Final = re.compile(r"`(?:pulse|set) (\S+) (\w+)(=\w+)?`")
 A_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # no name, no call
 
 
-class StatusCard(LineView):
+class StatusCard(TextView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
     def keys(self) -> tuple[tuple[str, str], ...]:
@@ -210,7 +204,6 @@ class StatusCard(LineView):
         self._view_model = view_model
         self._explainer = Explainer(view_model)
         self._past: Line | None = None
-        self._rows: list[Row] = []
 
     def offer(self) -> Offer | None:
         return self._explainer.offer()
@@ -225,12 +218,6 @@ class StatusCard(LineView):
         self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
         self._rows = self._card()
         super().show()
-
-    def row_count(self) -> int:
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        return self._rows[y] if y < len(self._rows) else EMPTY
 
     def _card(self) -> list[Row]:
         instance = self._view_model.instance

@@ -519,7 +519,7 @@ class StreamView(LineView):
     # -- the cursor ---------------------------------------------------------------------------------------
 
     def go_to(self, position: int) -> None:
-        """Put the cursor on a byte and bring it into view, rulers and all, without telling anyone."""
+        """Put the cursor on a byte and bring it into view, rulers and all, without a message."""
         self.cursor, self.follows = position, False
         y = (position - self._base) // self.per_row * self.lines
         self.keep_in_view(y + self.lines - 1)

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, NamedTuple
 
-from trcvtui.commands.snapshots import (
-    ARMED_TAP,
-    ConversationSnapshot,
-    DirectionSnapshot,
-)
+from trcvtui.commands.snapshots import ARMED_TAP, ConversationSnapshot, DirectionSnapshot
 from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import duration
 
 BARS: Final = " ▁▂▃▄▅▆▇█"
@@ -71,11 +67,9 @@ class ConversationList(LineView):
 
     def row_at(self, y: int) -> Row:
         talks, taps = self._view_model.talks, self._view_model.project.taps
-        if not talks and y < len(taps):
+        if not talks:
             tap = taps[y]
             return row((f"  {tap.name}: {tap.listen} to {tap.to}: nobody has come yet", "dim"))
-        if not 0 <= y < 2 * len(talks):
-            return EMPTY
         talk, to_plc = talks[y // 2], not y % 2
         is_chosen = (talk.number, to_plc) == self._here()
         way = talk.to_plc if to_plc else talk.from_plc

@@ -26,7 +26,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.tui.formatting import MS, SECOND, US
 from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import count, duration
 
 ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
@@ -308,8 +308,6 @@ class Timing(LineView):
     def _row(self, y: int) -> Row:
         if y == 0:
             return ruler_row(self._window, self._until, self.view, self._label)
-        if y > len(self._rows):
-            return EMPTY
         style = self.cursor_style(True) if y - 1 == self._chosen else None
         return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
 

@@ -271,13 +271,15 @@ class ScenariosScreen(SideScreen[Path | None]):
         if self._loaded is not None:
             self.outcome.say(f"enter loads it anew on {WORDS_OF[self._kernel]}")
 
-    def _is_live_bench(self) -> bool:
+    def _ask_on_live(self, then: Callable[[], None]) -> None:
+        """Do it, on a live bench that it would end after a question."""
         picture = self._view_model.live
-        return picture is not None and picture.player is None and picture.kernel == LIVE
-
-    def _ask(self, then: Callable[[], None]) -> None:
-        self._trouble, self._question = "", then
-        self.show()
+        is_live = picture is not None and picture.player is None and picture.kernel == LIVE
+        if self._loaded is None and is_live and self._model.chosen is not None:
+            self._trouble, self._question = "", then
+            self.show()
+        else:
+            then()
 
     def action_sure(self) -> None:
         then, self._question = self._question, None
@@ -285,11 +287,7 @@ class ScenariosScreen(SideScreen[Path | None]):
             then()
 
     def action_load(self) -> None:
-        """Load the chosen scenario; a live bench that it would end is asked about first."""
-        if self._loaded is None and self._is_live_bench() and self._model.chosen is not None:
-            self._ask(self._load)
-        else:
-            self._load()
+        self._ask_on_live(self._load)
 
     def _load(self) -> None:
         path, self._trouble = self._model.chosen, ""
@@ -313,10 +311,7 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def action_run(self) -> None:
         """Take all steps that are left of the chosen scenario; one that is not loaded is loaded for it."""
-        if self._loaded is None and self._is_live_bench() and self._model.chosen is not None:
-            self._ask(self._run)
-        else:
-            self._run()
+        self._ask_on_live(self._run)
 
     def _run(self) -> None:
         if not self._is_loaded():

@@ -25,7 +25,7 @@ def fault_of(line: str, project: Project) -> str:
 
 
 def said_before(line: str, project: Project) -> str:
-    """Return what a line that edits the project would do: what changes, what is made, who begins anew."""
+    """Return what a line that edits the project would do: what changes, what is made, what begins anew."""
     from trcvtui.commands.edit import told
     from trcvtui.commands.table import parse_line  # as above
     from trcvtui.commands.words import MENDS

@@ -125,10 +125,8 @@ class Index(NamedTuple):
 
 def index_of(snapshot: Snapshot | None) -> Index:
     """Return the index of a snapshot, without one an empty index."""
-    if snapshot is None:
-        return Index(None, {}, {})
-    instances = {instance.name: instance for instance in snapshot.instances}
-    return Index(snapshot, instances, {connection.name: connection for connection in snapshot.connections})
+    instances, connections = (snapshot.instances, snapshot.connections) if snapshot else ((), ())
+    return Index(snapshot, {each.name: each for each in instances}, {each.name: each for each in connections})
 
 
 class ViewModel:
@@ -278,7 +276,7 @@ class ViewModel:
     def request(self) -> UpdateRequest:
         """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
 
-        The others' come along while they are few: nobody knows before `F` whose will be looked at after it.
+        The others' come along while few: before `F` it is not known whose will be looked at after it.
         """
         instance = self.instance
         shown = (instance, *self._others(instance)) if instance else ()

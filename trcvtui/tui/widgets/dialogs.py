@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, Final, Generic, TypeVar
 
 from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widget import Widget
+from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, pad, wrapped
 from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.typed_lines import TypedField
 
 Answered = TypeVar("Answered")
 
@@ -44,6 +47,24 @@ class ListDialog(Dialog[Answered], Generic[Answered]):
 
     def compose(self) -> Iterator[Widget]:
         yield self.shown
+
+
+LABEL: Final = 9  # columns
+
+
+class CardText(TextView):
+    """Lines with a label before the first of each."""
+
+    @property
+    def _width(self) -> int:
+        return max(40, self.line_width)
+
+    def _labelled(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
+        lines = [line for text in texts for line in wrapped(text, self._width - LABEL)]
+        return [
+            row((("" if number else label).ljust(LABEL), "label"), (line, style))
+            for number, line in enumerate(lines)
+        ]
 
 
 class ResultText(TextView):
@@ -97,6 +118,48 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
     FormDialog #form-line { height: 2; color: $text-muted; }
     FormDialog #form-line.-bad { color: $error; }
     """
+
+    def __init__(self, nothing: Answered) -> None:
+        super().__init__(nothing)
+        self._line = Static("", markup=False, id="form-line")
+
+
+Field = TypeVar("Field", bound=TypedField)
+Columns = Mapping[str, str]  # what stands before a field, by the class of its style
+
+
+class FieldsDialog(FormDialog[Answered], Generic[Answered, Field]):
+    """A form whose fields stay as they are."""
+
+    def __init__(
+        self, nothing: Answered, title: str, keys: str, rows: Sequence[tuple[Columns, Field]]
+    ) -> None:
+        super().__init__(nothing)
+        self._title, self._keys, self._rows = title, keys, rows
+        self._fields = [field for _, field in rows]
+
+    def compose(self) -> Iterator[Widget]:
+        with Vertical(id="form") as form:
+            form.border_title, form.border_subtitle = self._title, self._keys
+            with VerticalScroll(can_focus=False):
+                for columns, field in self._rows:
+                    with Horizontal():
+                        for kind, text in columns.items():
+                            yield Static(text, markup=False, classes=kind)
+                        yield field
+            yield self._line
+
+    def on_mount(self) -> None:
+        self._judge()
+        if self._fields:
+            self.set_focus(self._fields[0])
+
+    def _judge(self) -> None:
+        raise NotImplementedError
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        event.stop()
+        self._judge()
 
 
 NAME: Final = 30

@@ -166,7 +166,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return the letter of each pin, each letter once, none that is `taken`; who finds none has ""."""
+    """Return the letter of each pin, each letter once, none that is `taken`; a pin without one has ""."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:

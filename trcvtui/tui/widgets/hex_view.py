@@ -144,13 +144,13 @@ class HexView(LineView):
     ) -> None:
         """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ.
 
-        What stands in `holes` is no value: nobody knows it.
+        What stands in `holes` is no value: it is unknown.
         """
         self.content, self.need, self.starts, self.holes = content, max(need, len(content)), starts, holes
         self.show()
 
     def is_hole(self, offset: int) -> bool:
-        """Return whether nobody knows a byte: a capture has it not."""
+        """Return whether a byte is unknown: a capture has it not."""
         return any(offset in hole for hole in self.holes)
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
@@ -172,7 +172,7 @@ class HexView(LineView):
         self.show()
 
     def go_to(self, offset: int) -> None:
-        """Put the cursor on a byte and bring it into view, without telling anyone."""
+        """Put the cursor on a byte and bring it into view, without a message."""
         self.cursor = offset
         self.keep_in_view(offset // self.per_row * self.lines + self.lines - 1)
         self.keep_in_view(offset // self.per_row * self.lines)

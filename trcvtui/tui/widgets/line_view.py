@@ -311,7 +311,7 @@ class OneLine(LineView, can_focus=False):
         return 1
 
     def row_at(self, y: int) -> Row:
-        return EMPTY if y else self.line()
+        return self.line()
 
     def line(self) -> Row:
         raise NotImplementedError
@@ -340,4 +340,4 @@ class TextView(LineView):
         return len(self._rows)
 
     def row_at(self, y: int) -> Row:
-        return self._rows[y] if y < len(self._rows) else EMPTY
+        return self._rows[y]

@@ -13,7 +13,7 @@ from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.tui.formatting import SECOND, clip, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, OneLine, Part, Row, row
 from trcvtui.udt.literals import format_time
 from trcvtui.wording import count, duration
 
@@ -163,8 +163,7 @@ class OutcomeLine(LineView, can_focus=False):
         return len(self._texts())
 
     def row_at(self, y: int) -> Row:
-        texts = self._texts()
-        return row((texts[y], self._said[1])) if y < len(texts) else EMPTY
+        return row((self._texts()[y], self._said[1]))
 
 
 Keys = tuple[tuple[str, str], ...]

@@ -110,27 +110,28 @@ class TypedLine(Horizontal):
         self.display = False
 
 
-class AskInput(TypedField):
-    """A command: enter takes it, escape drops it."""
+class LineInput(TypedField):
+    """Enter takes it by `take`, escape leaves it by `leave`."""
 
-    BINDINGS: ClassVar = [Binding("escape", "drop", show=False)]
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
-    def __init__(self, line: AskLine) -> None:
-        super().__init__(id="ask")
-        self._line = line
+    def __init__(self, take: Callable[[], None], leave: Callable[[], None], **settings: Any) -> None:
+        super().__init__(**settings)
+        self._take, self._leave = take, leave
 
     async def action_submit(self) -> None:
-        self._line.close(self.value.strip())
+        self._take()
 
-    def action_drop(self) -> None:
-        self._line.close("")
+    def action_leave(self) -> None:
+        self._leave()
 
 
 class AskLine(TypedLine):
     """A line to type a command into: opened with its beginning."""
 
     def __init__(self, take: Callable[[str], None]) -> None:
-        super().__init__(":", AskInput(self))
+        field = LineInput(lambda: self._close(field.value.strip()), lambda: self._close(""), id="ask")
+        super().__init__(":", field)
         self._take = take
 
     def open(self, text: str) -> None:
@@ -139,32 +140,23 @@ class AskLine(TypedLine):
         self._input.value, self._input.cursor_position = text, len(text)
         self.begin()
 
-    def close(self, line: str) -> None:
+    def _close(self, line: str) -> None:
         self.end()
         if line:
             self._take(line)
 
 
-class FilterInput(TypedField):
+class FilterInput(LineInput):
     """The words of the filter; up and down go on moving in the list."""
 
     BINDINGS: ClassVar = [
-        Binding("escape", "drop", show=False),
         Binding("up", "list(-1)", show=False),
         Binding("down", "list(1)", show=False),
     ]
 
     def __init__(self, line: FilterLine) -> None:
-        super().__init__(id="filter")
+        super().__init__(line.submit, line.drop, id="filter")
         self._line = line
-
-    async def action_submit(self) -> None:
-        self._line.close()
-        self._line.taken()
-
-    def action_drop(self) -> None:
-        self.value = ""
-        self._line.close()
 
     def action_list(self, files: int) -> None:
         self._line.move(files)
@@ -181,7 +173,7 @@ class FilterLine(TypedLine):
         taken: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__("/", FilterInput(self), back)
-        self.taken = taken
+        self._taken = taken
         self._narrow = narrow
         self.move = move
 
@@ -192,8 +184,13 @@ class FilterLine(TypedLine):
         self._input.value = ""
         self._narrow("")
 
-    def close(self) -> None:
+    def submit(self) -> None:
         self._narrow(self._input.value)
+        self.end()
+        self._taken()
+
+    def drop(self) -> None:
+        self.clear()
         self.end()
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -204,24 +201,10 @@ class FilterLine(TypedLine):
 HINT = '29 00 · "abc" · =1234 · =1.5'
 
 
-class FindInput(TypedField):
+class FindInput(LineInput):
     """The field; enter looks, escape leaves."""
 
     KEYS: ClassVar = (("enter", "find"), ("esc", "leave"))
-    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
-
-    def __init__(self, line: FindLine) -> None:
-        super().__init__(placeholder=HINT)
-        self._line = line
-
-    async def action_submit(self) -> None:
-        self._line.submit()
-
-    def action_leave(self) -> None:
-        self._line.close()
-
-    def on_input_changed(self, event: Input.Changed) -> None:
-        self._line.judge()
 
 
 class FindLine(Horizontal):
@@ -238,7 +221,7 @@ class FindLine(Horizontal):
         super().__init__(id="find-line")
         self._find = find
         self._left = left
-        self._field = FindInput(self)
+        self._field = FindInput(self.submit, self.close, placeholder=HINT)
         self._about = Static("", id="find-about", markup=False)
 
     async def open(self) -> None:
@@ -253,7 +236,10 @@ class FindLine(Horizontal):
         self._left()
         self.display = False
 
-    def judge(self) -> None:
+    def on_input_changed(self) -> None:
+        self._judge()
+
+    def _judge(self) -> None:
         text = self._field.value.strip()
         asked = self._read(text) if text else HINT
         self._about.update(Content(plain(asked.about if isinstance(asked, Wanted) else asked)))
@@ -276,6 +262,6 @@ class FindLine(Horizontal):
             self.close()
             self._find()
         elif self._field.value.strip():
-            self.judge()
+            self._judge()
         else:
             self.close()

@@ -202,8 +202,9 @@ def test_a_wrong_path_or_value_is_a_line(
 
 def test_a_journal_with_strange_answers_ends_there() -> None:
     def strange(entry: Entry) -> Entry:
-        is_read = isinstance(entry, Answered) and (entry.owner, entry.call) == ("C1", "recv")
-        return entry._replace(answer=7) if is_read else entry
+        if isinstance(entry, Answered) and (entry.owner, entry.call) == ("C1", "recv"):
+            return entry._replace(answer=7)
+        return entry
 
     _, entries = recorded(STORIES / "four-bytes-short.toml")
     what_if_nothing_changed(entries)

@@ -23,7 +23,7 @@ from trcvtui.recording.files import RecordTo
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
 from trcvtui.replay.driver import SLICE_NS
-from trcvtui.replay.follower import Followed
+from trcvtui.replay.follower import FollowedRun
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.scenario.command import run_files
@@ -87,7 +87,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
 def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
     path = folder / "frames.pcapng"
-    _run(folder, RecordTo(path, follow=Followed))
+    _run(folder, RecordTo(path, follow=FollowedRun))
     return path
 
 

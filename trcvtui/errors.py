@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from msgspec import Struct
 
@@ -51,6 +52,24 @@ class UserError(Exception):
 
 def mistake(where: str, found: object, expected: str, kind: str = "value") -> UserError:
     return UserError(Problem(where, str(found), expected, kind))
+
+
+@contextmanager
+def noting(problems: list[Problem]) -> Iterator[None]:
+    """Note what is wrong and go on; what is read inside is given to a name there, never returned."""
+    try:
+        yield
+    except UserError as wrong:
+        problems += wrong.problems
+
+
+@contextmanager
+def all_problems() -> Iterator[list[Problem]]:
+    """Give a list for problems; raise UserError with all that are in it at the end."""
+    problems: list[Problem] = []
+    yield problems
+    if problems:
+        raise UserError(problems)
 
 
 def one_line(text: str) -> str:

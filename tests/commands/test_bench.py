@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from tests import golden
 from tests.bench.bench_project import bench_project
 from trcvtui.commands import words
@@ -14,12 +12,6 @@ from trcvtui.commands.table import parse_line, parse_script, to_line
 from trcvtui.project.project import Project
 
 ZEROS = re.compile(r"(?:\\x00){3,}")
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
-    return bench_project(tmp_path_factory.mktemp("bench"))
 
 
 def test_each_line_means_its_command_and_comes_back_as_a_line(project: Project) -> None:

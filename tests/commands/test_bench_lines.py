@@ -152,12 +152,6 @@ BENCH_COMMANDS = st.one_of(
 )
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
-    return bench_project(tmp_path_factory.mktemp("bench"))
-
-
 @pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=400)
 @given(command=BENCH_COMMANDS)

@@ -7,18 +7,11 @@ import re
 import pytest
 
 from tests import golden
-from tests.bench.bench_project import bench_project
 from trcvtui.commands.table import parse_line, parse_script
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
 
 QUOTED = re.compile("'([^']*)'")
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
-    return bench_project(tmp_path_factory.mktemp("bench"))
 
 
 def mistakes(line: str, project: Project) -> tuple[Problem, ...]:

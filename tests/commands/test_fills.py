@@ -16,12 +16,6 @@ from trcvtui.project.project import Project
 CHECK = b"123456789"  # the text whose checksums every catalogue of CRCs gives
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
-    return bench_project(tmp_path_factory.mktemp("bench"))
-
-
 def sent(line: str, project: Project, number: int = 0) -> bytes:
     command = parse_line(line, project, "w")
     assert isinstance(command, PeerSend)

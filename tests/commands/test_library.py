@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.bench_project import bench_project
 from trcvtui.bench.peers.queues import Outbox
 from trcvtui.commands.counters_and_checksums import filled
 from trcvtui.commands.peer import check_library
@@ -18,12 +17,6 @@ from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 
 MS = 1_000_000
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
-    return bench_project(tmp_path_factory.mktemp("bench"))
 
 
 def test_a_named_message_is_sent_as_its_text_says(project: Project) -> None:

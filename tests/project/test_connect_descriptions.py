@@ -302,9 +302,7 @@ WRITTEN = {
 @pytest.mark.parametrize("what", WRITTEN)
 def test_the_keys_of_a_description_are_read_as_that_connect_again(what: str) -> None:
     peer = '[[peer]]\nname = "P1"\n'
-    [first] = read_project(
-        tomllib.loads(f'{HEAD}{peer}[[connect]]\nname = "C1"\n{WRITTEN[what]}'), "b.toml", Path(".")
-    ).connects
+    [first] = read(WRITTEN[what])
     document = tomllib.loads(HEAD + peer) | {"connect": [{"name": "C1", **dict(keys_of(first))}]}
     [again] = read_project(document, "b.toml", Path(".")).connects
     assert again == first

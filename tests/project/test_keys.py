@@ -18,7 +18,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.connection.config import UdpConfig
 from trcvtui.project.edit import difference, fields_of
 from trcvtui.project.file import load_project, read_project
-from trcvtui.project.key_rows import Ask, Key, fixed
+from trcvtui.project.key_rows import Hint, Key, fixed
 from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of
 from trcvtui.project.project import Project
 from trcvtui.project.tables import of_text
@@ -41,7 +41,7 @@ NOTE = Key(
     "How long a talk is expected.",
     "note",
     "",
-    Ask("how long a talk is expected", fixed(*WORDS)),
+    Hint("how long a talk is expected", fixed(*WORDS)),
 )
 
 

@@ -13,7 +13,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.convert_dialect import Translated, in_dialect
+from trcvtui.project.convert_dialect import Translation, in_dialect
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.project import Project
 
@@ -25,7 +25,7 @@ def project(dialect: str, connect: dict[str, Any], **more: object) -> Project:
     return read_project(document, "line", Path())
 
 
-def over(given: Project, dialect: str) -> Translated:
+def over(given: Project, dialect: str) -> Translation:
     return in_dialect(given, DIALECTS[dialect])
 
 

@@ -1,4 +1,4 @@
-"""The black box: what has been up to now comes into a file when somebody asks, and runs again from it."""
+"""The black box: what has been up to now comes into a file when it is asked for, and runs again from it."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import random
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -126,44 +126,34 @@ def answered(entries: Iterable[Entry]) -> str:
     return str(told.value)
 
 
-def place(entries: Sequence[Entry], call: str) -> int:
-    return next(at for at, one in enumerate(entries) if isinstance(one, Answered) and one.call == call)
+def changed(call: str, change: Callable[[Answered], Answered]) -> list[Entry]:
+    """Return the journal of the story with the first entry of a call changed."""
+    _, entries = recorded(STORY)
+    at = next(at for at, one in enumerate(entries) if isinstance(one, Answered) and one.call == call)
+    one = entries[at]
+    assert isinstance(one, Answered)
+    return [*entries[:at], change(one), *entries[at + 1 :]]
 
 
 def test_another_call_is_told_with_scan_owner_and_call() -> None:
-    _, entries = recorded(STORY)
-    at = place(entries, "send")
-    one = entries[at]
-    assert isinstance(one, Answered)
-    scan = sum(isinstance(each, Answered) and each.call == "step" for each in entries[:at])
-    said = answered([*entries[:at], one._replace(call="recv"), *entries[at + 1 :]])
-    assert said.startswith(f"R: scan {scan}: found send (") and f"of {one.owner}, expected recv (" in said
+    entries = changed("send", lambda one: one._replace(call="another"))
+    calls = [one.call for one in entries if isinstance(one, Answered)]
+    said = answered(entries)
+    assert said.startswith(f"R: scan {calls[: calls.index('another')].count('step')}: found send (")
+    assert "of C1, expected another (" in said
 
 
 def test_other_bytes_are_told_although_they_are_as_many() -> None:
-    _, entries = recorded(STORY)
-    at = place(entries, "send")
-    one = entries[at]
-    assert isinstance(one, Answered)
-    assert "found send (" in answered(
-        [
-            *entries[:at],
-            one._replace(args=(*one.args[:2], 1)),
-            *entries[at + 1 :],
-        ]
-    )
+    entries = changed("send", lambda one: one._replace(args=(*one.args[:2], 1)))
+    assert "found send (" in answered(entries)
 
 
 @pytest.mark.parametrize(
     ("call", "answer"), [("socket", "x"), ("recv", 5), ("recv", (3, b"")), ("step", None)]
 )
 def test_an_answer_that_the_call_cannot_give_is_told(call: str, answer: object) -> None:
-    _, entries = recorded(STORY)
-    at = place(entries, call)
-    one = entries[at]
-    assert isinstance(one, Answered)
-    changed = [*entries[:at], one._replace(answer=answer), *entries[at + 1 :]]
-    assert "an answer" in answered(entries_of(blocks(changed), "R"))
+    entries = changed(call, lambda one: one._replace(answer=answer))
+    assert "an answer" in answered(entries_of(blocks(entries), "R"))
 
 
 def test_a_journal_that_ends_too_early_and_one_that_goes_on_are_told() -> None:

@@ -22,7 +22,7 @@ from trcvtui.recording.recording import INDEX, KEYFRAME, Recording
 from trcvtui.recording.state import Shared, from_state, state_of
 from trcvtui.replay import follower
 from trcvtui.replay.command import check
-from trcvtui.replay.follower import Followed
+from trcvtui.replay.follower import FollowedRun
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
@@ -44,7 +44,7 @@ def scans(entries: tuple[Entry, ...]) -> Iterator[list[Entry]]:
 
 def written(folder: Path, limits: FileLimits | None, entries: tuple[Entry, ...] | None = None) -> list[Path]:
     target = folder if limits else folder / "R.pcapng"
-    sink = Followed(RecordTo(target, limits=limits).file_sink(Path("R") if limits else target), "R")
+    sink = FollowedRun(RecordTo(target, limits=limits).file_sink(Path("R") if limits else target), "R")
     for some in scans(entries or journal()):
         sink.take(some)
     sink.close()
@@ -103,7 +103,7 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
 
 
 def test_a_file_that_ends_at_once_has_its_keyframe(tmp_path: Path) -> None:
-    sink = Followed(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
+    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
     for some in scans(journal()):
         block = BlockWriter(0)
         for entry in some:
@@ -215,7 +215,7 @@ def test_keyframes_of_one_seed_are_the_same_bytes(tmp_path: Path, monkeypatch: p
 def test_a_file_without_its_keyframe_says_what_it_lacks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Followed, "go_on", lambda self, until: False)
+    monkeypatch.setattr(FollowedRun, "go_on", lambda self, until: False)
     path = written(tmp_path, FileLimits(21_500, 0, -1, -1))[-1]
     assert main(["replay", str(path), "--check"]) in (1, 2)
     told = capsys.readouterr()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -125,11 +125,6 @@ def test_jsonl_has_both_runs_in_scan_order_and_then_what_has_come_of_them() -> N
     assert [size for _, size in done] == [20, 20, 20]
 
 
-def entries_of_a_run(change: Callable[[Answered], Answered]) -> list[Entry]:
-    _, entries = recorded(STORIES / "four-bytes-short.toml")
-    return [change(entry) if isinstance(entry, Answered) else entry for entry in entries]
-
-
 def test_what_a_partner_would_perhaps_have_done_is_a_guess(tmp_path: Path) -> None:
     # COM_RST of the recorded run ends the connection. Held at 0 it stands, and the partner comes again.
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.COM_RST=false")
@@ -206,11 +201,14 @@ def test_a_wrong_path_or_value_is_a_line(
 
 
 def test_a_journal_with_strange_answers_ends_there() -> None:
-    def strange(entry: Answered) -> Answered:
-        return entry._replace(answer=7) if entry.call == "recv" and entry.owner == "C1" else entry
+    def strange(entry: Entry) -> Entry:
+        if isinstance(entry, Answered) and (entry.owner, entry.call) == ("C1", "recv"):
+            return entry._replace(answer=7)
+        return entry
 
-    what_if_nothing_changed(entries_of_a_run(lambda entry: entry))
+    _, entries = recorded(STORIES / "four-bytes-short.toml")
+    what_if_nothing_changed(entries)
     told = RecordedRun(())
-    told.follow(iter(entries_of_a_run(strange)))
+    told.follow(map(strange, entries))
     while not told.is_broken:
         told.go_on()

@@ -23,6 +23,7 @@ from trcvtui.scenario.runner import Pace, Runner, Verdict, VirtualPace
 from trcvtui.scenario.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+PASSIVE = CONFIGS / "passive.toml"
 BAOSKY, SIEMENS, LEGACY, TWINCAT, SIM_ONLY, STORIES = (
     sorted((CONFIGS / "scenarios" / folder).glob("*.toml"))
     for folder in ("baosky", "siemens", "siemens-legacy", "twincat", "sim", "stories")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.local_driver import LocalDriver
-from tests.scenario.scenarios import CONFIGS
+from tests.scenario.scenarios import CONFIGS, PASSIVE
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.engine.driver import EngineDriver, start_engine
@@ -18,7 +18,6 @@ from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
 from trcvtui.scenario.scenario import load_bench
 
-PASSIVE = CONFIGS / "passive.toml"
 FIN = CONFIGS / "scenarios" / "baosky" / "80a6-fin-mid-frame.toml"
 STEPS = (
     "set TRCV_C_1 CONT=1",
@@ -30,13 +29,6 @@ STEPS = (
     "expect TRCV_C_1 trace 0001 7001 7002{6}",
 )
 MOST_PICTURES = 3000
-
-
-@pytest.fixture
-def driver() -> Iterator[LocalDriver]:
-    driver = LocalDriver(fresh_bench(load_project(PASSIVE), "sim"))
-    yield driver
-    driver.close()
 
 
 def scenario(folder: Path, *steps: str, start: str = "", name: str = "story.toml") -> Path:

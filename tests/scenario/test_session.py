@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +24,6 @@ from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept
 from trcvtui.scenario.recorded_session import Seen
 from trcvtui.scenario.scenario import load_scenario
-
-PASSIVE = CONFIGS / "passive.toml"
-
-
-@pytest.fixture
-def driver() -> Iterator[LocalDriver]:
-    driver = LocalDriver(fresh_bench(load_project(PASSIVE), "sim"))
-    yield driver
-    driver.close()
 
 
 def say(driver: LocalDriver, *lines: str | int) -> Answer:

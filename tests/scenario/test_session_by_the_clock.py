@@ -5,8 +5,6 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
-import pytest
-
 from trcvtui.bench.peers.peer import next_due
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import EngineTiming
@@ -41,11 +39,10 @@ remote = "@C1"
 ROUTINE = 'reconnect = "T#50ms"\nevery = "T#100ms"\nsays = ["hex 01 02 03 04 05 06"]\n'
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    file = tmp_path / "beat.toml"
-    file.write_text(BENCH + ROUTINE)
-    return file
+def live(folder: Path, text: str) -> Controller:
+    file = folder / "bench.toml"
+    file.write_text(text)
+    return Controller(fresh_bench(load_project(file), "live"))
 
 
 def drifting(console: Controller, scans: int, interval_ns: int = 10 * MS + LATE) -> None:
@@ -61,8 +58,8 @@ def answers(console: Controller, *lines: str) -> list[str]:
     return [answer.error or answer.told for answer in picture.answers]
 
 
-def test_late_scans_do_not_add_up_to_a_drift_of_what_a_peer_says(project: Path) -> None:
-    console = Controller(fresh_bench(load_project(project), "live"))
+def test_late_scans_do_not_add_up_to_a_drift_of_what_a_peer_says(tmp_path: Path) -> None:
+    console = live(tmp_path, BENCH + ROUTINE)
     spoken = []
     for number in range(1, 301):  # each scan up to 0.6 ms late, no later one more than an early one
         before = console.bench.peer_snapshots()[0].messages_sent
@@ -80,10 +77,8 @@ def test_what_was_missed_is_not_made_up_for() -> None:
     assert next_due(100, 10, 567) == 577
 
 
-def test_a_session_on_real_sockets_whose_peer_acts_by_the_clock_holds_again(
-    project: Path, tmp_path: Path
-) -> None:
-    console, file = Controller(fresh_bench(load_project(project), "live")), tmp_path / "saved.toml"
+def test_a_session_on_real_sockets_whose_peer_acts_by_the_clock_holds_again(tmp_path: Path) -> None:
+    console, file = live(tmp_path, BENCH + ROUTINE), tmp_path / "saved.toml"
     drifting(console, 150)
     assert answers(console, "peer P1 close") == [""]
     drifting(console, 120)
@@ -94,9 +89,7 @@ def test_a_session_on_real_sockets_whose_peer_acts_by_the_clock_holds_again(
 
 
 def test_a_session_whose_peer_is_told_what_to_send_expects_every_frame(tmp_path: Path) -> None:
-    project, file = tmp_path / "told.toml", tmp_path / "saved.toml"
-    project.write_text(BENCH)
-    console = Controller(fresh_bench(load_project(project), "live"))
+    console, file = live(tmp_path, BENCH), tmp_path / "saved.toml"
     drifting(console, 6)
     answers(console, "peer P1 connect")
     drifting(console, 6)
@@ -120,9 +113,7 @@ def test_each_stretch_of_frames_ends_in_anything_and_an_error_between_them_stays
 
 
 def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_path: Path) -> None:
-    project, file = tmp_path / "told.toml", tmp_path / "saved.toml"
-    project.write_text(BENCH)
-    console = Controller(fresh_bench(load_project(project), "live"))
+    console, file = live(tmp_path, BENCH), tmp_path / "saved.toml"
     drifting(console, 6)
     port = int(console.bench.runtime.snapshot().connections[0].local.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port)) as outside:

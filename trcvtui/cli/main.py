@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _output_failed(failed: OSError) -> int:
-    """Return the exit code of an output that nobody reads or that has no room; raise what is neither."""
+    """Return the exit code of an output that is not read or that has no room; raise what is neither."""
     is_closed = isinstance(failed, BrokenPipeError)
     if not is_closed and failed.errno != errno.ENOSPC:
         raise failed
@@ -77,15 +77,11 @@ def parser_of(given: Sequence[str]) -> CommandParser:
     parser.description = _overview()
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     parser.given = given
-    parser.set_defaults(command=_demo)
+    parser.set_defaults(command=lambda args: open_screen(demo_path(), "live", theme=args.theme))
     add_theme(parser, None)
     rows = {name: (about, add) for name, (about, _, add) in COMMANDS.items()}
     add_commands(parser, rows, "COMMAND", help=argparse.SUPPRESS, prog="trcvtui")
     return parser
-
-
-def _demo(args: Args) -> int:
-    return open_screen(demo_path(), "live", theme=args.theme)
 
 
 def _overview() -> str:

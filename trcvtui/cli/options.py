@@ -42,7 +42,7 @@ class _Help(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """One line for a mistake; the last lines of the help are made when somebody asks for them."""
+    """One line for a mistake; the last lines of the help are made when they are asked for."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
@@ -131,9 +131,9 @@ def record_to(args: Args) -> RecordTo | None:
 
 
 def follow() -> Callable[[FileSink, str], Sink]:
-    from trcvtui.replay.follower import Followed
+    from trcvtui.replay.follower import FollowedRun
 
-    return Followed
+    return FollowedRun
 
 
 def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:

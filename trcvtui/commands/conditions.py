@@ -253,21 +253,11 @@ def parse_peer(words: Words, project: Project) -> PeerDecl:
     return known[words.one_of(known, "peer")]
 
 
-PREFIX, SUFFIX = MARKS
 LONGEST: Final = 255  # LenPrefix is a BYTE
 
 
-def parse_prefix(words: Words, project: Project) -> SetMark:
-    """Return `prefix RD hex 02`, `prefix RD text "x"` or `prefix RD none`; raise UserError."""
-    return _mark(PREFIX, words, project)
-
-
-def parse_suffix(words: Words, project: Project) -> SetMark:
-    """Return `suffix RD hex 0D 0A`; raise UserError."""
-    return _mark(SUFFIX, words, project)
-
-
-def _mark(mark: str, words: Words, project: Project) -> SetMark:
+def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
+    """Return `prefix RD hex 02`, `prefix RD text "x"` or `suffix RD none`; raise UserError."""
     instance = parse_instance(words, project)
     if not block_row(instance.block).pointers:
         found = f"'{instance.name}', a {instance.block}"

@@ -83,10 +83,6 @@ CRC16_START, CRC16_POLYNOMIAL = 0xFFFF, 0xA001
 Order = Literal["little", "big"]
 
 
-def _sum8(content: bytes) -> int:
-    return sum(content) & 0xFF
-
-
 def _xor8(content: bytes) -> int:
     found = 0
     for byte in content:
@@ -111,7 +107,7 @@ def _crc16_modbus(content: bytes) -> int:
 
 
 CHECKSUMS: Final[dict[str, tuple[int, Callable[[bytes], int]]]] = {
-    "sum8": (1, _sum8),
+    "sum8": (1, lambda content: sum(content) & 0xFF),
     "xor8": (1, _xor8),
     "crc16-modbus": (2, _crc16_modbus),
     "crc32": (4, zlib.crc32),

@@ -2,7 +2,7 @@
 
 The keys are those of the project file, and its readers judge them. A type, a message and the steps of a
 sequence stand as they are: `add data rx2 INT`, `set message m hex 01`.
-Rule: a line is carried out whole, or nothing is changed; what somebody uses is not taken from him.
+Rule: a line is carried out whole, or nothing is changed; what is in use is not taken away.
 """
 
 from __future__ import annotations
@@ -329,7 +329,7 @@ def parse_undo(words: Words, project: Project) -> Undo:
 
 
 def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
-    """Raise UserError where somebody has what these edits would take from him."""
+    """Raise UserError where these edits would take away what is in use."""
     users = users_left(edits, project)
     if users:
         names = [f"{words_of(kind_name(decl))} {decl.name}" for decl, _ in users]
@@ -364,7 +364,7 @@ def edits_of(command: Remedy, project: Project) -> Edits:
 
 
 def told(command: Remedy, project: Project) -> str:
-    """Return what a line has done to this project: what was before it, what is now, who begins anew."""
+    """Return what a line has done to this project: what was before it, what is now, what begins anew."""
     if isinstance(command, Add | AddData):
         return told_on_the_way(command)
     said = [_told(edit) for edit in edits_of(command, project)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final, NamedTuple, Protocol
 
 from msgspec import Struct
@@ -57,7 +58,7 @@ from trcvtui.commands.words import (
     TrySplits,
     TryStop,
 )
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.project.tables import Kind, expected_name, shown, whole
 from trcvtui.udt.byte_text import parse_hex
@@ -252,17 +253,7 @@ def _place(project: Project, message: str) -> str:
 
 def _send_of(message: MessageDecl, peer: str, project: Project, where: str) -> PeerSend:
     send = parse_send(Words(message.text, where), project, peer)
-    return PeerSend(
-        peer,
-        send.payload,
-        send.split,
-        send.gap_ns,
-        send.repeat,
-        send.every_ns,
-        f"{MESSAGE} {message.name}",
-        send.gaps_ns,
-        send.fills,
-    )
+    return replace(send, text=f"{MESSAGE} {message.name}")
 
 
 def _steps_of(
@@ -282,19 +273,13 @@ def _steps_of(
 
 def check_library(project: Project) -> None:
     """Raise UserError with every mistake in the messages and sequences of a project."""
-    problems: list[Problem] = []
-    for message in project.messages:
-        try:
-            check_message(message, project, _place(project, message.name))
-        except UserError as wrong:
-            problems += wrong.problems
-    for sequence in project.sequences:
-        try:
-            check_sequence(sequence, project, f"{project.path}: sequence {sequence.name}")
-        except UserError as wrong:
-            problems += wrong.problems
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for message in project.messages:
+            with noting(problems):
+                check_message(message, project, _place(project, message.name))
+        for sequence in project.sequences:
+            with noting(problems):
+                check_sequence(sequence, project, f"{project.path}: sequence {sequence.name}")
 
 
 def check_message(message: MessageDecl, project: Project, where: str) -> None:
@@ -305,20 +290,16 @@ def check_message(message: MessageDecl, project: Project, where: str) -> None:
 
 def check_sequence(sequence: SequenceDecl, project: Project, where: str) -> None:
     """Raise UserError with every step that is no message and no pause."""
-    problems: list[Problem] = []
     names = [message.name for message in project.messages]
-    for number, step in enumerate(sequence.steps, 1):
-        place = f"{where}: steps #{number}"
-        try:
-            if "#" in step:
-                duration(step, "", place)
-            elif step not in names:
-                expected = f"{expected_name(step, names, 'message')}, or a pause such as T#100ms"
-                problems.append(Problem(place, shown(step), expected))
-        except UserError as wrong:
-            problems += wrong.problems
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for number, step in enumerate(sequence.steps, 1):
+            place = f"{where}: steps #{number}"
+            with noting(problems):
+                if "#" in step:
+                    duration(step, "", place)
+                elif step not in names:
+                    expected = f"{expected_name(step, names, 'message')}, or a pause such as T#100ms"
+                    problems.append(Problem(place, shown(step), expected))
 
 
 # -- what is tried and checked -------------------------------------------------------------------------------
@@ -424,21 +405,11 @@ def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     return ReplyOn(peer, match, send)
 
 
-def _payload(words: Words, project: Project) -> Payload:
+def _payload(words: Words, project: Project) -> tuple[bytes, str]:
     payload = parse_payload(words, project)
     if len(payload.content) > LONGEST_MATCH:
         raise words.wrong(f"{len(payload.content)} bytes", f"at most {LONGEST_MATCH} to look for")
-    return payload
-
-
-def _contains(words: Words, project: Project) -> Contains:
-    payload = _payload(words, project)
-    return Contains(payload.content, payload.text)
-
-
-def _starts(words: Words, project: Project) -> Starts:
-    payload = _payload(words, project)
-    return Starts(payload.content, payload.text)
+    return payload.content, payload.text
 
 
 def _field(words: Words, project: Project) -> FieldIs:
@@ -462,8 +433,8 @@ def _field(words: Words, project: Project) -> FieldIs:
 
 
 MATCHES: Final[dict[str, Callable[[Words, Project], Match]]] = {
-    "contains": _contains,
-    "starts": _starts,
+    "contains": lambda words, project: Contains(*_payload(words, project)),
+    "starts": lambda words, project: Starts(*_payload(words, project)),
     "field": _field,
 }
 
@@ -481,39 +452,29 @@ class Routine(Struct, frozen=True):
 
 def read_replies(project: Project) -> tuple[ReplyOn, ...]:
     """Return the reply rules that the peers of a project begin with; raise UserError with all mistakes."""
-    problems: list[Problem] = []
     rules: list[ReplyOn] = []
-    for decl in project.peers:
-        rules += _read_rules(decl, project, f"{project.path}: peer {decl.name}", problems)
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for decl in project.peers:
+            rules += _read_rules(decl, project, f"{project.path}: peer {decl.name}", problems)
     return tuple(rules)
 
 
 def read_routines(project: Project) -> dict[str, Routine]:
     """Return what the peers of a project do by themselves; raise UserError with every wrong message."""
-    problems: list[Problem] = []
-    routines = {
-        decl.name: Routine(
-            _read_says(decl, project, f"{project.path}: peer {decl.name}", problems),
-            decl.every_ns,
-            decl.reconnect_ns,
-        )
-        for decl in project.peers
-        if decl.says or decl.reconnect_ns
-    }
-    if problems:
-        raise UserError(problems)
+    routines: dict[str, Routine] = {}
+    with all_problems() as problems:
+        for decl in project.peers:
+            if decl.says or decl.reconnect_ns:
+                says = _read_says(decl, project, f"{project.path}: peer {decl.name}", problems)
+                routines[decl.name] = Routine(says, decl.every_ns, decl.reconnect_ns)
     return routines
 
 
 def check_routine(decl: PeerDecl, project: Project, where: str) -> None:
     """Raise UserError with every mistake in what a peer does by itself."""
-    problems: list[Problem] = []
-    _read_rules(decl, project, where, problems)
-    _read_says(decl, project, where, problems)
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        _read_rules(decl, project, where, problems)
+        _read_says(decl, project, where, problems)
 
 
 def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Problem]) -> list[ReplyOn]:
@@ -521,10 +482,8 @@ def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Pro
     if len(decl.replies) > MOST_RULES:
         problems.append(Problem(f"{where}: replies", f"{len(decl.replies)} rules", f"at most {MOST_RULES}"))
     for number, text in enumerate(decl.replies, 1):
-        try:
+        with noting(problems):
             rules.append(parse_rule(Words(text, f"{where}: replies #{number}"), project, decl.name))
-        except UserError as wrong:
-            problems += wrong.problems
     return rules
 
 
@@ -532,13 +491,10 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
     read = []
     for number, text in enumerate(decl.says, 1):
         words = Words(text, f"{where}: says #{number}")
-        try:
+        with noting(problems):
             send = parse_any_send(words, project, decl.name)
             words.finish()
-        except UserError as wrong:
-            problems += wrong.problems
-            continue
-        read.append(send)
+            read.append(send)
     return tuple(read)
 
 

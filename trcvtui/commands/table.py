@@ -1,6 +1,6 @@
 """One row a bench command: how its line is read, written and completed, and what it does.
 
-Whoever reads, writes, completes or carries out a line asks these rows; nothing else lists commands.
+What reads, writes, completes or carries out a line asks these rows; nothing else lists commands.
 """
 
 from __future__ import annotations
@@ -8,20 +8,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final, Protocol
 
 from msgspec import Struct
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.commands import completion, reader, words
-from trcvtui.commands.conditions import parse_expect, parse_prefix, parse_suffix, parse_wait, parse_write
+from trcvtui.commands.conditions import parse_expect, parse_mark, parse_wait, parse_write
 from trcvtui.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, parse_peer_command
 from trcvtui.commands.reader import after, parse_create, parse_delete, parse_download, parse_resize
 from trcvtui.commands.tokens import Words, quoted
 from trcvtui.commands.words import BenchCommand, Contains, FieldIs, Match, Remedy, Starts, Step
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
@@ -307,162 +308,150 @@ _PEER: Final = (
 )
 _MARK: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
 
+
+def _row(
+    verb: str,
+    read: Callable[[Words, Project], BenchCommand],
+    next_words: completion.NextWords,
+    *records: RecordRow,
+    at_prompt: bool = True,
+) -> CommandRow:
+    return CommandRow(verb, read, next_words, records, at_prompt)
+
+
 # In the order in which completion offers them.
 ROWS: Final = (
-    CommandRow(
+    _row(
         "set",
         reader.parse_set,
         completion.after_set,
-        (RecordRow(words.Set, set_line, _set), _MENDED[0]),
+        RecordRow(words.Set, set_line, _set),
+        _MENDED[0],
     ),
-    CommandRow(
+    _row(
         "pulse",
         reader.parse_pulse,
         completion.after_pulse,
-        (
-            RecordRow(
-                words.Pulse,
-                lambda c: f"pulse {c.instance} {c.pin}",
-                lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
-            ),
+        RecordRow(
+            words.Pulse,
+            lambda c: f"pulse {c.instance} {c.pin}",
+            lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
         ),
     ),
-    CommandRow("peer", parse_peer_command, completion.after_peer, _PEER),
-    CommandRow(
+    _row("peer", parse_peer_command, completion.after_peer, *_PEER),
+    _row(
         "write",
         parse_write,
         completion.after_write,
-        (
-            RecordRow(
-                words.Write,
-                write_line,
-                lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
-            ),
+        RecordRow(
+            words.Write,
+            write_line,
+            lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
         ),
     ),
-    CommandRow(
+    _row(
         "fault",
         reader.parse_fault,
         completion.after_fault,
-        (
-            RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
-            RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
-        ),
+        RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
+        RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
     ),
-    CommandRow(
+    _row(
         "link",
         reader.parse_link,
         completion.after_link,
-        (
-            RecordRow(
-                words.Link,
-                lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
-                lambda bench, c: bench.set_link(c),
-            ),
+        RecordRow(
+            words.Link,
+            lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
+            lambda bench, c: bench.set_link(c),
         ),
     ),
-    CommandRow(
+    _row(
         "plc",
         reader.parse_plc_command,
         completion.only("stop", "run"),
-        (
-            RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
-            RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
-        ),
+        RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
+        RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
     ),
-    CommandRow(
+    _row(
         "run",
         reader.parse_run,
         completion.nothing,
-        (
-            RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
-            RecordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
-        ),
+        RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
+        RecordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
     ),
-    CommandRow(
+    _row(
         "expect",
         parse_expect,
         completion.after_expect,
-        (
-            RecordRow(words.Expect, expect_line),
-            RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
-        ),
+        RecordRow(words.Expect, expect_line),
+        RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
     ),
-    CommandRow(
+    _row(
         "create",
         parse_create,
         completion.after_create,
-        (
-            RecordRow(
-                words.Create, create_line, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
-            ),
+        RecordRow(
+            words.Create, create_line, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
         ),
     ),
-    CommandRow(
+    _row(
         "delete",
         parse_delete,
         completion.an_instance,
-        (
-            RecordRow(
-                words.Delete,
-                lambda c: f"delete {c.instance}",
-                lambda bench, c: bench.change(c, commands.DeleteInstance(c.instance)),
-            ),
+        RecordRow(
+            words.Delete,
+            lambda c: f"delete {c.instance}",
+            lambda bench, c: bench.change(c, commands.DeleteInstance(c.instance)),
         ),
     ),
-    CommandRow(
+    _row(
         "download",
         parse_download,
         completion.an_instance,
-        (
-            RecordRow(
-                words.Download,
-                lambda c: f"download {c.instance}",
-                lambda bench, c: bench.change(c, commands.DownloadInstance(c.instance)),
-            ),
+        RecordRow(
+            words.Download,
+            lambda c: f"download {c.instance}",
+            lambda bench, c: bench.change(c, commands.DownloadInstance(c.instance)),
         ),
     ),
-    CommandRow(
+    _row(
         "resize",
         parse_resize,
         completion.after_resize,
-        (
-            RecordRow(
-                words.Resize,
-                lambda c: f"resize {c.data} {c.type_name}",
-                lambda bench, c: bench.change(c, commands.ResizeData(c.decl)),
-            ),
+        RecordRow(
+            words.Resize,
+            lambda c: f"resize {c.data} {c.type_name}",
+            lambda bench, c: bench.change(c, commands.ResizeData(c.decl)),
         ),
     ),
-    CommandRow("add", parse_add, completion.after_add, _MENDED[1:3]),
-    CommandRow("remove", parse_remove, completion.after_remove, _MENDED[3:4]),
-    CommandRow("undo", parse_undo, completion.nothing, _MENDED[4:]),
-    CommandRow(
+    _row("add", parse_add, completion.after_add, *_MENDED[1:3]),
+    _row("remove", parse_remove, completion.after_remove, _MENDED[3]),
+    _row("undo", parse_undo, completion.nothing, _MENDED[4]),
+    _row(
         "feed",
         reader.parse_feed,
         completion.after_feed,
-        (
-            RecordRow(
-                words.FeedLine,
-                feed_line,
-                lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
-            ),
+        RecordRow(
+            words.FeedLine,
+            feed_line,
+            lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
         ),
     ),
-    CommandRow("prefix", parse_prefix, completion.after_mark, (_MARK,)),
-    CommandRow("suffix", parse_suffix, completion.after_mark, ()),
-    CommandRow(
+    _row("prefix", partial(parse_mark, "prefix"), completion.after_mark, _MARK),
+    _row("suffix", partial(parse_mark, "suffix"), completion.after_mark),
+    _row(
         "doctor",
         reader.parse_doctor,
         completion.after_doctor,
-        (RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),),
+        RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
     ),
-    CommandRow("wait", parse_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
-    CommandRow(
+    _row("wait", parse_wait, completion.nothing, RecordRow(words.Wait, wait_line), at_prompt=False),
+    _row(
         "tap",
         reader.parse_tap,
         completion.after_tap,
-        (RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),),
+        RecordRow(words.Intervene, tap_line, lambda bench, c: bench.tap(c)),
     ),
 )
 COMMANDS: Final = {row.verb: row for row in ROWS}
@@ -504,22 +493,18 @@ def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
 def parse_script(text: str, project: Project, where: str) -> list[Step]:
     """Return the commands of a script, numbered from 1; raise UserError with the mistakes of all lines."""
     steps: list[Step] = []
-    problems: list[Problem] = []
     number = 0
-    for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
-        if not line or line.startswith("#"):
-            continue
-        number += 1
-        try:
-            command = parse_line(line, project, f"{where}: step {number} ({_short(line)})")
-        except UserError as wrong:
-            problems += wrong.problems
-            continue
-        if command is not None:
-            steps.append(Step(number, line, command))
-            project = after(command, project)
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
+            if not line or line.startswith("#"):
+                continue
+            number += 1
+            command = None
+            with noting(problems):
+                command = parse_line(line, project, f"{where}: step {number} ({_short(line)})")
+            if command is not None:
+                steps.append(Step(number, line, command))
+                project = after(command, project)
     return steps
 
 

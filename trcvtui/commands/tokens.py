@@ -233,7 +233,7 @@ class Token(Struct, frozen=True):
 
 
 def tokens_of(line: str, where: str) -> list[Token]:
-    """Return the words of a line; raise UserError for a quote or brace that nobody closes."""
+    """Return the words of a line; raise UserError for a quote or brace that is not closed."""
     found: list[Token] = []
     at = 0
     while at < len(line):

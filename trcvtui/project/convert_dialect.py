@@ -21,7 +21,7 @@ from trcvtui.net.layer import tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.descriptions import LOOPBACK
-from trcvtui.project.key_rows import around_of
+from trcvtui.project.key_rows import context_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table, expected_name, shown
@@ -29,7 +29,7 @@ from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 
 
-class Translated(NamedTuple):
+class Translation(NamedTuple):
     """A project as another dialect has it, and what had to be left out or chosen, one line each."""
 
     project: Project
@@ -42,10 +42,10 @@ def dialect_named(name: str) -> Dialect:
     return DIALECTS[name]
 
 
-def in_dialect(project: Project, dialect: Dialect) -> Translated:
+def in_dialect(project: Project, dialect: Dialect) -> Translation:
     """Return the project in that dialect; raise UserError when a CONNECT cannot be described in it."""
     if dialect.name == project.dialect.name:
-        return Translated(project, ())
+        return Translation(project, ())
     notes: list[str] = []
     options = _options(project, dialect, notes)
     model = project.model if project.model in dialect.models else dialect.default_model
@@ -65,7 +65,7 @@ def in_dialect(project: Project, dialect: Dialect) -> Translated:
         connects=tuple(_connect(c, n, project, other, notes) for n, c in enumerate(project.connects, 1)),
         instances=_instances(project, other, notes),
     )
-    return Translated(other, tuple(notes))
+    return Translation(other, tuple(notes))
 
 
 # -- switches ----------------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
         notes.append(f"{config.name}: SendDelayOpt is left out: a description has no such field")
     problems: list[Problem] = []
     table = Table(record, f"{other.dialect.name}: connect {config.name}", problems)
-    described: ConnectConfig | None = read_table("connect", table, around_of(other), number)
+    described: ConnectConfig | None = read_table("connect", table, context_of(other), number)
     if problems or described is None:
         raise UserError(problems)
     return described

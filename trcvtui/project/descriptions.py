@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -48,6 +48,7 @@ from trcvtui.net.connection.description_check import (
 from trcvtui.net.layer import LayerSettings, tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
+from trcvtui.project.key_rows import Keys
 from trcvtui.project.project import CertificateDecl, Certificates
 from trcvtui.project.tables import (
     ADDRESS,
@@ -154,20 +155,14 @@ TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "ser
 
 def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
     """Return a certificate whose files have been looked at."""
+    from trcvtui.net.layers import tls  # with the TLS library: only a project with certificates waits
+
     found = CertificateDecl(number, whole_name(base / file), whole_name(base / key) if key else "")
-    flaw, at = _flaw_of(found)
-    if flaw:
-        table.wrong(at, flaw, "a PEM file")
+    if flaw := tls.flaw_of_certificate(found.file, ""):
+        table.wrong("file", flaw, "a PEM file")
+    elif found.key and (flaw := tls.flaw_of_certificate(found.file, found.key)):
+        table.wrong("key", flaw, "a PEM file")
     return found
-
-
-def _flaw_of(one: CertificateDecl) -> tuple[str, str]:
-    from trcvtui.net.layers.tls import (
-        flaw_of_certificate,  # with the TLS library: only who has certificates waits
-    )
-
-    flaw = flaw_of_certificate(one.file, "")
-    return (flaw, "file") if flaw or not one.key else (flaw_of_certificate(one.file, one.key), "key")
 
 
 # -- a secure CONNECT ----------------------------------------------------------------------------------------
@@ -196,7 +191,7 @@ def secure(
             kind = "certificate with a key" if needs_key else "certificate"
             return Finding(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
     shows = known.get(own)
-    from trcvtui.net.layers.tls import TlsSettings  # with the TLS library: only who is secure waits
+    from trcvtui.net.layers.tls import TlsSettings  # with the TLS library: only a secure one waits
 
     return TlsSettings(
         certificate=shows.file if shows else "",
@@ -216,15 +211,10 @@ def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
 # -- a peer --------------------------------------------------------------------------------------------------
 
 
-class PeerTls(NamedTuple):
-    """What a peer's table says of TLS: as settings, and as its keys."""
-
-    settings: TlsSettings
-    keys: tuple[tuple[str, bool | int | str], ...]
-
-
-def tls_of_peer(values: Mapping[str, Any], table: Table, known: Certificates) -> PeerTls:
-    """Return what the keys of a peer with TLS mean."""
+def tls_of_peer(
+    values: Mapping[str, Any], table: Table, known: Certificates
+) -> tuple[TlsSettings, tuple[tuple[str, bool | int | str], ...]]:
+    """Return what a peer's table says of TLS: as settings, and as its keys."""
     own, authority = [_known(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
         table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
@@ -240,7 +230,7 @@ def tls_of_peer(values: Mapping[str, Any], table: Table, known: Certificates) ->
         checks_name=name is not None,
         is_unverified=values["verify"] is not None,
     )
-    return PeerTls(settings, tuple([(key, values[key]) for key in TLS_KEYS if values[key]]))
+    return settings, tuple([(key, values[key]) for key in TLS_KEYS if values[key]])
 
 
 def _known(table: Table, key: str, number: int | None, known: Certificates) -> CertificateDecl | None:
@@ -360,7 +350,7 @@ def _kind(field: DescriptionField) -> Kind[Any]:
 # -- one table ------------------------------------------------------------------------------------------
 
 
-class Written(Struct, frozen=True):
+class WrittenDescription(Struct, frozen=True):
     """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
 
     description: Description
@@ -403,7 +393,7 @@ def check_own_keys(table: Table, description: Description) -> None:
             return
 
 
-def read_written(table: Table, number: int, structures: tuple[str, ...]) -> Written | None:
+def read_written(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
     """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
@@ -426,22 +416,22 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
     return own[0] if own else DEFAULT_TYPE
 
 
-def _in_param(written: Written) -> Written:
+def _in_param(written: WrittenDescription) -> WrittenDescription:
     description = written.description
     found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
 
 
-def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> Written:
+def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> WrittenDescription:
     structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
         flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
-        return Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
-    return Written(Description(structure, raw), reference)
+        return WrittenDescription(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
+    return WrittenDescription(Description(structure, raw), reference)
 
 
-def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> Written:
+def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> WrittenDescription:
     read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
     port = read.get("RemotePort")
     reference = port if isinstance(port, str) else None
@@ -451,7 +441,7 @@ def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) 
         reference = table.read("RemotePort", REFERENCE)
     given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
     data = pack(structure, _usual(structure, number, given) | given)
-    return Written(Description(structure, data), reference, is_plain=is_plain)
+    return WrittenDescription(Description(structure, data), reference, is_plain=is_plain)
 
 
 def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[str, Value]:
@@ -476,7 +466,7 @@ def _has_name(description: Description) -> bool:
 
 
 def config_fields(
-    written: Written,
+    written: WrittenDescription,
     bench: BenchKeys,
     rules: Rules,
     certificates: Certificates,
@@ -515,7 +505,7 @@ def config_fields(
     }
 
 
-def _ports(written: Written, says: Meaning, bench: BenchKeys) -> tuple[int, int | str]:
+def _ports(written: WrittenDescription, says: Meaning, bench: BenchKeys) -> tuple[int, int | str]:
     if says.protocol is Protocol.ISO and says.is_active:
         return 0, bench.iso_port
     if says.protocol is Protocol.ISO:
@@ -524,7 +514,9 @@ def _ports(written: Written, says: Meaning, bench: BenchKeys) -> tuple[int, int 
     return own, written.reference or says.remote_port
 
 
-def _remote_address(written: Written, says: Meaning, bench: BenchKeys) -> tuple[str, Finding | None]:
+def _remote_address(
+    written: WrittenDescription, says: Meaning, bench: BenchKeys
+) -> tuple[str, Finding | None]:
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
     if bench.dns_answer is None:  # the network's own names, at each attempt
@@ -546,9 +538,6 @@ def _session(
         return None
     own = says.local_tsap, says.remote_tsap
     return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
-
-
-Keys = list[tuple[str, bool | int | float | str | list[str]]]
 
 
 def head_as_bytes(config: ConnectConfig) -> Keys:

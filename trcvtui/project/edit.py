@@ -1,6 +1,6 @@
 """A project is edited: what is asked for each key, one more entry read, changes and how they are undone.
 
-Rule: these are the loader's own readers, so what a file may not say, nobody may add either.
+Rule: these are the loader's own readers, so what a file may not say, no command may add either.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from trcvtui.project.file import (
     find_shared_ends,
     joined_up,
 )
-from trcvtui.project.key_rows import Ask, around_of
+from trcvtui.project.key_rows import Hint, context_of
 from trcvtui.project.keys import (
     EDITED,
     TABLES,
@@ -85,7 +85,7 @@ def fields_of(kind: str, project: Project, block: str = "", to_change: bool = Fa
     return (*first, *asked.values())
 
 
-def _field(key: str, ask: Ask, project: Project, block: str) -> AddField:
+def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
     hint = ask.hint if isinstance(ask.hint, str) else ask.hint(project, block)
     first = ask.first if isinstance(ask.first, str) else ask.first(project, block)
     return AddField(key, hint, ask.choices(project, block), first)
@@ -127,7 +127,7 @@ def read_entry(
         find_duplicates([(other, known), (kind, [table])], reserved=reserved)
         if problems:
             break
-    around = around_of(project)
+    around = context_of(project)
     check_names(kind, table, _names(project), around)
     if kind == "combuffer":
         known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]

@@ -17,8 +17,8 @@ from msgspec.structs import replace
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
-from trcvtui.errors import Problem, UserError
-from trcvtui.project.key_rows import Around
+from trcvtui.errors import Problem, UserError, all_problems, noting
+from trcvtui.project.key_rows import Context
 from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task
 from trcvtui.project.tables import (
@@ -83,7 +83,7 @@ def all_names(
     return {of: dict.fromkeys(each) for of, each in found.items()}
 
 
-def check_names(kind: str, table: Table, names: Names, around: Around) -> None:
+def check_names(kind: str, table: Table, names: Names, around: Context) -> None:
     """Record every key of a table that names nothing."""
     rows = table_row(kind, around.dialect).keys
     own = table.peek("name") if kind == "combuffer" else None
@@ -224,16 +224,12 @@ def load_scenario_document(
     path = Path(path)
     document = read_toml(path)
     scenario = document.pop("scenario", None)
-    problems: list[Problem] = []
-    if not isinstance(scenario, Mapping):
-        found = "nothing" if scenario is None else shown(scenario)
-        problems.append(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
-    try:
-        project = _project_of(document, path, overrides)
-    except UserError as wrong:
-        problems += wrong.problems
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        if not isinstance(scenario, Mapping):
+            found = "nothing" if scenario is None else shown(scenario)
+            problems.append(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
+        with noting(problems):
+            project = _project_of(document, path, overrides)
     return project, scenario
 
 
@@ -291,7 +287,7 @@ class DocumentReader:
             raise UserError(self.problems)  # what else the file says means something in a dialect only
         dialect = DIALECTS[name]
         model, options = self.model(top, dialect), self.options(dialect)
-        around = Around(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
+        around = Context(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
         body = self.body(around)
         sim = SIM.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
         texts = TOP.read(top, around)
@@ -339,7 +335,7 @@ class DocumentReader:
             self.problems.append(Problem(f"{where}.{BLACK_BOX}", shown(value), "on or off"))
         return value != "off"
 
-    def body(self, around: Around) -> dict[str, Any]:
+    def body(self, around: Context) -> dict[str, Any]:
         """Return the entries of all kinds by the names of their fields, and the UDTs."""
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
@@ -368,7 +364,7 @@ class DocumentReader:
             **{TABLES[kind].field: entries for kind, entries in found.items()},
         }
 
-    def check_names(self, tables: Mapping[str, list[Table]], around: Around) -> None:
+    def check_names(self, tables: Mapping[str, list[Table]], around: Context) -> None:
         """Record every name that is declared twice, and every one that is used and not declared."""
         done: set[str] = set()
         for kind in TABLES:
@@ -440,7 +436,7 @@ def read_constants(content: Mapping[str, Any], where: str, problems: list[Proble
     return {name: number for name in flat if (number := table.read(name, LINT)) is not None}
 
 
-def _entries(kind: str, tables: Iterable[Table], around: Around) -> tuple[Any, ...]:
+def _entries(kind: str, tables: Iterable[Table], around: Context) -> tuple[Any, ...]:
     read = [read_table(kind, table, around, number) for number, table in enumerate(tables, 1)]
     return tuple([entry for entry in read if entry is not None])
 

@@ -23,7 +23,7 @@ Keys = list[tuple[str, KeyValue]]
 Refusal = tuple[str, str]  # what was found, what was expected
 
 
-class Around(Struct, frozen=True):
+class Context(Struct, frozen=True):
     """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
 
     dialect: Dialect
@@ -40,16 +40,16 @@ class Around(Struct, frozen=True):
         return known_blocks(self.dialect.blocks)
 
 
-def around_of(project: Project) -> Around:
+def context_of(project: Project) -> Context:
     """Return what one more entry of a project is read in."""
     p = project
-    return Around(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
+    return Context(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
 
 
 class Values(dict[str, Any]):
     """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
 
-    def __init__(self, table: Table, around: Around, number: int) -> None:
+    def __init__(self, table: Table, around: Context, number: int) -> None:
         super().__init__()
         self.table = table
         self.around = around
@@ -68,7 +68,7 @@ def fixed(*texts: str) -> Offer:
     return lambda project, block: texts
 
 
-class Ask(Struct, frozen=True):
+class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that stands there first.
 
     `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
@@ -84,7 +84,7 @@ class Ask(Struct, frozen=True):
     is_of_change: bool = False
 
 
-class Refers(NamedTuple):
+class NameUse(NamedTuple):
     """Whose name a key has, of these kinds of names (`file.Declared`); `by_at`: as `@NAME`.
 
     `words` stand for themselves, with `or_none` also "". `what` says in a message what the names are.
@@ -97,7 +97,7 @@ class Refers(NamedTuple):
     or_none: bool = False
 
 
-def _always(table: Table, around: Around) -> bool:
+def _always(table: Table, around: Context) -> bool:
     return True
 
 
@@ -116,12 +116,12 @@ class Key(Struct, frozen=True):
     help: str
     of: str = ""
     default: Any = None
-    ask: Ask | None = None
-    refers: Refers | None = None
+    ask: Hint | None = None
+    refers: NameUse | None = None
     writes: Callable[[Any], Any] | None = None
     is_needed: bool = False
     is_said: bool = False
-    only: Callable[[Table, Around], bool | Refusal] = _always
+    only: Callable[[Table, Context], bool | Refusal] = _always
     reads: Callable[[Values], None] | None = None
     is_played: bool = False
 
@@ -195,7 +195,7 @@ class TableRow(Struct, frozen=True):
     head: Callable[[Any], Keys] = _no_keys
     tail: Callable[[Any], Keys] = _no_keys
 
-    def read(self, table: Table, around: Around, number: int = 1) -> Any:
+    def read(self, table: Table, around: Context, number: int = 1) -> Any:
         """Return the declaration of a table, None where a key is missing or wrong that it needs."""
         values = Values(table, around, number)
         for key in self.keys:

@@ -24,6 +24,7 @@ from trcvtui.project import descriptions
 from trcvtui.project.descriptions import (
     HOST,
     LONGEST_MESSAGE,
+    LOOPBACK,
     NUMBER,
     TPDU,
     TSAP,
@@ -32,13 +33,13 @@ from trcvtui.project.descriptions import (
     tls_of_peer,
 )
 from trcvtui.project.key_rows import (
-    Around,
-    Ask,
+    Context,
+    Hint,
     Key,
     Keys,
     KeyValue,
+    NameUse,
     Offer,
-    Refers,
     Refusal,
     TableRow,
     Values,
@@ -111,9 +112,8 @@ from trcvtui.udt.sources import parse_type
 from trcvtui.udt.type_set import NO_TYPES
 from trcvtui.udt.types import ELEMENTARY, Type
 
-FREE_PORT: Final = Endpoint("127.0.0.1", 0)
+FREE_PORT: Final = Endpoint(LOOPBACK, 0)
 BOOLS: Final = ("false", "true")
-LOCALHOST: Final = "127.0.0.1"
 
 
 def _named(what: str) -> Key:
@@ -158,8 +158,8 @@ def _last(offer: Offer) -> Callable[[Project, str], str]:
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
-def _truth(hint: str, first: str = "", **more: Any) -> Ask:
-    return Ask(hint, fixed(*BOOLS), first, **more)
+def _truth(hint: str, first: str = "", **more: Any) -> Hint:
+    return Hint(hint, fixed(*BOOLS), first, **more)
 
 
 def _number(with_key: bool = False) -> Offer:
@@ -170,8 +170,8 @@ def _number(with_key: bool = False) -> Offer:
 
 # -- TCP and UDP -----------------------------------------------------------------------------------------
 
-_PEER_OR_CONNECT: Final = Refers("peer or CONNECT", ("peer", "connect"), by_at=True)
-_PEER_OR_UDP: Final = Refers("peer or UDP_CONFIG", ("peer", "udp_end"), by_at=True)
+_PEER_OR_CONNECT: Final = NameUse("peer or CONNECT", ("peer", "connect"), by_at=True)
+_PEER_OR_UDP: Final = NameUse("peer or UDP_CONFIG", ("peer", "udp_end"), by_at=True)
 
 
 def _local_port(config: ConnectConfig) -> int | None:
@@ -184,19 +184,19 @@ _CONNECT: Final = TableRow(
     (
         _named("CONNECT"),
         Key("ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
-            Ask("true: the PLC connects", fixed(*BOOLS), "false"), is_said=True),
+            Hint("true: the PLC connects", fixed(*BOOLS), "false"), is_said=True),
         Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
-            ANY_ADDRESS, Ask("an address of this machine", first=LOCALHOST)),
+            ANY_ADDRESS, Hint("an address of this machine", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
-            Ask("0: a free one", first="0"), writes=_local_port, is_said=True),
+            Hint("0: a free one", first="0"), writes=_local_port, is_said=True),
         Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 lets anybody in.", "remote_address",
-            ANY_ADDRESS, Ask("0.0.0.0: anybody")),
+            ANY_ADDRESS, Hint("0.0.0.0: anybody")),
         Key("RemotePort", PORT_OR_NAME, "The partner's port, or @NAME: where that one listens.",
-            "remote_port", 0, Ask("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT),
+            "remote_port", 0, Hint("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT),
         Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
             False, _truth("true: Nagle off")),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
-            "keep_alive_interval_s", 0, Ask("seconds, 0: 10 s")),
+            "keep_alive_interval_s", 0, Hint("seconds, 0: 10 s")),
     ),
     "CONNECT", "a connection (CONNECT)", "C", shares=("udp_config", "peer", "combuffer"),
 )  # fmt: skip
@@ -206,9 +206,9 @@ _UDP_CONFIG: Final = TableRow(
     (
         _named("UDP_CONFIG"),
         Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
-            ANY_ADDRESS, Ask("0.0.0.0", first=LOCALHOST)),
+            ANY_ADDRESS, Hint("0.0.0.0", first=LOOPBACK)),
         Key("LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
-            Ask("0", first="0"), is_said=True),
+            Hint("0", first="0"), is_said=True),
     ),
     "UDP_CONFIG", "a UDP_CONFIG", "U", shares=("connect", "peer", "combuffer"),
 )  # fmt: skip
@@ -218,9 +218,9 @@ _ADDR: Final = TableRow(
     (
         _named("ADDR"),
         Key("RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
-            Ask("0.0.0.0", first=LOCALHOST)),
+            Hint("0.0.0.0", first=LOOPBACK)),
         Key("RemotePort", UDP_PORT_OR_NAME, "The partner's port, or @NAME.", "remote_port", 0,
-            Ask("or @NAME"), _PEER_OR_UDP),
+            Hint("or @NAME"), _PEER_OR_UDP),
     ),
     "ADDR", "an ADDR of UDP", "A",
 )  # fmt: skip
@@ -245,48 +245,41 @@ def _is_newer(project: Project, block: str) -> bool:
 def _field_keys() -> Iterable[Key]:
     """Return the fields that a form asks for; the description reads them with `type`."""
     ends, numbers = _at("peer", "connect"), _number()
-    newer: tuple[tuple[str, str, Offer, bool], ...] = (
-        ("ID", "1 to 4095", nothing, False),
-        ("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP", nothing, False),
-        ("ActiveEstablished", "true: the PLC connects", fixed(*BOOLS), False),
-        ("RemoteAddress", "0.0.0.0: anybody", nothing, False),
-        ("RemoteQDN", "TCON_QDN: a name with a dot at its end", nothing, False),
-        ("RemotePort", "a port, or @NAME", ends, False),
-        ("LocalPort", "passive: 1 to 49151", nothing, False),
-        ("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", nothing, True),
-        ("RemoteTSelector", "that of the partner", nothing, True),
-    )
-    secure: tuple[tuple[str, str, Offer, bool], ...] = (
-        ("ActivateSecureConn", "SEC: true is TLS", fixed(*BOOLS), False),
-        ("TLSServerCertRef", "the number of a certificate", numbers, False),
-        ("TLSClientCertRef", "the number of a certificate", numbers, False),
-    )
-    older: tuple[tuple[str, str, Offer, str], ...] = (
-        ("ActiveEstablished", "no type: true, the PLC connects", fixed(*BOOLS), "false"),
-        ("RemoteAddress", "no type: 0.0.0.0, anybody", nothing, ""),
-        ("RemotePort", "no type: a port, or @NAME", ends, ""),
-        ("LocalPort", "no type: 0, a free one", nothing, ""),
-        ("id", "TCON_Param: 1 to 4095", nothing, ""),
-        ("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP", nothing, ""),
-        ("active_est", "TCON_Param: true, the PLC connects", fixed(*BOOLS), ""),
-        ("rem_staddr", "TCON_Param: 4 bytes of the address", nothing, ""),
-        ("local_tsap_id", "TCON_Param: port or TSAP in hex", nothing, ""),
-        ("rem_tsap_id", "TCON_Param: port or TSAP in hex", nothing, ""),
-    )
     refers = {"RemotePort": _PEER_OR_CONNECT}
 
-    def row(name: str, ask: Ask) -> Key:
-        return Key(name, None, str(ask.hint), ask=ask, refers=refers.get(name))
+    def newer(name: str, hint: str, choices: Offer = nothing, is_quoted: bool = False) -> Key:
+        ask = Hint(hint, choices, where=_is_newer, is_quoted=is_quoted)
+        return Key(name, None, hint, ask=ask, refers=refers.get(name))
 
-    for name, hint, choices, is_quoted in newer:
-        yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
+    def older(name: str, hint: str, choices: Offer = nothing, first: str = "") -> Key:
+        ask = Hint(hint, choices, first, where=_is_param)
+        return Key(name, None, hint, ask=ask, refers=refers.get(name))
+
+    yield newer("ID", "1 to 4095")
+    yield newer("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP")
+    yield newer("ActiveEstablished", "true: the PLC connects", fixed(*BOOLS))
+    yield newer("RemoteAddress", "0.0.0.0: anybody")
+    yield newer("RemoteQDN", "TCON_QDN: a name with a dot at its end")
+    yield newer("RemotePort", "a port, or @NAME", ends)
+    yield newer("LocalPort", "passive: 1 to 49151")
+    yield newer("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
+    yield newer("RemoteTSelector", "that of the partner", is_quoted=True)
     yield Key("IsoPort", PORT_OR_NAME, "The port in the place of 102, which not every user may open.",
-              default=descriptions.ISO_PORT, ask=Ask("of the bench, in place of 102", ends, where=_is_newer),
+              default=descriptions.ISO_PORT, ask=Hint("of the bench, in place of 102", ends, where=_is_newer),
               refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
-    for name, hint, choices, is_quoted in secure:
-        yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
-    for name, hint, choices, first in older:
-        yield row(name, Ask(hint, choices, first, where=_is_param))
+    yield newer("ActivateSecureConn", "SEC: true is TLS", fixed(*BOOLS))
+    yield newer("TLSServerCertRef", "the number of a certificate", numbers)
+    yield newer("TLSClientCertRef", "the number of a certificate", numbers)
+    yield older("ActiveEstablished", "no type: true, the PLC connects", fixed(*BOOLS), "false")
+    yield older("RemoteAddress", "no type: 0.0.0.0, anybody")
+    yield older("RemotePort", "no type: a port, or @NAME", ends)
+    yield older("LocalPort", "no type: 0, a free one")
+    yield older("id", "TCON_Param: 1 to 4095")
+    yield older("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP")
+    yield older("active_est", "TCON_Param: true, the PLC connects", fixed(*BOOLS))
+    yield older("rem_staddr", "TCON_Param: 4 bytes of the address")
+    yield older("local_tsap_id", "TCON_Param: port or TSAP in hex")
+    yield older("rem_tsap_id", "TCON_Param: port or TSAP in hex")
 
 
 def _read_description(values: Values) -> None:
@@ -318,14 +311,14 @@ _DESCRIBED_CONNECT: Final = replace(
     keys=(
         _named("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
-            ask=Ask("none: plain TCP in what it takes", lambda project, block: structures_of(project))),
+            ask=Hint("none: plain TCP in what it takes", lambda project, block: structures_of(project))),
         Key("bytes", None, "The bytes of the DB in hex, in the place of the fields.",
-            ask=Ask("hex of the DB in place of the fields", is_quoted=True)),
+            ask=Hint("hex of the DB in place of the fields", is_quoted=True)),
         Key("LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
-            ask=Ask("of the bench, for InterfaceId", first=LOCALHOST),
+            ask=Hint("of the bench, for InterfaceId", first=LOOPBACK),
             writes=lambda c: None if c.any_local else c.local.address),
         Key("ListenPort", PORT, "The port that is really listened on, in the place of LocalPort.",
-            ask=Ask("of the bench, 0: a free one"), writes=descriptions.listen_port_of),
+            ask=Hint("of the bench, 0: a free one"), writes=descriptions.listen_port_of),
         *_field_keys(),
         Key("DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
             writes=descriptions.dns_answer_of),
@@ -338,36 +331,28 @@ _DESCRIBED_CONNECT: Final = replace(
 )  # fmt: skip
 
 
-def _read_addr_structure(values: Values) -> None:
-    values["structure"] = descriptions.read_addr_structure(values.table)
-
-
-def _addr_arguments(values: Values) -> dict[str, Any] | None:
-    found: dict[str, Any] | None = values["structure"]
-    return found
-
-
 _DESCRIBED_ADDR: Final = replace(
     _ADDR, help="A TADDR_Param, by its fields or as bytes.",
     keys=(
         _named("ADDR"),
-        Key("type", None, "The structure; TADDR_Param where none is named.", reads=_read_addr_structure),
+        Key("type", None, "The structure; TADDR_Param where none is named.",
+            reads=lambda values: values.update(structure=descriptions.read_addr_structure(values.table))),
         Key("bytes", None, "The bytes of the DB in hex, in the place of the fields."),
         Key("rem_ip_addr", None, "The partner's address; a receiver writes it.",
-            ask=Ask("0.0.0.0: a receiver writes it", first=LOCALHOST)),
+            ask=Hint("0.0.0.0: a receiver writes it", first=LOOPBACK)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
-            ask=Ask("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
+            ask=Hint("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
         Key("reserved", None, "The two bytes after them."),
         Key("RemotePort", None, "@NAME beside the bytes.", refers=_PEER_OR_UDP),
     ),
-    also=_addr_arguments, head=lambda a: descriptions.addr_keys(a),
+    also=lambda values: values["structure"], head=lambda a: descriptions.addr_keys(a),
 )  # fmt: skip
 
 
 # -- ComBuffers ------------------------------------------------------------------------------------------
 
 
-def _is_serial(table: Table, around: Around) -> bool | Refusal:
+def _is_serial(table: Table, around: Context) -> bool | Refusal:
     return table.text("source") == SERIAL or ("a word of serial ports", 'source = "serial" beside it')
 
 
@@ -388,27 +373,27 @@ _COMBUFFER: Final = TableRow(
     (
         _named("ComBuffer"),
         Key("source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
-            "source", SIMULATED, Ask("where bytes come from", _sources, SIMULATED),
-            Refers("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
+            "source", SIMULATED, Hint("where bytes come from", _sources, SIMULATED),
+            NameUse("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
         Key("port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
-            ask=Ask("serial: a device, socket://"), only=_is_serial, is_needed=True),
-        Key("baud", BAUD, "Bits a second.", "serial.baud", 9600, Ask("serial: 9600"),
+            ask=Hint("serial: a device, socket://"), only=_is_serial, is_needed=True),
+        Key("baud", BAUD, "Bits a second.", "serial.baud", 9600, Hint("serial: 9600"),
             only=_is_serial, is_said=True),
         Key("parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
-            Ask("serial: none", fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
+            Hint("serial: none", fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
         Key("stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
-            Ask("serial: 1", fixed("1", "1.5", "2")), only=_is_serial),
+            Hint("serial: 1", fixed("1", "1.5", "2")), only=_is_serial),
         Key("data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
-            Ask("serial: 8", fixed("8", "7", "6", "5")), only=_is_serial),
+            Hint("serial: 8", fixed("8", "7", "6", "5")), only=_is_serial),
         Key("handshake", HANDSHAKE, "Who holds the sender up.", "serial.handshake", "none",
-            Ask("serial: none", fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
+            Hint("serial: none", fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
         Key("line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
-            "line", "", Ask("what sends what is written", _lines),
-            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
+            "line", "", Hint("what sends what is written", _lines),
+            NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
         Key("size", QUEUE_SIZE, "Bytes that have room; none: what suits the source.", "size", 0,
-            Ask("bytes that have room, 300"), is_played=True),
+            Hint("bytes that have room, 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; none: all.", "per_cycle", 0,
-            Ask("bytes a scan, 0: all")),
+            Hint("bytes a scan, 0: all")),
     ),
     "ComBuffer", "a ComBuffer", "B", shares=("connect", "udp_config", "peer"),
 )  # fmt: skip
@@ -417,18 +402,18 @@ _COMBUFFER: Final = TableRow(
 # -- DATA ------------------------------------------------------------------------------------------------
 
 
-def _chosen(name: str, kind: Kind[Any], help_: str, ask: Ask | None = None) -> Key:
+def _chosen(name: str, kind: Kind[Any], help_: str, ask: Hint | None = None) -> Key:
     return Key(name, kind, help_, f"choice.{name}", ask=ask, is_played=True)
 
 
 _CHOICE: Final = (
     _chosen(
         "layout", LAYOUT, "The layout of its own; none: the PLC's.",
-        Ask("none: the PLC's own", fixed(*LAYOUTS), is_of_change=True),
+        Hint("none: the PLC's own", fixed(*LAYOUTS), is_of_change=True),
     ),
     _chosen(
         "byte_order", BYTE_ORDER, "The byte order of its own; none: that of the layout.",
-        Ask("none: that of the layout", fixed(*BYTE_ORDERS), is_of_change=True),
+        Hint("none: that of the layout", fixed(*BYTE_ORDERS), is_of_change=True),
     ),
     _chosen("text", TEXT_FORM, "How a STRING lies."),
     _chosen("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
@@ -467,7 +452,7 @@ _DATA: Final = TableRow(
     (
         _named("variable"),
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
-            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
+            ask=Hint("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
             is_played=True),
         Key("optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
             False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
@@ -492,15 +477,15 @@ def link_key(block: str) -> str:
     return block_row(block).buffer_pin or "connect"
 
 
-def _on_config(table: Table, around: Around) -> bool | Refusal:
+def _on_config(table: Table, around: Context) -> bool | Refusal:
     row = block_row(table.text("block"))
     if row.datagrams and table.has("connect"):
         return "a UDP_CONFIG beside a CONNECT", "one of them"
     return row.speaks_udp
 
 
-def _on_link(key: str) -> Callable[[Table, Around], bool]:
-    def is_on(table: Table, around: Around) -> bool:
+def _on_link(key: str) -> Callable[[Table, Context], bool]:
+    def is_on(table: Table, around: Context) -> bool:
         block = table.text("block") or ""
         if block not in around.blocks and not table.has(key):
             return False  # nobody knows what an unknown block needs
@@ -509,11 +494,7 @@ def _on_link(key: str) -> Callable[[Table, Around], bool]:
     return is_on
 
 
-def _needs_addr(table: Table, around: Around) -> bool:
-    return block_row(table.text("block")).speaks_udp
-
-
-def _may_have_addr(table: Table, around: Around) -> bool:
+def _may_have_addr(table: Table, around: Context) -> bool:
     has_datagrams = any(block_row(block).datagrams for block in around.blocks)
     return block_row(table.text("block")).builds and has_datagrams
 
@@ -524,14 +505,14 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
 
 def _links() -> Iterable[Key]:
     yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
-              ask=Ask("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
-              refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
+              ask=Hint("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
+              refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
               only=_on_config)  # fmt: skip
     for pin in buffer_pins():
         yield Key(
             pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
-            ask=Ask("a ComBuffer", _names("combuffer"), _last(_names("combuffer")), where=_has_buffer(pin)),
-            refers=Refers("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
+            ask=Hint("a ComBuffer", _names("combuffer"), _last(_names("combuffer")), where=_has_buffer(pin)),
+            refers=NameUse("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
             only=_on_link(pin),
         )  # fmt: skip
 
@@ -544,7 +525,7 @@ def _has_buffer(pin: str) -> Callable[[Project, str], bool]:
     return lambda project, block: block_row(block).buffer_pin == pin
 
 
-def _has_mark(pin: str) -> Callable[[Table, Around], bool]:
+def _has_mark(pin: str) -> Callable[[Table, Context], bool]:
     return lambda table, around: pin in block_row(table.text("block")).pointers
 
 
@@ -560,8 +541,8 @@ def _marks() -> Iterable[Key]:
     for pin in pointer_pins():
         mark = pin.removeprefix("p").lower()
         yield Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
-                  ask=Ask(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
-                  refers=Refers("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin))  # fmt: skip
+                  ask=Hint(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
+                  refers=NameUse("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin))  # fmt: skip
 
 
 def _data_hint(project: Project, block: str) -> str:
@@ -617,12 +598,8 @@ def _instance(values: Values) -> dict[str, Any] | None:
     }
 
 
-def _inputs_of(decl: InstanceDecl) -> Keys:
-    return [(pin, MILLISECONDS.write(value) if is_time(pin) else value) for pin, value in decl.inputs]
-
-
 _ADDR_OF_INSTANCE: Final = Key(
-    "addr", TEXT, "The ADDR of a block of UDP.", "addr", refers=Refers("ADDR", ("addr",)),
+    "addr", TEXT, "The ADDR of a block of UDP.", "addr", refers=NameUse("ADDR", ("addr",)),
     only=_may_have_addr,
 )  # fmt: skip
 _INSTANCE: Final = TableRow(
@@ -631,28 +608,30 @@ _INSTANCE: Final = TableRow(
     (
         _named("instance"),
         Key("block", TEXT, "The block.", "block", is_needed=True,
-            ask=Ask("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
+            ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
-            ask=Ask(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
+            ask=Hint(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
                     lambda project, block: not block_row(block).on_buffer),
-            refers=Refers("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
+            refers=NameUse("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
         *_links(),
-        replace(_ADDR_OF_INSTANCE, is_needed=True, only=_needs_addr),
-        replace(_ADDR_OF_INSTANCE, ask=Ask("of a UDP block", _names("addr"), where=_has_any("addrs")),
+        replace(_ADDR_OF_INSTANCE, is_needed=True,
+                only=lambda table, around: block_row(table.text("block")).speaks_udp),
+        replace(_ADDR_OF_INSTANCE, ask=Hint("of a UDP block", _names("addr"), where=_has_any("addrs")),
                 writes=lambda i: None),
         Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
-            ask=Ask(_data_hint, _names("data"), _last(_names("data")),
+            ask=Hint(_data_hint, _names("data"), _last(_names("data")),
                     lambda project, block: bool((row := block_row(block)).data_pin) or not row.on_buffer),
-            refers=Refers("DATA", ("data",))),
+            refers=NameUse("DATA", ("data",))),
         *_marks(),
         Key("task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
-            ask=Ask("a task", lambda project, block: tuple([task.name for task in project.tasks]),
+            ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
-            refers=Refers("task", ("task",)), writes=lambda i: i.task),
+            refers=NameUse("task", ("task",)), writes=lambda i: i.task),
         Key("inputs", None, "Initial values of input pins, by the pin's name.",
-            ask=Ask(_inputs_hint, is_bare=True)),
+            ask=Hint(_inputs_hint, is_bare=True)),
     ),
-    "instance", "an instance", also=_instance, finish=_read_inputs, shares=("data",), tail=_inputs_of,
+    "instance", "an instance", also=_instance, finish=_read_inputs, shares=("data",),
+    tail=lambda i: [(pin, MILLISECONDS.write(value) if is_time(pin) else value) for pin, value in i.inputs],
 )  # fmt: skip
 
 
@@ -662,11 +641,7 @@ _ENDS: Final = _at("connect", "udp_config")
 _NO_CONNECTION: Final = "a word of connections", "local and remote alone: UDP has no connection"
 
 
-def _is_udp(table: Table, around: Around) -> bool:
-    return table.is_true("udp")
-
-
-def _is_tcp(table: Table, around: Around) -> bool:
+def _is_tcp(table: Table, around: Context) -> bool:
     return not table.is_true("udp")
 
 
@@ -675,30 +650,26 @@ def _is_active(table: Table) -> bool:
     return table.is_true("active", table.has("remote"))
 
 
-def _of_tcp(table: Table, around: Around) -> bool | Refusal:
+def _of_tcp(table: Table, around: Context) -> bool | Refusal:
     return _NO_CONNECTION if table.is_true("udp") else True
 
 
-def _of_active(table: Table, around: Around) -> bool | Refusal:
+def _of_active(table: Table, around: Context) -> bool | Refusal:
     return _NO_CONNECTION if table.is_true("udp") else _is_active(table)
 
 
-def _connects(table: Table, around: Around) -> bool | Refusal:
+def _connects(table: Table, around: Context) -> bool | Refusal:
     if table.is_true("udp"):
         return False
     return _is_active(table) or ("an address to connect to", "active = true, or local alone")
 
 
-def _dials(table: Table, around: Around) -> bool:
+def _dials(table: Table, around: Context) -> bool:
     return not table.is_true("udp") and _is_active(table)
 
 
-def _waits(table: Table, around: Around) -> bool:
-    return not _dials(table, around)
-
-
-def _beside(key: str, found: str) -> Callable[[Table, Around], bool | Refusal]:
-    def is_beside(table: Table, around: Around) -> bool | Refusal:
+def _beside(key: str, found: str) -> Callable[[Table, Context], bool | Refusal]:
+    def is_beside(table: Table, around: Context) -> bool | Refusal:
         return not table.is_true("udp") and (table.is_true(key) or (found, f"{key} = true beside it"))
 
     return is_beside
@@ -724,15 +695,14 @@ def _peer(values: Values) -> dict[str, Any]:
     table = values.table
     if table.is_true("udp"):
         return {"active": False}
-    iso = None
+    iso: IsoSettings | None = None
     if values["iso"]:
         size = values["tpdu"]
         iso = IsoSettings(values["local_tsap"], values["remote_tsap"], LONGEST_MESSAGE, size_code=size)
-    tls = tls_of_peer(values, table, values.around.certificates) if values["tls"] else None
+    tls, keys = tls_of_peer(values, table, values.around.certificates) if values["tls"] else (None, ())
     if iso is not None and tls is not None:
         table.wrong("tls", "true beside iso = true", "one of them")
-    active = _is_active(table)
-    return {"active": active, "session": iso or (tls and tls.settings), "tls": tls.keys if tls else ()}
+    return {"active": _is_active(table), "session": iso or tls, "tls": keys}
 
 
 _PEER: Final = TableRow(
@@ -742,42 +712,44 @@ _PEER: Final = TableRow(
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
             _truth("true: datagrams, no active")),
         Key("active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True, only=_of_tcp,
-            ask=Ask("true: it connects to remote", fixed(*BOOLS[::-1]),
+            ask=Hint("true: it connects to remote", fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
             writes=lambda p: None if p.udp else p.active),
         Key("remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
-            ask=Ask("address:port, or @NAME", _ENDS, _last(_ENDS)),
-            refers=Refers("CONNECT", ("connect",), by_at=True), only=_connects,
+            ask=Hint("address:port, or @NAME", _ENDS, _last(_ENDS)),
+            refers=NameUse("CONNECT", ("connect",), by_at=True), only=_connects,
             writes=lambda p: p.end if p.active else None),
         Key("local", ENDPOINT, "Where it listens; of one that connects: its own end.", "source",
-            ask=Ask("where it listens, 127.0.0.1:0"), only=_dials),
-        Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT, only=_waits,
+            ask=Hint("where it listens, 127.0.0.1:0"), only=_dials),
+        Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT,
+            only=lambda table, around: not _dials(table, around),
             writes=lambda p: None if p.active else p.end),
         Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; none: to whoever was heard last.", "remote",
-            refers=Refers("UDP_CONFIG", ("udp_end",), by_at=True), only=_is_udp),
+            refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
+            only=lambda table, around: table.is_true("udp")),
         Key("reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
-            Ask("after so long, such as T#1s"), only=_of_active),
+            Hint("after so long, such as T#1s"), only=_of_active),
         Key("says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
-            Ask("a message, such as hex 01 02", is_quoted=True)),
-        Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Ask("T#1s")),
+            Hint("a message, such as hex 01 02", is_quoted=True)),
+        Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
         Key("replies", RULES, "Rules by which it answers, written as after `reply on`.", "replies", ()),
         *[replace(key, ask=None) for key in _CHOICE],
         Key("iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
             ask=_truth("true: it speaks ISO-on-TCP", where=_describes),
             writes=lambda p: isinstance(p.session, IsoSettings)),
         Key("local_tsap", TSAP, "Its own TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
-            ask=Ask("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True)),
+            ask=Hint("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True)),
         Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
-            ask=Ask("that of the PLC", where=_describes, is_quoted=True)),
+            ask=Hint("that of the PLC", where=_describes, is_quoted=True)),
         Key("tpdu", TPDU, "The TPDU size that it asks for.", default=OWN_SIZE_CODE, only=_ISO,
             writes=_of_iso("size_code")),
         Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
             ask=_truth("true: it speaks TLS", where=_describes)),
         Key("certificate", NUMBER, "The number of its own certificate, one with a key.", only=_TLS,
-            ask=Ask("the number of its own, with a key", _number(with_key=True), where=_describes),
+            ask=Hint("the number of its own, with a key", _number(with_key=True), where=_describes),
             writes=_of_tls("certificate")),
         Key("authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
-            ask=Ask("the number of whom it trusts", _number(), where=_describes),
+            ask=Hint("the number of whom it trusts", _number(), where=_describes),
             writes=_of_tls("authority")),
         Key("client_certificate", TRUTH, "Whether it asks for a certificate of a client.", default=False,
             only=_TLS, writes=_of_tls("client_certificate")),
@@ -795,9 +767,9 @@ _MESSAGE: Final = TableRow(
     (
         _named("message"),
         Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
-            ask=Ask("as after `send`: hex 01 02 split=1", is_bare=True)),
+            ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
         Key("peer", TEXT, "The peer whose alone it is; none: everybody's.", "peer", "",
-            Ask("one peer's alone, or nobody's", _names("peer")), Refers("peer", ("peer",), or_none=True)),
+            Hint("one peer's alone, or nobody's", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
     ),
     "message", "a message of the library", "message", asks_first=("peer",),
 )  # fmt: skip
@@ -808,7 +780,7 @@ _SEQUENCE: Final = TableRow(
     (
         _named("sequence"),
         Key("steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
-            ask=Ask("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True),
+            ask=Hint("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True),
     ),
     "sequence", "a sequence of messages", "sequence",
 )  # fmt: skip
@@ -822,32 +794,32 @@ _WATCH: Final = TableRow(
     (
         _named("line"),
         Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 where the PLC calls.", "plc",
-            ask=Ask("the PLC end: 10.0.0.5:2000"), is_needed=True),
+            ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances look on.", "connect",
-            ask=Ask("a CONNECT", _names("connect"), _last(_names("connect"))),
-            refers=Refers("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
+            ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
+            refers=NameUse("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
         Key("partner", FAR_END, "The other end; without it any.", "partner", "",
-            Ask("the other end; none: any")),
+            Hint("the other end; none: any")),
     ),
     "watched line", "a line that is watched", "watch",
 )  # fmt: skip
 
 
-_LOOKED_ON: Final = Refers("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
+_LOOKED_ON: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
 _TAP: Final = TableRow(
     "tap", "taps", TapDecl,
     "A tap between two ends, whose bytes go on; the instances on a CONNECT look on (`trcvtui tap`).",
     (
         _named("tap"),
         Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
-            "listen", ask=Ask("where it listens: 2000"), is_needed=True),
+            "listen", ask=Hint("where it listens: 2000"), is_needed=True),
         Key("to", TAP_PLACE, "To whom it goes on: 10.0.0.5:2000, the PLC end.", "to",
-            ask=Ask("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
+            ask=Hint("to whom it goes on: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances look on at what goes to the PLC end.", "connect",
-            ask=Ask("a CONNECT", _names("connect"), _last(_names("connect"))),
+            ask=Hint("a CONNECT", _names("connect"), _last(_names("connect"))),
             refers=_LOOKED_ON, is_needed=True),
         Key("back", TEXT, "The CONNECT whose instances look on at what comes from it.", "back", "",
-            Ask("a CONNECT for what comes back; none: nobody", _names("connect")),
+            Hint("a CONNECT for what comes back; none: nobody", _names("connect")),
             refers=_LOOKED_ON._replace(or_none=True)),
     ),
     "tap", "a tap", "tap",
@@ -878,8 +850,8 @@ _CERTIFICATE: Final = TableRow(
     "A certificate of the CPU's certificate manager; without a key it is one to trust.",
     (
         Key("number", NUMBER, "Its number, by which others refer to it.", "number", is_needed=True),
-        Key("file", FILE, "Its PEM file.", "file", ask=Ask("a PEM file"), is_needed=True),
-        Key("key", TEXT, "The PEM file of its key.", "key", "", Ask("of one's own: its PEM file")),
+        Key("file", FILE, "Its PEM file.", "file", ask=Hint("a PEM file"), is_needed=True),
+        Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of one's own: its PEM file")),
     ),
     "certificate", "a certificate of TLS", called="number",
     also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_unnamed,
@@ -935,7 +907,7 @@ def table_row(kind: str, dialect: Dialect) -> TableRow:
     return (DESCRIBED if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
-def read_table(kind: str, table: Table, around: Around, number: int = 1) -> Any:
+def read_table(kind: str, table: Table, around: Context, number: int = 1) -> Any:
     """Return the declaration of a table; a plain ADDR may stand in any dialect."""
     row = table_row(kind, around.dialect)
     plain = kind == "addr" and not descriptions.is_structure(table)

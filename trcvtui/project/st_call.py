@@ -91,7 +91,8 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     identity = _identity(project, decl)
     yield from [*inputs[:1], f"ID:={identity}", *inputs[1:]] if identity else inputs
     if not identity or not _row(decl).id_alone:
-        yield f"{_link_pin(decl)}:={_link(project, decl)}"
+        link_pin = _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
+        yield f"{link_pin}:={_link(project, decl)}"
     for name, variable in _variables(decl):
         yield f"{name}:={f'ADR({variable})' if name.startswith(POINTER) else variable}"
     if decl.addr is not None:
@@ -110,10 +111,6 @@ def _link(project: Project, decl: InstanceDecl) -> str:
     while name.casefold() in taken:
         name += "_Buffer"
     return name
-
-
-def _link_pin(decl: InstanceDecl) -> str:
-    return _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
 
 
 def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:

@@ -1,1 +1,1 @@
-"""A run on record: what it begins with, and who writes it."""
+"""A run on record: what it begins with, and what writes it."""

@@ -50,7 +50,7 @@ MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
 
 
 class Sink(Protocol):
-    """Who writes entries; `trouble`: why nothing more is written, or ""."""
+    """What writes entries; `trouble`: why nothing more is written, or ""."""
 
     @property
     def trouble(self) -> str: ...
@@ -63,7 +63,7 @@ class Sink(Protocol):
 
 
 class FileSink(Sink, Protocol):
-    """Who writes a file, with keyframes."""
+    """What writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
 
@@ -73,7 +73,7 @@ class FileSink(Sink, Protocol):
 
 
 class NumberedFile(FileSink, Protocol):
-    """Who writes one of several files of a run, with so many bytes."""
+    """What writes one of several files of a run, with so many bytes."""
 
     size: int
 

@@ -1,4 +1,4 @@
-"""A run on record while it runs: its seam, its first entry, and who gets the entries.
+"""A run on record while it runs: its seam, its first entry, and what gets the entries.
 
 Rule: a scan only appends to a list; in the gap after it the list is handed over.
 """

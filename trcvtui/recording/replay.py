@@ -43,7 +43,7 @@ class Replay:
         self.entries = entries
         self.where = where
         self.scan = self._now = 0
-        self.tell: Callable[[Note], None] = _tell_nobody
+        self.tell: Callable[[Note], None] = _drop_note
         self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
         self.front = next(entries, None)  # None: the journal is at its end
         self.begins: RunBegins | None = None
@@ -129,7 +129,7 @@ class Replay:
             self._known[owner, "path", args] = answer
 
     def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
-        """Return what was told in this gap or the newest before; None: nobody has asked that."""
+        """Return what was told in this gap or the newest before; None: it was not asked then."""
         while isinstance(self.front, Answered) and self.front.call.startswith(GAP):
             found = self.front[:3] == (owner, GAP + call, args)
             self._pass(self.front)
@@ -141,7 +141,7 @@ class Replay:
         return type(self.front) is Answered and self.front[:3] == (part[1], EXCEPTION, part[:1])
 
     def told(self, note: Note) -> None:
-        """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
+        """Do nothing: only the PLC and the bench tell anything here, and it is not kept."""
 
     def wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
@@ -168,7 +168,7 @@ class Replay:
 
     @property
     def is_ended(self) -> bool:
-        """Return whether somebody has ended the recording here, while the run went on."""
+        """Return whether the recording was ended here, while the run went on."""
         return isinstance(self.front, EntriesLost) and self.front.why == ENDED_HERE
 
     def scans_left(self) -> int:
@@ -205,7 +205,7 @@ def ends_early(where: str, lost: str, scan: int, left: int = 0) -> UserError:
     )
 
 
-def _tell_nobody(note: Note) -> None:
+def _drop_note(note: Note) -> None:
     """Do nothing: there is no ledger yet."""
 
 

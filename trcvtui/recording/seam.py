@@ -1,4 +1,4 @@
-"""The seam of a bench: what asks there, and who does it and keeps the answers; a replay answers (replay.py).
+"""The seam of a bench: what asks there, and a recorder that does it and keeps the answers.
 
 Rule 1: a bench asks at its seam what is not its own: kernel, serial ports, the bound of work, commands.
 Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
@@ -126,15 +126,21 @@ class SeamRecorder:
             self._keep(note)
 
     def note(self, note: Note) -> None:
-        """Keep what somebody outside the bench tells, where the next entry stands."""
+        """Keep what comes from outside the bench, where the next entry stands."""
         self._keep(note)
 
 
 # -- what asks ---------------------------------------------------------------------------------------------
 
 
-def _of_nobody(make: Callable[[], T], answers: bool) -> T:
+def _real_or_none(make: Callable[[], T], answers: bool) -> T:
     return cast(T, None) if answers else make()
+
+
+def _owned(owners: dict[Handle, str], owner: str, made: Handle | Fault) -> Handle | Fault:
+    if not isinstance(made, Fault):
+        owners[made] = owner
+    return made
 
 
 PLAIN: Final = (  # calls whose arguments and answers are kept as they are
@@ -191,16 +197,12 @@ class _SeamKernel:
         return self._seam.ask(self._label, "ready_handles", (), do)
 
     def socket(self, owner: str) -> Handle | Fault:
-        return self._mine(owner, self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner)))
+        made = self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner))
+        return _owned(self._owners, owner, made)
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         do = lambda: self._inner.datagram_socket(owner)  # noqa: E731
-        return self._mine(owner, self._seam.ask(owner, "datagram_socket", (), do))
-
-    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
-        if not isinstance(made, Fault):
-            self._owners[made] = owner
-        return made
+        return _owned(self._owners, owner, self._seam.ask(owner, "datagram_socket", (), do))
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         asked = options.nodelay, options.keep_alive_s, options.user_timeout_ms, options.small_buffers
@@ -381,7 +383,7 @@ def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bo
     """
     if is_noted and isinstance(seam, SeamRecorder):
         return cast(SeamKernel, _NotedKernel(seam, label, make()))
-    return cast(SeamKernel, _SeamKernel(seam, label, _of_nobody(make, seam.answers)))
+    return cast(SeamKernel, _SeamKernel(seam, label, _real_or_none(make, seam.answers)))
 
 
 class SeamPort:
@@ -389,7 +391,7 @@ class SeamPort:
 
     def __init__(self, seam: Seam, owner: str, make: Callable[[], SerialPort]) -> None:
         self._seam, self._owner = seam, owner
-        self._inner = _of_nobody(make, seam.answers)
+        self._inner = _real_or_none(make, seam.answers)
 
     def open(self) -> Fault | Opening | None:
         return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
@@ -453,7 +455,7 @@ class _WireKernel:
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
         self._seam, self._inner, self._is_next = seam, inner, is_next
-        self._owners: dict[int, str] = {}
+        self._owners: dict[Handle, str] = {}
         for name in TAPPED:
             setattr(self, name, self._tapped(name))
 
@@ -466,15 +468,10 @@ class _WireKernel:
         return found
 
     def socket(self, owner: str) -> Handle | Fault:
-        return self._mine(owner, self._inner.socket(owner))
+        return _owned(self._owners, owner, self._inner.socket(owner))
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        return self._mine(owner, self._inner.datagram_socket(owner))
-
-    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
-        if not isinstance(made, Fault):
-            self._owners[made] = owner
-        return made
+        return _owned(self._owners, owner, self._inner.datagram_socket(owner))
 
     def _tapped(self, name: str) -> Callable[..., object]:
         call, wire, owners = getattr(self._inner, name), self._seam.wire, self._owners

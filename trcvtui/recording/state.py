@@ -1,4 +1,4 @@
-"""The state of a run as plain data, and back: objects, what they hold, and who is whom, in fixed layouts.
+"""The state of a run as plain data, and back: objects, what they hold, which are the same; in fixed layouts.
 
 Rule 1: what both sides have (`Shared`: project, beginning; what stands in a module) is named, not told.
 Rule 2: nothing is unpickled. A class, function or constant comes from the modules of MAY_HOLD alone, by name.
@@ -230,7 +230,7 @@ def _name_of(one: Any) -> tuple[str, str]:
 def _seen_by(view: memoryview) -> object:
     try:
         whole = view.nbytes == memoryview(view.obj).nbytes
-    except ValueError:  # released: nobody reads it any more
+    except ValueError:  # released: it is read no more
         return b""
     if whole:
         return view.obj

@@ -92,7 +92,7 @@ class _Copy:
             len(body) < _PACKET_HEAD
             or (size := int.from_bytes(body[12:16], "little")) > len(body) - _PACKET_HEAD
         ):
-            return  # nobody knows what is in it
+            return  # unknown what is in it
         interface, high, low = struct.unpack_from("<III", body)
         if interface == JOURNAL and not self._keeps_journal:
             return
@@ -113,7 +113,7 @@ class _Copy:
     def _clear_ip(self, data: bytearray) -> None:
         found = carried_by(pcap.RAW_IP, bytes(data), len(data))
         if not isinstance(found, IpPayload) or not _is_ours(found, data):
-            data[:] = bytes(len(data))  # nobody knows what is in it
+            data[:] = bytes(len(data))  # unknown what is in it
             return
         if self._out.payload:
             head = (data[_IP_HEADER + 12] >> 4) * 4 if found.protocol == TCP else _HEADERS[UDP]
@@ -139,7 +139,7 @@ class _Copy:
 
     def _nameless(self, comment: str) -> str:
         name, colon, rest = comment.partition(": 16#")
-        if not colon:  # one of a file that begins in the middle; else nobody knows what is in it
+        if not colon:  # one of a file that begins in the middle; else it is unknown what is in it
             return comment if comment.startswith(PLAIN) else ""
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 

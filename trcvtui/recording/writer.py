@@ -1,9 +1,9 @@
-"""Who writes a recording in a process of his own: fed by a pipe in the gaps, he never makes a scan wait.
+"""The writer of a recording, a process of its own: fed by a pipe in the gaps, it never makes a scan wait.
 
 Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it, of whole blocks twice as
 many; what comes then is left out, and the journal says how much (`EntriesLost`).
 Rule 2: without the writer the bench goes on; `trouble` says in one line why nothing is recorded any more.
-Rule 3: the end of the pipe ends the writer, whoever was killed: what he has is written, the file is whole.
+Rule 3: the end of the pipe ends the writer, whatever was killed: what it has is written, the file is whole.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class WriterProcess:
         self._process = _started(path, record, main)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
-        self._is_told = True  # has he said whether he can write
+        self._is_told = True  # the process has said whether it can write
         refused = self._answers.readline() if waits else b"\n"
         if refused != b"\n":
             self._end()
@@ -83,25 +83,27 @@ class WriterProcess:
         if self._waiting_bytes > MOST_WAITING:
             self._lost += len(list(entries))
         else:
-            if self._lost:
-                self._block.take(EntriesLost(self._lost, "the writer could not follow"))
-                self._lost = 0
+            self._note_lost()
             for entry in entries:
                 self._block.take(entry)
         self.go_on()
 
     def put(self, block: bytes, entries: int = 0) -> None:
-        """Take a block that somebody else has made, of so many entries; leave it out where too much waits."""
+        """Take a block that is made already, of so many entries; leave it out where too much waits."""
         if self.trouble:
             return
         if self._waiting_bytes > 2 * MOST_WAITING:
             self._lost += entries
             return
-        if self._lost:
-            self._block.take(EntriesLost(self._lost, "the writer could not follow"))
-            self._lost = 0
+        if self._note_lost():
             self.post()
         self._append(block)
+
+    def _note_lost(self) -> bool:
+        lost, self._lost = self._lost, 0
+        if lost:
+            self._block.take(EntriesLost(lost, "the writer could not follow"))
+        return lost > 0
 
     def _append(self, block: bytes) -> None:
         self._waiting += memoryview(LENGTH.pack(len(block))), memoryview(block)
@@ -148,7 +150,7 @@ class WriterProcess:
     def _lose_writer(self) -> None:
         self._waiting.clear()
         self._waiting_bytes = 0
-        said = self._said()  # he has closed both pipes
+        said = self._said()  # the process has closed both pipes
         why = str(_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
         self.trouble = f"{why}; nothing more is recorded"
 
@@ -185,7 +187,7 @@ class WriterProcess:
 
 
 def _started(path: Path, record: RecordTo, main: tuple[str, str]) -> Popen[bytes]:
-    import subprocess  # a run that nobody records waits for none of it
+    import subprocess  # a run without a recording waits for none of it
 
     asked = str(record.target), record.overwrite, record.has_secrets, record.limits
     words = [sys.executable, "-P", "-c", START.format(*main), str(path), json.dumps(asked)]
@@ -272,7 +274,7 @@ def _say(line: str) -> None:
     try:
         os.write(1, f"{line}\n".encode())
     except OSError:
-        return  # nobody is left to hear it
+        return  # the bench is gone
 
 
 def _messages(idle: Callable[[int], bool]) -> Iterator[bytes]:

@@ -37,7 +37,7 @@ NEVER: Final = 1 << 62
 PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is to be closed
 
 
-class _Coming(PlaceInJournal):
+class _ComingEntries(PlaceInJournal):
     """The entries of a journal as they come; it knows where it is."""
 
     def __init__(self) -> None:
@@ -87,12 +87,12 @@ class _Coming(PlaceInJournal):
         return entry
 
 
-class Followed:
+class FollowedRun:
     """A sink and the run beside it; `go_on` lets that run as far as it may."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
-        self._coming = _Coming()
+        self._coming = _ComingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
         self._run: ReplayRun | None = None
@@ -133,7 +133,7 @@ class Followed:
     def _give_up(self) -> None:
         self._is_off = True
         self._blocks.clear()
-        self._run, self._coming = None, _Coming()
+        self._run, self._coming = None, _ComingEntries()
 
     def go_on(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
@@ -210,7 +210,7 @@ class LastKeyframe:
                 file.write(value_bytes(self._frame))
 
 
-class _ToTheEnd(Followed):
+class _WholeRun(FollowedRun):
     """A run that has the time to come to the end of its entries."""
 
     def close(self) -> None:
@@ -222,8 +222,8 @@ class _ToTheEnd(Followed):
 
 def writer_main(path: str, asked: str) -> None:
     """Be the process that writes a recording (recording/writer.py)."""
-    write_all(asked, lambda record: Followed(record.file_sink(Path(path)), path), path)
+    write_all(asked, lambda record: FollowedRun(record.file_sink(Path(path)), path), path)
 
 
 def state_main(path: str, asked: str) -> None:
-    write_all(asked, lambda _: _ToTheEnd(LastKeyframe(path), path), path)
+    write_all(asked, lambda _: _WholeRun(LastKeyframe(path), path), path)

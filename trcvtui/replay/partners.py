@@ -50,7 +50,7 @@ class WhyGuess(StrEnum):
 
 
 class _Socket:
-    """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` who is there."""
+    """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` what is there."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
@@ -63,7 +63,7 @@ class _Socket:
 
 
 class _Sockets(dict[int, _Socket]):
-    """Sockets by handle; of one that was there before the file begins nobody may know whose it is."""
+    """Sockets by handle; of one that was there before the file begins the owner may be unknown."""
 
     def __missing__(self, handle: int) -> _Socket:
         made = self[handle] = _Socket("")
@@ -517,7 +517,7 @@ class ReplayedPartners(Replay):
             self._act(partner.acts, (SHUT,), partner.was_reset)
         return self._as_told(owner, "shutdown")
 
-    def _gone(self, owner: str, call: str, handle: int) -> object:
+    def _at_close(self, owner: str, handle: int, call: str = CLOSED) -> object:
         socket = self._sockets.pop(handle, None)
         self._seen.pop(Handle(handle), None)
         partner = socket.partner if socket is not None else None
@@ -527,11 +527,8 @@ class ReplayedPartners(Replay):
         told = self._as_told(owner, call)
         return told if isinstance(told, Fault) else None
 
-    def _at_close(self, owner: str, handle: int) -> object:
-        return self._gone(owner, CLOSED, handle)
-
     def _at_abort(self, owner: str, handle: int) -> object:
-        return self._gone(owner, RESET, handle)
+        return self._at_close(owner, handle, RESET)
 
     # -- a serial line ---------------------------------------------------------------------------------
 

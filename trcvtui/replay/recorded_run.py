@@ -1,7 +1,7 @@
 """What a recorded run was told, out of its journal, scan by scan: what each partner did, and other answers.
 
 Rule 1: a place is a scan and a call in it, so that a run that asks the same is told the same.
-Rule 2: what came is known from its arrival on, whoever reads it (arrivals.py).
+Rule 2: what came is known from its arrival on, whatever reads it (arrivals.py).
 Bound: MOST_BYTES of all partners wait for the run that asks; what comes beyond is a number.
 """
 
@@ -172,7 +172,7 @@ class RecordedRun:
         self._short: set[int] = set()
         self._nth = Counter[tuple[str, str]]()
         self._entries, self._next = cast(Iterator[Entry], iter(())), cast(Entry | None, None)
-        self.stands: dict[int, Partner] = {}  # who was there at the beginning, by the handle
+        self.stands: dict[int, Partner] = {}  # what was there at the beginning, by the handle
         self.tried: dict[int, DialledAttempt] = {}
         for one in self.standing:
             self._stand(one)

@@ -25,7 +25,7 @@ from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
 
 Roots = tuple[RunBegins, Scenario | None, Project]
 NO_LIMIT: Final = 1 << 62
-MOST_LINES: Final = 10_000  # that wait for who asks for them
+MOST_LINES: Final = 10_000  # that wait until they are asked for
 REST_LINE: Final = ""  # how REST stands among lines
 UNTOLD: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
 

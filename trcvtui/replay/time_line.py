@@ -2,7 +2,7 @@
 
 Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
 Rule 2: all work is done in slices; between two of them the newest line says where to go.
-Rule 3: nothing here changes a bench: who asks for that is told so.
+Rule 3: nothing here changes a bench: a command that would is told so.
 """
 
 from __future__ import annotations

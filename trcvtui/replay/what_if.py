@@ -59,7 +59,7 @@ class ValueDiffers(NamedTuple):
     what_if: Value | None
 
 
-class _Held:
+class _HeldPins:
     """Pins that keep their values; `skipped` counts commands that would have written them."""
 
     def __init__(self, pins: frozenset[tuple[str, str]]) -> None:
@@ -91,7 +91,7 @@ def pins_of(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
 class _RunChanged(ReplayRun):
     """The run with other parameters: it is told what the recorded run was told."""
 
-    def begin(self, partners: ReplayedPartners, held: _Held) -> None:
+    def begin(self, partners: ReplayedPartners, held: _HeldPins) -> None:
         self._partners, self._held, self._quiet = partners, held, 0
         self.notes: list[str] = []
         self.bench.leave_out(held.left_of)
@@ -152,7 +152,7 @@ class WhatIf:
         standing = [InheritedSocket(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
         self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
         self._told.follow(keyframes.entries())
-        self._held = _Held(self.pins)
+        self._held = _HeldPins(self.pins)
         self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
         self._is_over = False
         self._before = self._counted(self.recorded)

@@ -89,7 +89,7 @@ class Seen:
         return self._count > FIRST_RUNS
 
     def lose(self) -> None:
-        """Say that there may have been any scans here: nobody has read what was shown."""
+        """Say that there may have been any scans here: what was shown was not read."""
         self._scan = None
         self._append(None)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -27,14 +27,12 @@ from trcvtui.commands.words import (
     TrySplits,
     Wait,
 )
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.files import read_bytes
 from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
 from trcvtui.project.tables import TEXT, Table
-
-T = TypeVar("T")
 
 START_STEP: Final = 0  # the steps of a scenario count from 1
 
@@ -57,29 +55,28 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     about = table.get("about", TEXT, "")
     text = table.must("steps", TEXT)
     table.finish()
-    problems = table.problems
-    start = _collected(problems, lambda: start_steps(project)) or ()
-    _collected(problems, lambda: read_program(project))
-    _collected(problems, lambda: read_routines(project))
-    _collected(problems, lambda: read_replies(project))
-    _collected(problems, lambda: check_library(project))
+    steps: list[Step] = []
+    start = _checked(project, table.problems)
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
     for step in start:
         here = after(step.command, here)
-    steps = _collected(problems, lambda: parse_script(text or "", here, str(path))) or ()
-    if problems:
-        raise UserError(problems)
+    with noting(table.problems):
+        steps = parse_script(text or "", here, str(path))
+    if table.problems:
+        raise UserError(table.problems)
     return Scenario(name, about, project, start, tuple(steps))
 
 
-def _collected(problems: list[Problem], read: Callable[[], T]) -> T | None:
-    """Return what is read; leave what is wrong with it in `problems`."""
-    try:
-        return read()
-    except UserError as wrong:
-        problems += wrong.problems
-        return None
+def _checked(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
+    """Return the commands of `start`; leave what is wrong with all bench commands in `problems`."""
+    start: tuple[Step, ...] = ()
+    with noting(problems):
+        start = start_steps(project)
+    for read in (read_program, read_routines, read_replies, check_library):
+        with noting(problems):
+            read(project)
+    return start
 
 
 def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
@@ -91,14 +88,8 @@ def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
 
 def check_bench(project: Project) -> None:
     """Raise UserError with every mistake in the bench commands of a project."""
-    problems: list[Problem] = []
-    _collected(problems, lambda: start_steps(project))
-    _collected(problems, lambda: read_program(project))
-    _collected(problems, lambda: read_routines(project))
-    _collected(problems, lambda: read_replies(project))
-    _collected(problems, lambda: check_library(project))
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        _checked(project, problems)
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
@@ -167,14 +158,14 @@ class Found(Struct, frozen=True):
 
 def find_files(project: Path) -> Found:
     """Return the TOML files beside a project, in its scenarios/, in ./configs/scenarios, those shipped."""
-    looked = _Looking()
+    looked = _Search()
     looked.below(project.parent, depth=0)
     for folder in (project.parent, Path("configs"), configs_path()):
         looked.below(folder / SCENARIOS, MOST_DEPTH)
     return Found(tuple(looked.found.values()), looked.is_cut)
 
 
-class _Looking:
+class _Search:
     """What has been found so far, by its real path."""
 
     def __init__(self) -> None:

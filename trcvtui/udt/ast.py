@@ -56,7 +56,7 @@ class PointerSpec(NamedTuple):
 
 
 class UnplacedSpec(NamedTuple):
-    """What nobody can lay out: the name of the type as declared, and why (`an FB instance`)."""
+    """What cannot be laid out: the name of the type as declared, and why (`an FB instance`)."""
 
     name: str
     why: str

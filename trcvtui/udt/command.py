@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from trcvtui.errors import Problem, UserError, mistake, one_line
+from trcvtui.errors import Problem, UserError, all_problems, mistake, one_line
 from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
@@ -274,14 +274,12 @@ def constants_of(given: Sequence[str]) -> dict[str, int]:
     from trcvtui.udt.literals import parse_integer
 
     constants: dict[str, int] = {}
-    problems: list[Problem] = []
-    for text in given:
-        name, _, value = text.partition("=")
-        number = parse_integer(value) if value else None
-        if not name.strip() or number is None:
-            problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
-        else:
-            constants[name.strip()] = number
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for text in given:
+            name, _, value = text.partition("=")
+            number = parse_integer(value) if value else None
+            if not name.strip() or number is None:
+                problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
+            else:
+                constants[name.strip()] = number
     return constants

@@ -192,7 +192,7 @@ class Constants:
     def reason(self, name: str) -> str:
         """Return why a name that files declare has no value, such as `which is 1 and 2 (b.st:3:1)`.
 
-        "" where nobody declares it.
+        "" where it is not declared.
         """
         return self.reasons.get(name.casefold(), "")
 

@@ -23,7 +23,7 @@ Row = tuple[str, ...]
 def show_json(layout: Layout) -> str:
     """Return the object of `udt show`: members are leaves in offset order."""
     members: list[dict[str, object]] = []
-    for leaf in _by_offset(layout):
+    for leaf in sorted(layout.leaves(), key=attrgetter("offset")):
         bit = {} if leaf.bit is None else {"bit": leaf.bit}
         type_ = leaf_type_text(layout, leaf)
         members.append({"path": leaf.path, "type": type_, "offset": leaf.offset, **bit, "size": leaf.size})
@@ -44,10 +44,6 @@ def show_text(layout: Layout) -> str:
     head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
     table = in_columns([("offset", "size", "type", "path"), *_shown(layout)], "rrll")
     return "\n".join([head, *table, *_notes(layout)])
-
-
-def _by_offset(layout: Layout) -> list[Leaf]:
-    return sorted(layout.leaves(), key=attrgetter("offset"))
 
 
 def _shown(layout: Layout) -> Iterator[Row]:

@@ -354,7 +354,7 @@ class Resolver:
 
 
 def unknown_constant(name: str) -> str:
-    """Return what is expected in place of a constant that nobody declares."""
+    """Return what is expected in place of a constant that is not declared."""
     return KNOWN_CONSTANT.format(name)
 
 

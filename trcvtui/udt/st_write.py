@@ -49,7 +49,7 @@ class NameScope:
         self._names: set[str] = set()
 
     def __call__(self, name: str) -> str:
-        """Return a name that nobody else in this scope has."""
+        """Return a name that is free in this scope."""
         word = start = self._escaped(name)
         number = 2
         while self._fold(word) in self._names:

@@ -138,7 +138,7 @@ class Pointer:
 
 @dataclass(frozen=True, slots=True)
 class Unplaced:
-    """What the source declares and nobody can lay out (FB instance, interface, ANY): its name, and why."""
+    """What the source declares and cannot be laid out (FB instance, interface, ANY): its name, and why."""
 
     name: str
     why: str

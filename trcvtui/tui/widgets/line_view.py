@@ -7,6 +7,7 @@ partner sends stay text.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import ClassVar, Final, NamedTuple, Self
 
 from rich.segment import Segment
@@ -20,6 +21,7 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
+from trcvtui import clock
 from trcvtui.tui.formatting import cells, plain
 from trcvtui.tui.widgets.theme import composed
 
@@ -34,6 +36,7 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
+BAR_NS: Final = 5_000_000_000  # a scroll bar that came twice in so long stays
 # Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
 ARROW_MOVES: Final[list[BindingType]] = [
     Binding("down", "move(1)", show=False),
@@ -89,6 +92,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
         self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
+        self._bar_came: deque[int] = deque(maxlen=2)  # when the scroll bar came
         self._is_over = self._paints = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
@@ -130,13 +134,25 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         if self.virtual_size.height == (count := self.row_count()):
             return
         height = self.container_size.height
-        if self.styles.is_auto_height or (height and (count > height) != self.show_vertical_scrollbar):
+        if height and (count > height) != self.show_vertical_scrollbar and self._bar_stays(count > height):
+            count = height + 1
+        elif self.styles.is_auto_height or (height and (count > height) != self.show_vertical_scrollbar):
             self.virtual_size = Size(0, count)
             return
         self.set_reactive(LineView.virtual_size, Size(0, count))
         if self.show_vertical_scrollbar:
             self.vertical_scrollbar.window_virtual_size = count
         self.scroll_y = self.validate_scroll_y(self.scroll_y)
+
+    def _bar_stays(self, is_wanted: bool) -> bool:
+        """Return whether the scroll bar stays though it is not wanted: it comes and goes with each picture.
+
+        Each time it comes or goes the whole screen is laid out anew: half of what a picture costs.
+        """
+        now = clock.now_ns()
+        if is_wanted:
+            self._bar_came.append(now)
+        return not is_wanted and len(self._bar_came) == 2 and now < self._bar_came[0] + BAR_NS
 
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False

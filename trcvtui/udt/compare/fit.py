@@ -596,14 +596,10 @@ def reason_lines(found: Fit) -> Iterator[str]:
     if found.profile.text:
         yield f"STRING as {found.profile.text}"
     yield f"{found.members:+.1f} are the members' own points"
-    yield from map(reason_text, found.reasons)
+    yield from (one_line(f"{reason.points:+.1f} {reason.text}") for reason in found.reasons)
 
 
 def same_words(found: Fit) -> str:
     """Return the other readings that find the same values at the same places."""
     more = len(found.same) - NAMED
     return "; ".join(found.same[:NAMED]) + (f"; and {more} more" if more > 0 else "")
-
-
-def reason_text(reason: Reason) -> str:
-    return one_line(f"{reason.points:+.1f} {reason.text}")

@@ -170,11 +170,7 @@ def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
     other way round.
     """
     tries = [_corrected(wanted, rules, pack) for pack in ((None, 1) if rules.takes_pack else (None,))]
-    return min(tries, key=lambda found: (_is_all_raw(found), len(found.unreached)))
-
-
-def _is_all_raw(found: PaddedType) -> bool:
-    return any(not one.path for one in found.unreached)
+    return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
 def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> PaddedType:
@@ -199,10 +195,6 @@ def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> PaddedType:
 
 def _suffix(wanted: Layout) -> str:
     return wanted.rules.name.replace("-", "_")
-
-
-def _without_indices(path: str) -> str:
-    return re.sub(r"\[[^\]]*\]", "", path)
 
 
 class _Raw(NamedTuple):
@@ -325,7 +317,8 @@ class _Rebuild:
         pack = type_.pack if self.pack is None else self.pack
         name = type_.name
         if pack is not None and not name:  # only a type of its own can have a pack_mode
-            name = re.sub(r"\W+", "_", f"{self.name}.{_without_indices(path)}")
+            without_indices = re.sub(r"\[[^\]]*\]", "", path)
+            name = re.sub(r"\W+", "_", f"{self.name}.{without_indices}")
         name = f"{name}_{self.suffix}" if name else ""
         made = Struct if isinstance(type_, Struct) else Union
         return made(name, members, None, pack)

@@ -135,13 +135,10 @@ class _LuaWriter:
             return f"bit_list({place}, {node.row_size}, {masked})"
         return f"list({place}, {node.pitch}, {self.node(type_.element, node.element, 0, shown, path, 0)})"
 
-    def bit_field(self, path: str, name: str, bit: int) -> str:
-        return f'field("bool", {path}, {quoted(name)}, 8, nil, {1 << bit})'
-
     def leaf(self, node: PlacedLeaf, place: str, name: str, path: str, bit: int) -> str:
         path = f'{path} .. ".value"' if path == "FILTER" else path
         if node.is_bit:
-            return f"leaf({place}, {self.bit_field(path, name, bit)})"
+            return f'leaf({place}, field("bool", {path}, {quoted(name)}, 8, nil, {1 << bit}))'
         kind, more, read = self.form(node)
         more = f", {more}" if more else ""
         read = f", {read}" if read else ""

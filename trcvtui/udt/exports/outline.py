@@ -1,4 +1,4 @@
-"""A laid-out type as exports walk it: members with their own type, place and node; who is what.
+"""A laid-out type as exports walk it: members with their own type, place and node.
 
 Rule: each STRUCT is written once, however many members have its type, and an array holds its element once.
 """

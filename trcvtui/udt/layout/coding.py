@@ -192,7 +192,9 @@ def bcd_coding(_: LayoutRules) -> Coding:
     def to_raw(value: object) -> bytes:
         raw = parse_hex_text(value, 8)
         ns = parse_date_and_time(value) if raw is None and isinstance(value, str) else None
-        if raw is None and (ns is None or ns % MS or not _is_bcd_year(ns)):
+        if raw is None and (
+            ns is None or ns % MS or not FIRST_BCD_YEAR <= calendar(ns // DAY)[0] <= LAST_BCD_YEAR
+        ):
             raise Refused(
                 "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999, or its 8 bytes as 16#..."
             )
@@ -203,10 +205,6 @@ def bcd_coding(_: LayoutRules) -> Coding:
         return NO_DATE if ns is None else _odd_weekday(raw[7] & 15, ns)
 
     return Coding("8s", to_value, to_raw, odd)
-
-
-def _is_bcd_year(ns: int) -> bool:
-    return FIRST_BCD_YEAR <= calendar(ns // DAY)[0] <= LAST_BCD_YEAR
 
 
 def _bcd_ns(raw: bytes) -> int | None:

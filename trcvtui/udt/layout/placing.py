@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake
+from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake, noting
 from trcvtui.udt.layout.coding import coding_of
 from trcvtui.udt.layout.layout_tree import (
     Node,
@@ -95,10 +95,8 @@ class Placing:
         placed: list[tuple[str, Type, Node]] = []
         problems: list[Problem] = []
         for name, inner in members:
-            try:
+            with noting(problems):
                 placed.append((name, inner, self.place(inner, f"{where}.{name}" if name else where)))
-            except UserError as refused:
-                problems.extend(refused.problems)
         if len(placed) < len(members):
             raise UserError(problems[:MOST_SHOWN])
         return placed

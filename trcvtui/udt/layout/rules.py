@@ -209,7 +209,7 @@ def rules_for(
 
 
 class LayoutChoice(NamedTuple):
-    """What somebody chose of a layout; None is left to the one who is asked, or to the layout itself."""
+    """What was chosen of a layout; None is left to what is asked, or to the layout itself."""
 
     layout: str | None = None
     byte_order: str | None = None

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping
 from itertools import product
 
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, all_problems
 from trcvtui.udt.layout.codec import Data, Values
 from trcvtui.udt.layout.coding import Refused, Value
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
@@ -71,7 +71,7 @@ class Overlay:
             gentle = bytes(ours & ~theirs for ours, theirs in zip(forced, firm[place], strict=True))
             forms = (part, self._beyond(leaf, part))
             for mask, form in (*product((free, gentle, forced), forms), (own, part)):
-                written = _masked(now, form, mask)
+                written = bytes(b & ~m | f & m for b, f, m in zip(now, form, mask, strict=True))
                 if _same(decode_leaf(self._layout, leaf, written), value):
                     break
             self._data[place] = written
@@ -110,10 +110,6 @@ def _order(leaf: Leaf) -> int:
     return (2 if leaf.type.wide else 1) if isinstance(leaf.type, StringType) else 3
 
 
-def _masked(below: bytes | bytearray, part: bytes, mask: bytes) -> bytes:
-    return bytes(b & ~m | p & m for b, p, m in zip(below, part, mask, strict=True))
-
-
 def _same(one: Value, other: Value) -> bool:
     return one == other or (one != one and other != other)
 
@@ -129,21 +125,19 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """
     data = bytearray(layout.size)
     overlay = Overlay(layout, data) if layout.root.overlaps else None
-    problems: list[Problem] = []
-    for path, value in values.items():
-        try:
-            number = layout.number_of(path)
-            if value is None:
-                continue
-            if overlay is None:
-                put(layout, data, number, value)
-            else:
-                leaf = layout.leaf(number)
-                overlay.add(leaf, encode_leaf(layout, leaf, value))
-        except UserError as refused:
-            problems.extend(refused.problems)
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for path, value in values.items():
+            try:
+                number = layout.number_of(path)
+                if value is None:
+                    continue
+                if overlay is None:
+                    put(layout, data, number, value)
+                else:
+                    leaf = layout.leaf(number)
+                    overlay.add(leaf, encode_leaf(layout, leaf, value))
+            except UserError as refused:
+                problems += refused.problems
     if overlay is not None:
         overlay.write()
     return bytes(data)

@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import all_problems, mistake, noting
 from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.rules import S7
@@ -169,15 +169,11 @@ def read_files(
     if library:
         files.append(read_st(library, LIBRARY))
         last_wins = {*last_wins, *(declared.name for declared in files[0].types)}
-    problems: list[Problem] = []
     paths = list(paths)
-    for path in paths:
-        try:
-            files.append(_declarations(path))
-        except UserError as refused:
-            problems.extend(refused.problems)
-    if problems:
-        raise UserError(problems)
+    with all_problems() as problems:
+        for path in paths:
+            with noting(problems):
+                files.append(_declarations(path))
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
 
 

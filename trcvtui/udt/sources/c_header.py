@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.sources.c_parse import (
     C_TYPES,
@@ -112,10 +112,8 @@ class _Reader:
     def declare(self, name: str, node: Any, read: Callable[[], ast.Spec]) -> ast.Spec | None:
         self.problems, self.notes = [], {}
         spec: ast.Spec | None = None
-        try:
+        with noting(self.problems):
             spec = read()
-        except UserError as refused:
-            self.problems.extend(refused.problems)
         where = self.where(node)
         self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec
@@ -162,10 +160,8 @@ class _Reader:
         place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
         members: list[ast.MemberSpec] = []
         for at, member in enumerate(node.decls or ()):
-            try:
+            with noting(self.problems):
                 members.extend(self.member(member, at, depth + 1))
-            except UserError as refused:
-                self.problems.extend(refused.problems)
         is_union = type(node).__name__ == "Union"
         return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.literals import QUALIFIED_NAME
@@ -31,10 +31,8 @@ def read_openness(root: Element) -> ast.Declarations:
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
     for struct in structs:
-        try:
+        with noting(problems):
             types.append(_declaration(struct))
-        except UserError as refused:
-            problems.extend(refused.problems)
     return ast.Declarations(tuple(types), tuple(problems), layout=S7.name)
 
 
@@ -57,11 +55,9 @@ def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.
     """Return the members in a section or a STRUCT; a bad one is noted and left out."""
     members: list[ast.MemberSpec] = []
     for member in element.all("Member"):
-        try:
+        with noting(problems):
             spec = _type(member.needed("Datatype"), member, depth, problems)
             members.append(ast.MemberSpec(member.needed("Name"), spec, member.where))
-        except UserError as refused:
-            problems.extend(refused.problems)
     return members
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.constants import read_number
 from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
@@ -28,10 +28,8 @@ def read_plcopen(root: Element) -> ast.Declarations:
         # A UNION without a name is the type of somebody's variable.
         if element.name == "union" and not element.get("name"):
             continue
-        try:
+        with noting(problems):
             types.extend(_declarations(element))
-        except UserError as refused:
-            problems.extend(refused.problems)
     if not types and not problems:
         problems.append(Problem(root.where, "no data type", "<dataType> in a PLCopen project"))
     constants = [constant for list_ in root.below("globalVars") for constant in _constants(list_).constants]
@@ -51,12 +49,10 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
             return
     walk = _TypeWalk()
     spec: ast.Spec | None = None
-    try:
+    with noting(walk.problems):
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
         if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=_extends(element), pack=_pack(element))
-    except UserError as refused:
-        walk.problems.extend(refused.problems)
     yield ast.Declaration(name, spec, element.where, tuple(walk.problems))
 
 
@@ -130,13 +126,11 @@ class _TypeWalk:
     def struct(self, element: Element, depth: int) -> ast.Spec:
         members: list[ast.MemberSpec] = []
         for variable in element.all("variable"):
-            try:
+            with noting(self.problems):
                 name, type_ = variable.needed("name"), variable.at("type")
                 if type_ is None:
                     raise mistake(variable.where, f"member '{name}' without a type", "<type>")
                 members.append(ast.MemberSpec(name, self.type(type_, depth), variable.where))
-            except UserError as refused:
-                self.problems.extend(refused.problems)
         return ast.StructSpec(tuple(members), is_union=element.name == "union")
 
     def array(self, element: Element, depth: int) -> ast.Spec:

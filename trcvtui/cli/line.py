@@ -111,6 +111,8 @@ def add_tap(parser: CommandParser) -> None:
     _add_shadows(parser, "CONNECT")
     parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
     parser.add_argument("--armed", action="store_true", help="keys r (RST), f (FIN) act at once")
+    about = "observers at the socket of --project may intervene, too"
+    parser.add_argument("--allow-orders", action="store_true", help=about)
 
 
 def _tap(args: Args) -> int:
@@ -127,7 +129,12 @@ def _tap(args: Args) -> int:
     has_screen = args.format is None and sys.stdin.isatty() and is_terminal
     shadows = args.project, args.plc, args.dialect, args.format
     looks = ObserverSettings(
-        *shadows, args.format is not None or is_terminal, has_screen, args.hold, args.armed
+        *shadows,
+        args.format is not None or is_terminal,
+        has_screen,
+        args.hold,
+        args.armed,
+        args.allow_orders,
     )
     return forward(routes, looks, _tap_record(args.record))
 

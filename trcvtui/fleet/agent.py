@@ -5,13 +5,13 @@ from __future__ import annotations
 import platform
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from trcvtui import __version__, clock, paths
 from trcvtui.engine.driver import EngineDriver, EngineStopped
@@ -28,9 +28,6 @@ from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.worker_process import newest_in
-
-if TYPE_CHECKING:
-    from trcvtui.line.tap_command import TapInBackground
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -88,7 +85,7 @@ class Agent:
         boot = f"{clock.wall_ns():x}"
         self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
         self._engine: EngineDriver | None = None
-        self._taps, self._tap = project.taps, None if not project.taps else _new_tap(settings, project.taps)
+        self._has_taps = bool(project.taps)
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
@@ -138,7 +135,6 @@ class Agent:
             ended = opened.enter_context(_signals())
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
-            opened.callback(self._end_tap)
             opened.callback(self._end_engine)
             notify("READY=1")
             while not ended:
@@ -212,21 +208,18 @@ class Agent:
         self._scan = -1
         self._engine = self._new_engine()
         self.seen.begin_run()
-        if not (settings.packets or self._tap):
+        if not (settings.packets or self._has_taps):
             self._engine.project(BEGINS_S)  # first: with a request unread its last words would be lost
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
 
     def _new_engine(self) -> EngineDriver:
         settings = self._settings
-        if self._tap is not None:
-            if not self._tap.is_running:
-                self._tap.close()
-                self._tap = _new_tap(settings, self._taps)
-            return self._tap.shadows()
-        if not settings.packets:
+        if not (settings.packets or self._has_taps):
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.line.live_screen import CaptureDriver
+        from trcvtui.line.live_screen import CaptureDriver, TapSocketDriver
 
+        if self._has_taps:
+            return TapSocketDriver(settings.project)
         return CaptureDriver(settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
@@ -250,10 +243,6 @@ class Agent:
         engine, self._engine = self._engine, None
         if engine is not None:
             engine.close()
-
-    def _end_tap(self) -> None:
-        if self._tap is not None:
-            self._tap.close()
 
     def _look(self, engine: EngineDriver, now: int) -> None:
         update = engine.picture()
@@ -297,7 +286,7 @@ class Agent:
 
     def _heard(self, snapshot: Snapshot, now: int) -> None:
         """Take when the last scan was: a picture without a new one is no sign of life."""
-        if snapshot.scan != self._scan or self._settings.packets or self._tap:
+        if snapshot.scan != self._scan or self._settings.packets or self._has_taps:
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
 
@@ -356,12 +345,6 @@ class Agent:
 
     def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()
-
-
-def _new_tap(settings: AgentSettings, taps: Sequence[TapDecl]) -> TapInBackground:
-    from trcvtui.line.tap_command import TapInBackground
-
-    return TapInBackground(settings.project, taps)
 
 
 def run_agent(settings: AgentSettings, project: Project) -> int:

@@ -22,7 +22,7 @@ from trcvtui.fleet.broker import (
     LastWill,
     Lost,
     News,
-    Refused,
+    PublishRefusal,
     Taken,
     broker_of,
 )
@@ -164,8 +164,8 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
         connection.open()
         seen(connection, Connected)
         number = connection.publish("secret/a", b"1", True)
-        [refused] = [each for each in seen(connection, Refused) if isinstance(each, Refused | Taken)]
-        assert refused == Refused(number or 0, "Not authorized")
+        [refused] = [each for each in seen(connection, PublishRefusal) if isinstance(each, PublishRefusal | Taken)]
+        assert refused == PublishRefusal(number or 0, "Not authorized")
     finally:
         connection.close()
         broker.kill()

@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, Refused, Taken
+from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, PublishRefusal, Taken
 from trcvtui.fleet.disk_queue import EVENT, DiskQueue
 from trcvtui.fleet.publisher import HOLD_NS, LEAST_GAP_NS, REFUSED_NS, Publisher
 
@@ -42,7 +42,7 @@ class Line:
         self._unacknowledged.clear()
 
     def refuse(self) -> None:
-        self._news += [Refused(number, "Not authorized") for number in self._unacknowledged]
+        self._news += [PublishRefusal(number, "Not authorized") for number in self._unacknowledged]
         self._unacknowledged.clear()
 
     def news(self) -> list[News]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -24,7 +25,7 @@ from tests.waiting import until
 from trcvtui.capture.pcap import USER0, CaptureReader, Packet
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.errors import UserError
-from trcvtui.history.bench_update import BenchUpdate
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.line.live_screen import TapSocketDriver
 from trcvtui.line.tap_socket import connection_to, socket_of
 from trcvtui.net.os.observers import MOST_NAME, listening
@@ -223,7 +224,7 @@ def test_the_death_of_an_agent_and_all_its_processes_ends_no_connection(
         device.sendall(b"on")
         until(lambda: "an observer has ended" in tap.said)
         while took != b"on":
-            took = (took + plc.recv(1))[-2:]
+            took = (took + plc.recv(1))[-2:]  # behind what the page was asked with
         for end in (device, plc):
             end.close()
     finally:
@@ -236,7 +237,8 @@ def sees_a_job(page: str, device: socket.socket) -> bool:
     """Send a job's bytes; return whether the agent's page tells of one."""
     device.sendall(bytes(4))
     with suppress(OSError):
-        return 'trcvtui_jobs_done_total{line="T"' in urlopen(f"http://{page}/metrics").read().decode()
+        shown = urlopen(f"http://{page}/metrics").read().decode()
+        return bool(re.search(r'trcvtui_jobs_done_total\{line="T",name="R"\} [1-9]', shown))
     return False
 
 
@@ -263,11 +265,14 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
     try:
         device, plc = tap.connect()
 
-        def has_jobs(picture: BenchUpdate) -> bool:
-            device.sendall(bytes(4))  # it may have come when the first of them were through
-            return picture.snapshot.instances[0].jobs_done >= 3
+        def comes() -> bool:
+            device.sendall(bytes(4))  # the driver may have come when the first of them were through
+            driver.request(UpdateRequest())
+            driver.wait(0.05)
+            picture = driver.picture()
+            return picture is not None and picture.snapshot.instances[0].jobs_done >= 3
 
-        pictures(driver, has_jobs)
+        until(comes)
         for end in (device, plc):
             end.close()
         tap.close()

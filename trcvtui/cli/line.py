@@ -207,7 +207,8 @@ def add_doctor(parser: CommandParser) -> None:
     parser.add_argument("--for", dest="time", metavar="T#..", help=about)
     add_kernel(parser, of="of --for; ")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
-    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help="a Dask cluster, in place of --jobs")
+    about = "a Dask cluster that you trust, in place of --jobs"
+    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help=about)
     about = "write a project that takes what comes"
     parser.add_argument("--suggest", metavar="NEW.toml", type=given_path, help=about)
 

@@ -248,6 +248,8 @@ class Agent:
         update = engine.picture()
         if update is not None:
             self._heard(update.snapshot, now)
+        elif self._scan < 0 and (self._settings.packets or self._has_taps):
+            self._scanned_at = now  # shadows begin with the first packet
         silence = now - max(self._scanned_at, self._started_at)
         if silence > max(HUNG_NS, 2 * self._patience):
             raise EngineStopped(f"no scan for {silence // NS} s")

@@ -84,7 +84,7 @@ class Taken(NamedTuple):
     number: int
 
 
-class Refused(NamedTuple):
+class PublishRefusal(NamedTuple):
     """The broker has not taken our message of this number; `why` is one line."""
 
     number: int
@@ -103,7 +103,7 @@ class BrokerRefusal(NamedTuple):
     why: str
 
 
-News = Connected | Lost | IncomingMessage | Taken | Refused | Subscribed | BrokerRefusal
+News = Connected | Lost | IncomingMessage | Taken | PublishRefusal | Subscribed | BrokerRefusal
 
 
 class LastWill(NamedTuple):
@@ -252,7 +252,7 @@ class BrokerConnection:
         until = clock.now_ns() + int(CLOSE_S * 1e9)
         while number is not None and self._is_up and clock.now_ns() < until:
             self.wait(LOOP_S)
-            if any(isinstance(news, Lost | Refused) or news == Taken(number) for news in self.news()):
+            if any(isinstance(news, Lost | PublishRefusal) or news == Taken(number) for news in self.news()):
                 break
         self._ends.set()
         client = self._client
@@ -357,7 +357,7 @@ class BrokerConnection:
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
         if reason is not None and reason.is_failure and reason.value != NOT_HEARD:
-            self._append(Refused(number, one_line(str(reason))))
+            self._append(PublishRefusal(number, one_line(str(reason))))
         else:
             self._append(Taken(number))
 

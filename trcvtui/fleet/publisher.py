@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, Refused, Taken
+from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, PublishRefusal, Taken
 from trcvtui.fleet.disk_queue import EVENT, FIGURES, DiskQueue
 
 HOLD_NS: Final = 2_000_000_000
@@ -106,7 +106,7 @@ class Publisher:
                     self._tell(why)
                 case Taken(number) if number in self._underway:
                     self._take(self._underway.pop(number))
-                case Refused(number, why) if number in self._underway:
+                case PublishRefusal(number, why) if number in self._underway:
                     self._refuse(self._underway.pop(number), why, now)
         if self._up_at is None:
             return

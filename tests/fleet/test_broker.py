@@ -164,7 +164,9 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
         connection.open()
         seen(connection, Connected)
         number = connection.publish("secret/a", b"1", True)
-        [refused] = [each for each in seen(connection, PublishRefusal) if isinstance(each, PublishRefusal | Taken)]
+        [refused] = [
+            each for each in seen(connection, PublishRefusal) if isinstance(each, PublishRefusal | Taken)
+        ]
         assert refused == PublishRefusal(number or 0, "Not authorized")
     finally:
         connection.close()

@@ -165,7 +165,7 @@ def _of_workers(
 
 
 def _judge_there(path: str, asked: Question, judge: Judge[Question, Answer]) -> bytes:
-    """Return which worker judges, the answer, what is wrong, as JSON; neither: the file cannot be opened there."""
+    """Return which worker judges, the answer, what is wrong, as JSON; neither: it cannot open the file."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

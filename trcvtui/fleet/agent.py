@@ -64,14 +64,21 @@ def default_name(project: Path) -> str:
     return f"{platform.node() or 'host'}-{project.stem}"
 
 
-def queue_path(site: str, name: str) -> Path:
-    """Return the file of the queue: where systemd says, or where a user's programs keep such things."""
+def queue_path(site: str, name: str) -> Path | None:
+    """Return the file of the queue: where systemd says, or where a user's programs keep such things.
+
+    None where no folder can be made: that is said, and what waits is kept in memory.
+    """
     from hashlib import sha256
 
     folder = paths.state_folder()
-    for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
-        if not each.is_dir():
-            make_folder(each, "the folder of the queue")
+    try:
+        for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
+            if not each.is_dir():
+                make_folder(each, "the folder of the queue")
+    except UserError as refused:
+        say(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
+        return None
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
 
@@ -232,9 +239,10 @@ class Agent:
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
         say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
-        for instance in self.seen.instances.values():
-            cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
-            self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
+        with self._going_on():
+            for instance in self.seen.instances.values():
+                cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
+                self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
         self._start_at = now + self._pause
         self._pause = min(2 * self._pause, MOST_PAUSE_NS)
         self.restarts += 1

@@ -20,6 +20,13 @@ from textual.pilot import Pilot, WaitForScreenTimeout
 
 from trcvtui.scenario import scenario as scenario_files
 from trcvtui.tui import app, prompt, terminal_app
+from trcvtui.tui.widgets import line_view
+
+
+@pytest.fixture(autouse=True)
+def bars_that_go_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no scroll bar stay: how many pictures come while a test waits is chance."""
+    monkeypatch.setattr(line_view, "BAR_SHOWS", 0)
 
 
 @pytest.fixture(autouse=True)

@@ -177,7 +177,7 @@ class Bench:
         if seam is not None:
             seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
-        self.plan.fired = lambda owner, fault: self._tell(BenchNote(owner, "fault fired", str(fault)))
+        self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
@@ -276,6 +276,9 @@ class Bench:
         from trcvtui.recording.journal import WorkWaits
 
         self._tell(WorkWaits(connect, what, partner, why))
+
+    def _fault_fired(self, owner: str, fault: object) -> None:
+        self._tell(BenchNote(owner, "fault fired", str(fault)))
 
     def _tell(self, note: Note) -> None:
         if self._seam is not None:

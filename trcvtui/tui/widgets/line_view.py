@@ -21,7 +21,6 @@ from textual.selection import Selection
 from textual.strip import Strip
 from textual.widget import Widget
 
-from trcvtui import clock
 from trcvtui.tui.formatting import cells, plain
 from trcvtui.tui.widgets.theme import composed
 
@@ -36,7 +35,7 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
-BAR_NS: Final = 5_000_000_000  # a scroll bar that came twice in so long stays
+BAR_SHOWS: Final = 100  # pictures: a scroll bar that came twice in so many stays, at 20 a second for 5 s
 # Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
 ARROW_MOVES: Final[list[BindingType]] = [
     Binding("down", "move(1)", show=False),
@@ -92,7 +91,8 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
         self.more_keys: tuple[tuple[str, str], ...] = ()  # of the moment
-        self._bar_came: deque[int] = deque(maxlen=2)  # when the scroll bar came
+        self._shows = 0
+        self._bar_came: deque[int] = deque(maxlen=2)  # in which of them the scroll bar came
         self._is_over = self._paints = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
@@ -119,6 +119,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         """Repaint the rows in view that differ from what was painted."""
         if not self.size.height:
             return
+        self._shows += 1
         self.resize_rows()
         top, count = self.scroll_offset.y, self.row_count()
         for y in range(top, top + self.size.height):
@@ -149,10 +150,9 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
         Each time it comes or goes the whole screen is laid out anew: half of what a picture costs.
         """
-        now = clock.now_ns()
         if is_wanted:
-            self._bar_came.append(now)
-        return not is_wanted and len(self._bar_came) == 2 and now < self._bar_came[0] + BAR_NS
+            self._bar_came.append(self._shows)
+        return not is_wanted and len(self._bar_came) == 2 and self._shows < self._bar_came[0] + BAR_SHOWS
 
     def refresh(
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False

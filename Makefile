@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 COMPARED := $(VENV)/.compared
 
-.PHONY: run test quick lint types contracts collected unit stress soak oracle bench scenarios pictures atlas doctor-corpus clean
+.PHONY: run test quick lint types contracts collected unit stress soak soak-agent oracle bench scenarios pictures atlas doctor-corpus clean
 
 # Compiled tests are kept: each of the processes that run them would compile them again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -60,6 +60,10 @@ stress: $(READY)
 soak: $(READY)
 	TRCVTUI_SOAK=1 TRCVTUI_SHARED_SCANS=400000 $(BIN)/pytest -s tests/properties tests/udt/test_blind_cases.py tests/recording/test_recording.py tests/diagnosis/truth/test_truth.py $(ARGS)
 	$(BIN)/pytest -n 2 -m hypothesis --hypothesis-profile searching $(ARGS)
+
+# A hundred thousand events of eight lines over TLS on a Mosquitto of its own: a minute or two.
+soak-agent: $(READY)
+	@TRCVTUI_SOAK_AGENT=100000 $(BIN)/pytest -s tests/fleet/test_many_messages.py $(ARGS)
 
 # Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred. Then every type
 # file, own and of others, cut at every byte: minutes.

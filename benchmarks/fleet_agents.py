@@ -21,8 +21,9 @@ from paho.mqtt.client import Client, MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
 
 from trcvtui.fleet.broker import Broker, BrokerConnection
+from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenInstance, SeenLine
-from trcvtui.fleet.publisher import DiskQueue, Publisher
+from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FiguresMessage, FleetMessage, StateMessage, StatusMessage, Topic
 
 SITES: Final = 10
@@ -139,7 +140,7 @@ def agents(port: int, count: int, lines: int) -> None:
 def publish(port: int, lines: int, seconds: float) -> float:
     """Return the share of a core that an agent's publishing takes: each line has a DONE a second."""
     connection = BrokerConnection(Broker("127.0.0.1", port, False), "publisher")
-    publisher = Publisher(connection, DiskQueue(None), lambda said: None)
+    publisher = Publisher(connection, DiskQueue(None, print), lambda said: None)
     connection.open()
     names = [f"L{line:02}" for line in range(lines)]
     seen = [(SeenLine(name), SeenInstance(name, "TRCV_C_1")) for name in names]

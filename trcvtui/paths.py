@@ -31,6 +31,14 @@ def state_folder() -> Path:
     return Path(given) if given else user_state_path("trcvtui", appauthor=False)
 
 
+def runtime_folder() -> Path:
+    """Return where running programs find each other; a service where systemd says."""
+    from platformdirs import user_runtime_path
+
+    given = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
+    return Path(given) if given else user_runtime_path("trcvtui", appauthor=False)
+
+
 def given_path(text: str) -> Path:
     """Return the file that a word of the command line names; raise UserError for a name of two examples.
 

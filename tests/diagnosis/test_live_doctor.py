@@ -15,11 +15,12 @@ from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver, send
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.bench.doctor_requests import found
+from trcvtui.bench.doctor_requests import BenchDoctor, found
 from trcvtui.cli.main import main
 from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
+from trcvtui.errors import mistake
 from trcvtui.files import noting_reads
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.net.serial_line import SimSerialPort
@@ -377,3 +378,28 @@ def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
     while judge.is_judging:
         judge.go_on()
     assert "none.pcapng: found No such file" in json.loads(judge.judged)["trouble"]
+
+
+class NoJudge:
+    """A black box that has given up, or a machine without one more process."""
+
+    judged, progress, looks_again, is_judging = b"", "", True, False
+
+    def __init__(self, why: Exception) -> None:
+        self._why = why
+
+    def judge(self) -> None:
+        raise self._why
+
+    def go_on(self) -> None:
+        return
+
+
+@pytest.mark.parametrize(
+    "why", [mistake("prompt", "no black box", "one"), OSError(24, "Too many open files")]
+)
+def test_a_doctor_that_cannot_look_is_trouble_in_a_picture_and_ends_no_bench(why: Exception) -> None:
+    bench = fresh_bench(load_bench(CONFIGS / "active.toml"), "sim")
+    doctor = BenchDoctor()
+    assert [*doctor.go_on(NoJudge(why), bench, is_wanted=True)] == []
+    assert doctor.snapshot.looks == 1 and doctor.snapshot.trouble in str(why)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import re
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +17,8 @@ import pytest
 
 from tests.diagnosis.doctor_cases import Built, healthy_fixed, resets
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor import Answer, DoctorQuestion, try_to_judge
+from trcvtui.diagnosis import workers
+from trcvtui.diagnosis.doctor import Answer, DoctorQuestion, answer_form, try_to_judge
 from trcvtui.diagnosis.workers import answers_of_cluster, answers_of_processes
 from trcvtui.errors import UserError
 
@@ -88,9 +91,11 @@ class Cluster:
             os.sched_yield()
         raise AssertionError(process.log.read_text())  # type: ignore[attr-defined]
 
-    def work(self) -> subprocess.Popen[bytes]:
+    def work(self, *words: str) -> subprocess.Popen[bytes]:
         """Start one more worker; it has registered."""
-        made = self._started("worker", self.address, "--nthreads", "1", "--no-dashboard", "--no-nanny")
+        made = self._started(
+            "worker", self.address, "--nthreads", "1", "--no-dashboard", "--no-nanny", *words
+        )
         self.processes.append(made)
         self._said(made, "Registered to")
         return made
@@ -118,10 +123,10 @@ def test_a_cluster_gives_the_answers_of_one_process_also_when_a_worker_dies(
     paths = captures(tmp_path / "captures", 12)
     assert main(["doctor", *paths, "--format", "jsonl"]) == 1
     alone = sorted(capsys.readouterr().out.splitlines())
-    workers = [cluster.work(), cluster.work()]
+    some = [cluster.work(), cluster.work()]
     assert main(["doctor", *paths, "--format", "jsonl", "--scheduler", cluster.address]) == 1
     assert sorted(capsys.readouterr().out.splitlines()) == alone
-    workers[0].kill()
+    some[0].kill()
     assert main(["doctor", *paths, "--format", "jsonl", "--scheduler", cluster.address]) == 1
     assert sorted(capsys.readouterr().out.splitlines()) == alone
 
@@ -151,9 +156,77 @@ def test_a_file_that_kills_all_workers_of_a_cluster_is_reported_and_no_other_is_
     deadly = tmp_path / "deadly.pcapng"
     deadly.touch()
     paths = [*captures(tmp_path, 3), str(deadly)]
-    answers = dict(answers_of_cluster(paths, QUESTION, judge_or_die, cluster.address))
+    answers = dict(answers_of_cluster(paths, QUESTION, judge_or_die, cluster.address, answer_form()))
     assert isinstance(answers[str(deadly)], UserError)
     assert sum(not isinstance(answer, UserError) for answer in answers.values()) == 3
+
+
+NO_ANSWER = "found no answer in what its worker sent, expected one of our version"
+
+
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "way, wrong",
+    [
+        ("result", NO_ANSWER),
+        ("result that says it is pickled", NO_ANSWER),
+        ("wrong keys", NO_ANSWER),
+        ("wrong name", ""),
+        ("error", ""),
+        ("error as an object", ""),
+        ("error in no form", ""),
+        ("type", ""),
+        ("warning", ""),
+    ],
+)
+def test_a_hostile_worker_runs_no_code_here(
+    cluster: Cluster,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    way: str,
+    wrong: str,
+) -> None:
+    from distributed import Client
+
+    (hostile := tmp_path / "hostile").mkdir()
+    ours = hostile / str(os.getpid())
+    monkeypatch.setenv("HOSTILE_FOLDER", str(hostile))
+    monkeypatch.setenv("HOSTILE_WAY", way)
+    cluster.work("--preload", str(Path(__file__).with_name("hostile_worker.py")))
+    (path,) = captures(tmp_path, 1)
+    # What is not judged by the worker is judged here, or has its line.
+    assert main(["doctor", path, "--scheduler", cluster.address]) == (2 if wrong else 0)
+    said = capsys.readouterr()
+    assert (wrong in said.err) if wrong else ("healthy" in said.out)
+    assert "\x1b" not in said.out
+    assert not ours.exists()
+    if way.startswith(("wrong", "result that", "error in")):
+        return
+    with Client(cluster.address, set_as_default=False) as client, warnings.catch_warnings():  # it is hostile
+        warnings.simplefilter("ignore")
+        task = client.submit(workers._judge_there, path, QUESTION, try_to_judge, pure=False)
+        with contextlib.suppress(Exception):
+            task.result()
+        while not ours.exists():
+            os.sched_yield()
+
+
+def test_a_message_of_a_hostile_scheduler_that_says_it_is_pickled_runs_no_code_here(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install 'trcvtui[cluster]'")
+    from distributed import protocol
+
+    class Code:
+        def __reduce__(self) -> tuple[object, ...]:
+            return Path.touch, (tmp_path / "ran",)
+
+    sent = protocol.dumps({"op": protocol.ToPickle(Code())})
+    with workers._building_nothing():
+        assert protocol.loads(sent) == {"op": None}
+    assert not (tmp_path / "ran").exists()
+    protocol.loads(sent)
+    assert (tmp_path / "ran").exists()
 
 
 def test_a_scheduler_that_is_not_there_is_one_line(

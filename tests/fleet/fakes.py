@@ -44,7 +44,7 @@ def figures(state: str = "connected", errors: int = 0, t: float = NOW) -> Figure
 
 
 ONLINE = StateMessage("online", NOW, "0.1.0", "pc-7")
-OFF = ONLINE.offline(NOW + 5)
+OFF = ONLINE.in_state("offline", NOW + 5)
 
 
 class FakeBroker:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -12,6 +13,24 @@ import pytest
 
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 needs_mosquitto = pytest.mark.skipif(PROGRAM is None, reason="mosquitto cannot be had here")
+
+
+class Certificate:
+    """A certificate of `localhost` that has signed itself, and its key: files that mosquitto can read."""
+
+    def __init__(self, folder: Path) -> None:
+        self.pem, self.key = folder / "c.pem", folder / "k.pem"
+        words = f"openssl req -x509 -newkey rsa:2048 -nodes -keyout {self.key} -out {self.pem} -days 2"
+        names = "-subj /CN=localhost -addext subjectAltName=DNS:localhost,IP:127.0.0.1"
+        subprocess.run(f"{words} {names}".split(), check=True, capture_output=True)
+        for file in (self.pem, self.key):
+            file.chmod(0o644)
+        folder.chmod(0o755)
+
+    @property
+    def lines(self) -> str:
+        """Return the lines of a broker that has it."""
+        return f"certfile {self.pem}\nkeyfile {self.key}\nuser root"
 
 
 class Mosquitto:
@@ -41,6 +60,11 @@ class Mosquitto:
                     return True
             time.sleep(0.01)
         return False
+
+    def stop(self) -> None:
+        """Let it hang: it takes connections and bytes, and answers nothing."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
 
     def kill(self) -> None:
         """Kill it: it forgets everything."""

@@ -6,9 +6,13 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
+from typing import NoReturn
+from urllib.request import urlopen
 
 import pytest
 
@@ -17,11 +21,17 @@ from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.local_driver import LocalDriver
 from tests.waiting import until
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.fleet.broker import Broker, BrokerConnection, IncomingMessage
+from trcvtui.fleet import agent as fleet_agent
+from trcvtui.fleet.agent import Agent, AgentSettings
+from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage
+from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
+from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.net.os.service_manager import notify
+from trcvtui.recording.files import RecordTo
 from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +70,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
 class IdleAgent:
     """What the page asks of an agent."""
 
-    is_running, is_up, queued, dropped, restarts = True, False, 3, 2, 1
+    is_running, is_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
 
     def __init__(self) -> None:
         project = load_bench(PROJECT)
@@ -190,3 +200,114 @@ def test_sigterm_ends_an_agent_cleanly_and_says_offline(broker: Mosquitto, tmp_p
         agent.kill()
         connection.close()
     assert (tmp_path / "said").read_text().count("\n") == 2  # no TLS; the broker is there
+
+
+# -- what fails beside it --------------------------------------------------------------------------------
+
+
+def agent_without_a_broker(page: tuple[str, int] | None = None) -> Agent:
+    settings = AgentSettings(PROJECT, "sim", "s", "n", None, page, None)
+    return Agent(settings, load_bench(PROJECT))
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_an_engine_that_hangs_is_told_as_stale_and_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet_agent, "STALE_NS", SECOND)
+    monkeypatch.setattr(fleet_agent, "HUNG_NS", 2 * SECOND)
+    agent = agent_without_a_broker()
+    with ExitStack() as opened:
+        opened.callback(agent._end_engine)
+
+        def turned() -> bool:
+            agent._turn(opened)
+            return agent.is_running and bool(agent.seen.instances)
+
+        until(turned)
+        first = agent._engine
+        assert first is not None and first.pid is not None
+        os.kill(first.pid, signal.SIGSTOP)
+        until(lambda: not turned() and agent.is_stale and agent.restarts == 0)
+        until(lambda: turned() and agent.restarts == 1)
+        assert agent._engine is not first
+
+
+@pytest.mark.live
+def test_a_page_whose_place_is_taken_is_tried_again_and_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fleet_agent, "PAGE_NS", 0)
+    with socket.create_server(("127.0.0.1", 0)) as rival:
+        place = rival.getsockname()[:2]
+        agent = agent_without_a_broker(place)
+        with ExitStack() as opened:
+            opened.callback(agent._end_engine)
+            agent._turn(opened)
+            assert (
+                agent.is_running
+                and f"Address already in use at 127.0.0.1:{place[1]}" in capsys.readouterr().err
+            )
+            rival.close()
+            agent._turn(opened)
+            assert urlopen(f"http://127.0.0.1:{place[1]}/metrics").status == 200
+
+
+class DeadEnd(BrokerConnection):
+    """A connection that has stood, and whose every call the system refuses now."""
+
+    def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
+        raise OSError(24, "Too many open files")
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_a_bench_scans_on_while_everything_beside_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """EMFILE at the first engine, the page, the broker and the recordings; a queue whose file is gone."""
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(fleet_agent, "FIRST_PAUSE_NS", 0)
+    monkeypatch.setattr(fleet_agent, "PAGE_NS", 0)
+    monkeypatch.setattr(fleet_agent, "FIRST_LOOK_NS", 0)
+
+    def fails(*_: object, **__: object) -> NoReturn:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr("trcvtui.fleet.metrics.serve_page", fails)
+    monkeypatch.setattr(fleet_agent, "newest_in", fails)
+    record = RecordTo(tmp_path / "runs")
+    settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
+    agent = Agent(settings, load_bench(PROJECT))
+    queue = DiskQueue(tmp_path / "queue.sqlite", fleet_agent.say)
+    queue._base.close()  # every call of it is an error from now on
+    connection = DeadEnd(Broker("127.0.0.1", 1, False), "x")
+    connection._append(Connected())
+    agent._publisher = Publisher(connection, queue, fleet_agent.say)
+    with ExitStack() as opened, monkeypatch.context() as broken:
+        opened.callback(agent._end_engine)
+        broken.setattr(fleet_agent, "EngineDriver", fails)
+        agent._turn(opened)
+        assert agent.restarts == 1
+        broken.undo()
+        agent._pause = agent._start_at = 0
+
+        def has_scanned(scans: int) -> bool:
+            agent._turn(opened)
+            return agent._scan > scans
+
+        until(lambda: has_scanned(0))
+        first = agent._scan
+        until(lambda: has_scanned(first + 50))
+        assert agent.restarts == 1 and not queue.put(0, "e", b"")
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_service_manager_hears_that_an_agent_is_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notify("READY=1")  # there is none
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        notify("READY=1")
+        assert manager.recv(100) == b"READY=1"

@@ -1,10 +1,7 @@
-"""Lines of an agent that are no bench: shadows of a capture program and of taps; what the doctor finds."""
+"""Lines of an agent that are no bench: shadows of a capture program; what the doctor finds."""
 
 from __future__ import annotations
 
-import os
-import socket
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,11 +18,8 @@ from trcvtui.engine.driver import EngineDriver
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.line.live_screen import CaptureDriver
-from trcvtui.line.tap_command import SERVES
-from trcvtui.line.tap_screen import TapDriver
 from trcvtui.scenario.scenario import load_bench
 
-ROOT = Path(__file__).parents[2]
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
 PEER = 'CONT = true\nEN_R = true\n[[peer]]\nname = "P1"\nactive = true\nremote = "@C1"\n'
 TAP = '[[tap]]\nname = "T"\nlisten = "127.0.0.1:0"\nto = "127.0.0.1:{port}"\nconnect = "C1"\n'
@@ -64,7 +58,7 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
 
     first = {"kind": "finding", "cause": "frame-short", "confidence": 0.9, "text": "90% sure; LEN 8"}
     assert told(1, found("frame-short", "R")) == [first | {"command": "set R LEN=8", "scan": 7}]
-    assert told(1, found("shifted", "R")) == []  # he has not looked again
+    assert told(1, found("shifted", "R")) == []  # it has not looked again
     assert told(2, found("frame-short", "R")) == []  # it is known
     assert told(3) == []
     again = told(4, found("frame-short", "R"), found("loss"), found("loss", "OTHER", "C2"))
@@ -142,43 +136,3 @@ def test_what_an_agent_cannot_run_is_one_line(
     assert main(["agent", str(written(tmp_path, text)), "--metrics", "127.0.0.1:9", *words.split()]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert wrong in line
-
-
-# -- taps --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.live
-def test_a_tap_forwards_with_shadows_or_without_them_and_ends_with_who_holds_it(tmp_path: Path) -> None:
-    listener = socket.create_server(("127.0.0.1", 0))
-    path = written(tmp_path, LINE + TAP.format(port=listener.getsockname()[1]))
-    ours, theirs = socket.socketpair()
-    with theirs:
-        tap = subprocess.Popen(
-            [sys.executable, "-P", "-c", SERVES, str(theirs.fileno()), str(path)],
-            stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, pass_fds=(theirs.fileno(),),
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-        )  # fmt: skip
-    assert tap.stderr is not None
-    where = tap.stderr.readline().split()[1]  # T: 127.0.0.1:40123 to ..
-    to = f"127.0.0.1:{listener.getsockname()[1]}"
-    driver = TapDriver(ours.fileno(), ([["T", where, to]], str(path), None, None))
-    try:
-        device = socket.create_connection(("127.0.0.1", int(where.rpartition(":")[2])))
-        plc, _ = listener.accept()
-        device.sendall(bytes(12))
-        pictures(driver, lambda picture: picture.snapshot.instances[0].jobs_done == 3)
-        driver.close()
-        device.sendall(b"on")
-        received = b""
-        while len(received) < 14:
-            received += plc.recv(14)
-        ours.close()  # who holds it has ended
-        assert device.recv(1) == b"" and tap.wait() == 0
-        device.close()
-        plc.close()
-    finally:
-        driver.close()
-        tap.kill()
-        tap.wait()
-        tap.stderr.close()
-        listener.close()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
+from tests.fleet.mosquitto import Certificate, Mosquitto, needs_mosquitto
 from tests.waiting import until
+from trcvtui import clock
 from trcvtui.errors import UserError
 from trcvtui.fleet import broker as fleet_broker
 from trcvtui.fleet.broker import (
@@ -21,6 +22,7 @@ from trcvtui.fleet.broker import (
     LastWill,
     Lost,
     News,
+    PublishRefusal,
     Taken,
     broker_of,
 )
@@ -127,22 +129,12 @@ def test_a_broker_that_sends_garbage_ends_a_connection_and_nothing_else() -> Non
 @needs_mosquitto
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # paho leaves a refused socket
 def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(tmp_path: Path) -> None:
-    pem, key, words = tmp_path / "c.pem", tmp_path / "k.pem", tmp_path / "words"
-    subprocess.run(
-        f"openssl req -x509 -newkey rsa:2048 -nodes -keyout {key} -out {pem} -days 2 -subj /CN=localhost "
-        "-addext subjectAltName=DNS:localhost,IP:127.0.0.1".split(),
-        check=True,
-        capture_output=True,
-    )
+    certificate, words = Certificate(tmp_path), tmp_path / "words"
     password_program = "/usr/bin/mosquitto_passwd"
     subprocess.run([password_program, "-c", "-b", str(words), "me", "right"], check=True, capture_output=True)
-    for file in (pem, key, words):
-        os.chmod(file, 0o644)
-    os.chmod(tmp_path, 0o755)
-    broker = Mosquitto(
-        tmp_path,
-        f"allow_anonymous false\npassword_file {words}\ncertfile {pem}\nkeyfile {key}\nuser root",
-    )
+    words.chmod(0o644)
+    pem = certificate.pem
+    broker = Mosquitto(tmp_path, f"allow_anonymous false\npassword_file {words}\n{certificate.lines}")
     try:
         outcomes = []
         for ca, password in ((str(pem), "right"), (str(pem), "wrong"), (None, "right")):
@@ -159,3 +151,52 @@ def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(tmp_path: Pa
         assert isinstance(strange, Lost) and "wrong certificate" in strange.why
     finally:
         broker.kill()
+
+
+@needs_mosquitto
+def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
+    rights = tmp_path / "acl"
+    rights.write_text("topic read secret/#\n")
+    rights.chmod(0o644)
+    broker = Mosquitto(tmp_path, f"allow_anonymous true\nacl_file {rights}\nuser root")
+    connection = BrokerConnection(Broker("127.0.0.1", broker.port, False), "x")
+    try:
+        connection.open()
+        seen(connection, Connected)
+        number = connection.publish("secret/a", b"1", True)
+        [refused] = [
+            each for each in seen(connection, PublishRefusal) if isinstance(each, PublishRefusal | Taken)
+        ]
+        assert refused == PublishRefusal(number or 0, "Not authorized")
+    finally:
+        connection.close()
+        broker.kill()
+
+
+def says_that_the_name_is_taken(connection: BrokerConnection) -> bool:
+    return any("may have the name 's/a'" in str(news) for news in connection.news())
+
+
+@needs_mosquitto
+def test_two_of_one_name_both_say_so(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet_broker, "LEAST_PAUSE_S", 0.05)
+    monkeypatch.setattr(fleet_broker, "RIVAL_PAUSE_S", 0.05)
+    one, other = (BrokerConnection(Broker("127.0.0.1", broker.port, False), "s/a") for _ in range(2))
+    for each in (one, other):
+        each.open()
+        seen(each, Connected)
+    for each in (one, other):
+        until(partial(says_that_the_name_is_taken, each))
+    for each in (one, other):
+        each.close()
+
+
+@needs_mosquitto
+def test_a_broker_that_hangs_holds_the_end_up_for_less_than_five_seconds(broker: Mosquitto) -> None:
+    connection = BrokerConnection(Broker("127.0.0.1", broker.port, False), "x")
+    connection.open()
+    seen(connection, Connected)
+    broker.stop()
+    began = clock.now_ns()
+    connection.close(LastWill("a", b"last"))
+    assert clock.now_ns() - began < 5_000_000_000

@@ -13,8 +13,9 @@ from tests.waiting import until
 from trcvtui import clock
 from trcvtui.fleet import publisher, reader
 from trcvtui.fleet.broker import Broker, BrokerConnection, LastWill
+from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import SeenInstance
-from trcvtui.fleet.publisher import DiskQueue, Publisher
+from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.reader import FleetReader, topics_of
 from trcvtui.fleet.seen_fleet import FleetLine, SeenFleet
 from trcvtui.fleet.topics import StateMessage, Topic
@@ -37,7 +38,7 @@ class OneLine:
     def __init__(self, broker: Mosquitto) -> None:
         place = Broker("127.0.0.1", broker.port, False)
         self.connection = BrokerConnection(place, "s/a", LastWill(self.topic("state"), self.state("offline")))
-        self.publisher = Publisher(self.connection, DiskQueue(None), lambda line: None)
+        self.publisher = Publisher(self.connection, DiskQueue(None, print), print)
         self.instance = SeenInstance("L", "T")
         self.publisher.retain(self.topic("state"), self.state("online"))
         self.publisher.retain(self.topic("status", "L", "T"), status().to_json())

@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast
 
-from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, Taken
-from trcvtui.fleet.publisher import EVENT, HOLD_NS, LEAST_GAP_NS, DiskQueue, Publisher
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.fleet.broker import BrokerConnection, Connected, Lost, News, PublishRefusal, Taken
+from trcvtui.fleet.disk_queue import EVENT, DiskQueue
+from trcvtui.fleet.publisher import HOLD_NS, LEAST_GAP_NS, REFUSED_NS, Publisher
 
 SECOND = 1_000_000_000
 
@@ -20,7 +24,7 @@ class Line:
         self._news: list[News] = []
         self._unacknowledged: list[int] = []
         self._is_there = False
-        self.queue = DiskQueue(None, 5)
+        self.queue = DiskQueue(None, self.said.append, 5)
         self.publisher = Publisher(cast(BrokerConnection, self), self.queue, self.said.append)
         self.now = 0
 
@@ -35,6 +39,10 @@ class Line:
 
     def acknowledge(self) -> None:
         self._news += [Taken(number) for number in self._unacknowledged]
+        self._unacknowledged.clear()
+
+    def refuse(self) -> None:
+        self._news += [PublishRefusal(number, "Not authorized") for number in self._unacknowledged]
         self._unacknowledged.clear()
 
     def news(self) -> list[News]:
@@ -111,10 +119,104 @@ def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:
     assert [payload for topic, payload in line.got if topic == "e"] == [b"1", b"2", b"3", b"4", b"5"]
 
 
-def test_what_waits_is_there_when_the_agent_starts_anew(tmp_path: Path) -> None:
-    queue = DiskQueue(tmp_path / "queue.sqlite")
+def test_what_the_broker_refuses_stays_and_is_sent_again_after_a_pause_that_grows() -> None:
+    line = Line()
+    line.come()
+    line.pass_time(3)
+    line.pass_time(3)
+    line.publisher.retain("state", b"online")
+    line.publisher.event("e", b"1")
+    line.pass_time()
+    line.refuse()
+    line.publisher.event("other", b"2")
+    line.pass_time()
+    line.acknowledge()
+    line.pass_time()
+    assert line.got[2:] == [("other", b"2")] and line.queue.size == 1
+    line.pass_time(REFUSED_NS / SECOND)
+    assert sorted(line.got[3:]) == [("e", b"1"), ("state", b"online")]
+    line.refuse()
+    line.pass_time(REFUSED_NS / SECOND + 1)
+    assert len(line.got) == 5  # the second pause is twice as long
+    line.pass_time(REFUSED_NS / SECOND)
+    line.acknowledge()
+    line.pass_time()
+    assert len(line.got) == 7 and not line.queue.size
+    refusals = [said for said in line.said if "refuses" in said]
+    assert len(refusals) == 2 and "'state': Not authorized" in refusals[0]
+
+
+def test_a_topic_of_an_instance_that_is_gone_is_cleared_once(tmp_path: Path) -> None:
+    path = tmp_path / "queue.sqlite"
+    before = Publisher(cast(BrokerConnection, Line()), DiskQueue(path, print), print)
+    before.retain("gone", b"1")
+    before.retain("stays", b"1")
+    before.queue.close()
+    line = Line()
+    line.queue = DiskQueue(path, line.said.append)
+    line.publisher = Publisher(cast(BrokerConnection, line), line.queue, line.said.append)
+    line.come()
+    line.publisher.clear_all_but(lambda topic: topic == "stays")
+    line.pass_time()
+    assert line.got == [("gone", b"")]
+    line.acknowledge()
+    line.pass_time()
+    assert line.queue.remembered() == ["stays"]
+    line.queue.close()
+
+
+# -- the file of the queue -------------------------------------------------------------------------------
+
+
+def test_what_waits_is_there_when_the_agent_starts_anew_and_no_other_user_reads_it(tmp_path: Path) -> None:
+    path = tmp_path / "queue.sqlite"
+    path.touch(0o644)
+    queue = DiskQueue(path, print)
     queue.put(EVENT, "e", b"kept")
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
+    with pytest.raises(UserError, match="an agent of both that runs here"):
+        DiskQueue(path, print)
     queue.close()
-    again = DiskQueue(tmp_path / "queue.sqlite")
+    again = DiskQueue(path, print)
     assert [(topic, payload) for _, topic, payload in again.after(0, 9)] == [("e", b"kept")]
     again.close()
+
+
+def test_a_damaged_file_is_set_aside_and_a_new_queue_begins(tmp_path: Path) -> None:
+    path, said = tmp_path / "queue.sqlite", list[str]()
+    path.write_bytes(b"no database" * 100)
+    queue = DiskQueue(path, said.append)
+    assert queue.put(EVENT, "e", b"1") and len(queue.after(0, 9)) == 1
+    assert len([*tmp_path.glob("queue.damaged-*")]) == 1 and "damaged" in said[-1]
+    queue.close()
+
+
+def test_a_file_that_is_damaged_while_it_is_used_ends_nothing(tmp_path: Path) -> None:
+    path, said = tmp_path / "queue.sqlite", list[str]()
+    queue = DiskQueue(path, said.append)
+    for number in range(200):
+        queue.put(EVENT, "e", b"%d" % number * 100)
+    queue.close()
+    content = bytearray(path.read_bytes())
+    content[4096:] = b"\xaa" * (len(content) - 4096)
+    path.write_bytes(content)
+    queue = DiskQueue(path, said.append)
+    queue.after(0, 9)
+    queue.put(EVENT, "e", b"1")
+    assert queue.put(EVENT, "e", b"2") and any("damaged" in line for line in said)
+    queue.close()
+
+
+def test_without_room_on_the_disk_an_event_goes_at_once_or_is_counted(tmp_path: Path) -> None:
+    line = Line()
+    line.queue = DiskQueue(tmp_path / "queue.sqlite", line.said.append)
+    line.publisher = Publisher(cast(BrokerConnection, line), line.queue, line.said.append)
+    line.queue._base.execute("PRAGMA max_page_count=1")  # as a full disk answers
+    line.publisher.event("e", b"0" * 5000)
+    assert sum(line.queue.dropped.values()) == 1
+    line.come()
+    line.pass_time()
+    line.publisher.event("e", b"1" * 5000)
+    assert line.got[-1] == ("e", b"1" * 5000) and sum(line.queue.dropped.values()) == 1
+    assert len([said for said in line.said if "full" in said]) == 1
+    line.queue.close()

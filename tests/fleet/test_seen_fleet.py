@@ -7,6 +7,7 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tests.fleet.fakes import NOW, OFF, ONLINE, SECOND, FakeBroker, event, figures, recent, status
 from trcvtui.cli.main import main
@@ -29,9 +30,20 @@ from trcvtui.fleet.reader import (
     TOO_MANY,
     topics_of,
 )
-from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, SeenFleet
+from trcvtui.fleet.seen_fleet import (
+    AWAY,
+    ERROR,
+    FINDING,
+    GOOD,
+    HAD,
+    OFFLINE,
+    STALE,
+    STUCK,
+    STUCK_S,
+    SeenFleet,
+)
 from trcvtui.fleet.topics import (
-    FleetMessage,
+    AnyMessage,
     Topic,
 )
 
@@ -107,7 +119,7 @@ class Fleet:
     def __init__(self) -> None:
         self.seen = SeenFleet()
 
-    def tell(self, place: str, message: FleetMessage | None, kind: str = "") -> None:
+    def tell(self, place: str, message: AnyMessage | None, kind: str = "") -> None:
         site, agent, line, instance = [*place.split("/"), "", "", ""][:4]
         topic = Topic(site, agent, line, instance, kind or (message.KIND if message else ""))
         self.seen.take(topic, message, NOW)
@@ -129,14 +141,46 @@ def test_the_worst_stands_first_offline_then_error_then_the_most_errors_an_hour(
     fleet.line("s/b/gone")
     fleet.line("s/a/away")
     fleet.tell("s/a/away", figures("listening"))
-    assert fleet.names() == ["bad", "many", "away", "good", "gone"]
+    assert fleet.names() == ["bad", "away", "many", "good", "gone"]
     fleet.tell("s/b", OFF)
-    assert fleet.names() == ["gone", "bad", "many", "away", "good"]
+    assert fleet.names() == ["gone", "bad", "away", "many", "good"]
     lines = fleet.seen.ordered(NOW)
-    assert [line.shows for line in lines] == [OFFLINE, ERROR, GOOD, AWAY, GOOD]
-    assert lines[0].since == NOW
-    fleet.seen.take(Topic("s", "b", "", "", "state"), OFF, NOW, is_retained=True)
-    assert lines[0].since == NOW + 5
+    assert [line.shows for line in lines] == [OFFLINE, ERROR, AWAY, HAD, GOOD]
+    assert lines[0].since(NOW) == NOW
+    fleet.seen.take(Topic("s", "b", "", "", "state"), OFF, NOW + 9, is_retained=True)
+    assert lines[0].since(NOW + 9) == NOW + 5
+
+
+def test_a_finding_and_a_stuck_job_are_no_good_lines_and_the_oldest_of_a_kind_comes_first() -> None:
+    fleet = Fleet()
+    for number, (name, finding) in enumerate((("new", "byte order"), ("old", "byte order"), ("stuck", ""))):
+        fleet.line(f"s/a/{name}")
+        shown = replace(status(), finding=finding, here=0 if finding else 12, age_s=60.0 + number)
+        fleet.tell(f"s/a/{name}/T", shown)
+    fleet.line("s/a/good")
+    fleet.tell("s/a/good/T", replace(status(), here=0))
+    assert fleet.names(NOW + STUCK_S - 1) == ["old", "new", "good", "stuck"]
+    lines = fleet.seen.ordered(NOW + STUCK_S + 11)
+    assert [(line.name, line.shows) for line in lines] == [
+        ("old", FINDING), ("new", FINDING), ("stuck", STUCK), ("good", GOOD),
+    ]  # fmt: skip
+    assert lines[0].cause == "byte order" and lines[2].since(NOW + 21) == NOW
+    fleet.tell("s/a", ONLINE.in_state("stale", NOW))
+    assert {line.shows for line in fleet.seen.ordered(NOW)} == {STALE}
+
+
+@pytest.mark.parametrize("wrong", [-7200.0, 7200.0, float(1 << 53)])
+def test_a_clock_that_is_wrong_hides_no_error_keeps_none_for_ever_and_is_told(wrong: float) -> None:
+    fleet = Fleet()
+    seen, at = fleet.seen, NOW + wrong
+    seen.take(Topic("s", "a", "", "", "state"), ONLINE.in_state("online", at), NOW)
+    seen.take(Topic("s", "a", "L", "", "figures"), figures(errors=3, t=at), NOW)
+    seen.take(Topic("s", "a", "L", "T", "status"), replace(status(), t=at), NOW)
+    seen.take(Topic("s", "a", "L", "T", "event"), event(1, t=at), NOW)
+    [line] = seen.ordered(NOW)
+    assert line.errors_hour == 3 and sum(line.sparkline(NOW)) == 1
+    assert abs(line.agent.skew_s + wrong) < 1 and abs((line.since(NOW) or 0) - (NOW - 60)) < 1
+    assert seen.ordered(NOW + 7300)[0].errors_hour == 0
 
 
 def test_an_agent_that_is_offline_makes_all_its_lines_offline_at_once() -> None:
@@ -159,6 +203,7 @@ def test_errors_of_an_hour_are_drawn_by_their_times_and_grow_old() -> None:
     assert line.errors_an_hour(NOW) == 3
     assert line.sparkline(NOW)[-1] == 1 and sum(line.sparkline(NOW)) == 3
     assert line.cause == "16#80A6 recv ECONNRESET"
+    fleet.tell("s/a/L/T", replace(status(), here=0))
     fleet.names(NOW + 7200)
     assert line.errors_an_hour(NOW + 7200) == 0 and line.cause == "no error in the last hour"
 

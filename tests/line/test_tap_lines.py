@@ -89,7 +89,7 @@ def test_a_bench_without_a_tap_says_who_has_one(project: Project) -> None:
 
 def test_an_order_crosses_as_a_line() -> None:
     order = TapOrder(1, 2, 1, "edit", (3,), b"\n \x00;")
-    assert order_of(order.line().rstrip(b"\n")) == order
+    assert order_of(order.line().rstrip(b"\n"), order.route + 1) == order
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from trcvtui import clock
 from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot
 from trcvtui.commands.words import Doctor
+from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
 from trcvtui.wording import count
@@ -64,9 +65,22 @@ class BenchDoctor:
         return "the doctor looks …"
 
     def _begin(self, judge: Judge, bench: Bench) -> None:
-        if not judge.is_judging:
+        if judge.is_judging:
+            return
+        try:
             judge.judge()
-            self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
+        except OSError as failed:
+            raise mistake("doctor", failed.strerror, "room for one more process and file") from None
+        self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
+
+    def _try(self, judge: Judge, bench: Bench) -> None:
+        """Let it look; what stands in the way is `trouble` of the snapshot: no answer ever ends an engine."""
+        try:
+            self._begin(judge, bench)
+        except UserError as refused:
+            looks, scan = self.snapshot.looks + 1, bench.runtime.scans
+            self.snapshot = DoctorSnapshot(looks, scan, trouble=refused.problems[0].found)
+            self._ended_ns = clock.now_ns()
 
     def go_on(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[Answer]:
         """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
@@ -81,7 +95,7 @@ class BenchDoctor:
             if not judge.is_judging:
                 self._take(judge.judged, bench)
         if is_wanted and not self._looks and self._is_due(judge):
-            self._begin(judge, bench)
+            self._try(judge, bench)
         if self._looks or not self._waiting:
             return ()
         seen, project = self.snapshot, bench.project

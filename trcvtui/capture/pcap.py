@@ -395,6 +395,12 @@ def secrets_block(key_log: bytes) -> bytes:
     return block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
+def statistics_block(interface: int, ns: int, dropped: int) -> bytes:
+    """Return what says at a time how many packets of an interface were left out so far."""
+    body = struct.pack("<III", interface, ns >> 32, ns & 0xFFFFFFFF)
+    return block(STATISTICS, body, [_option(DROPPED[0], struct.pack("<Q", dropped))])
+
+
 _HEAD: Final = struct.Struct("<IIIIIII").pack
 _ZEROS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
 _END: Final = b"\0\0\0\0"  # of options

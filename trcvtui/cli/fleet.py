@@ -52,14 +52,19 @@ def _agent(args: Args) -> int:
 
     from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
     from trcvtui.fleet.broker import broker_of, need_paho
-    from trcvtui.fleet.metrics import place_of_page
+    from trcvtui.fleet.metrics import need_prometheus, place_of_page
     from trcvtui.recording.files import RecordTo
     from trcvtui.scenario.record import limits_of
 
     path = args.project
     if args.mqtt is None and args.metrics is None:
         raise mistake("trcvtui agent", "neither", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
+    for option, given in (("--site", args.site), ("--name", args.name)):
+        if given == "":
+            raise mistake(option, "an empty one", "a name, it is a level of each topic")
     page = None if args.metrics is None else place_of_page(args.metrics)
+    if page is not None:
+        need_prometheus()
     broker = None
     if args.mqtt is not None:
         broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)

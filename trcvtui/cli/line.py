@@ -111,6 +111,8 @@ def add_tap(parser: CommandParser) -> None:
     _add_shadows(parser, "CONNECT")
     parser.add_argument("--hold", action="store_true", help="hold both directions until the screen lets go")
     parser.add_argument("--armed", action="store_true", help="keys r (RST), f (FIN) act at once")
+    about = "observers at the socket of --project may intervene, too"
+    parser.add_argument("--allow-orders", action="store_true", help=about)
 
 
 def _tap(args: Args) -> int:
@@ -127,7 +129,12 @@ def _tap(args: Args) -> int:
     has_screen = args.format is None and sys.stdin.isatty() and is_terminal
     shadows = args.project, args.plc, args.dialect, args.format
     looks = ObserverSettings(
-        *shadows, args.format is not None or is_terminal, has_screen, args.hold, args.armed
+        *shadows,
+        args.format is not None or is_terminal,
+        has_screen,
+        args.hold,
+        args.armed,
+        args.allow_orders,
     )
     return forward(routes, looks, _tap_record(args.record))
 
@@ -200,7 +207,8 @@ def add_doctor(parser: CommandParser) -> None:
     parser.add_argument("--for", dest="time", metavar="T#..", help=about)
     add_kernel(parser, of="of --for; ")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="captures at once; default: 1")
-    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help="a Dask cluster, in place of --jobs")
+    about = "a Dask cluster that you trust, in place of --jobs"
+    parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help=about)
     about = "write a project that takes what comes"
     parser.add_argument("--suggest", metavar="NEW.toml", type=given_path, help=about)
 

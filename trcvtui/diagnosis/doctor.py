@@ -6,7 +6,9 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+from msgspec import Meta, defstruct
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
@@ -287,7 +289,7 @@ def doctor(
             total.add(made)
         is_first = _write(write, verdicts, form, is_first)
         for note in notes:
-            sys.stderr.write(f"{(names or {}).get(path, path)}: {note}\n")
+            sys.stderr.write(one_line(f"{(names or {}).get(path, path)}: {note}") + "\n")
         if len(paths) > 1 and sys.stderr.isatty():
             sys.stderr.write(f"{total.files} of {len(paths)} captures\n")
         sys.stdout.flush()
@@ -323,6 +325,26 @@ class _Total:
 Answer = tuple[list[Verdict], list[str], float]
 
 
+def answer_form() -> Any:
+    """Return the type of an Answer with each key of a verdict, by which one of another machine is read."""
+
+    def form(**fields: Any) -> Any:
+        return defstruct("Form", fields.items(), forbid_unknown_fields=True)
+
+    text, number = str | None, int | None
+    where = form(direction=text, byte=number, packet=number, scan=number, instance=text)
+    row = {"cause": str, "title": str, "t_s": float | None, "where": where, "evidence": list[str],
+           "packets": list[int], "filter": str}  # fmt: skip
+    mend: Any = form(text=str, command=text, set=text)
+    finding: Any = form(**row, confidence=float, status=list[str], mend=list[mend])
+    remark: Any = form(**{**row, "evidence": Annotated[list[str], Meta(min_length=1)]})
+    ends: Any = form(plc=str, partner=str, protocol=str)
+    unjudged: Any = form(cause=str, quality=str)
+    made: Any = form(file=str, conversation=ends | None, healthy=bool, findings=list[finding],
+                     quality=list[str], remarks=list[remark], not_judged=list[unjudged])  # fmt: skip
+    return tuple[list[made], list[str], float]
+
+
 def _answers(
     paths: Sequence[str], asked: DoctorQuestion, jobs: int, scheduler: str | None
 ) -> Iterator[tuple[str, Answer | UserError]]:
@@ -335,7 +357,7 @@ def _answers(
     if scheduler is None:
         yield from answers_of_processes(paths, asked, try_to_judge, jobs)
     else:
-        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler)
+        yield from answers_of_cluster(paths, asked, try_to_judge, scheduler, answer_form())
 
 
 def try_to_judge(path: str, asked: DoctorQuestion) -> Answer | UserError:

@@ -1,18 +1,26 @@
 """Captures judged by several workers: processes of this machine, or those of a Dask cluster.
 
-Rule: a worker that dies loses no file: it is tried again by another one, and then reported.
+Rules: a worker that dies loses no file: it is tried again by another one, and then reported. What a cluster
+sends runs no code here: answers are JSON of one form, and no object is built of what else comes.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context
+from types import SimpleNamespace
 from typing import Any, Final, TypeVar
+from unittest.mock import patch
 
-from trcvtui.errors import UserError, mistake
+import msgspec
+
+from trcvtui.errors import Problem, UserError, mistake
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
@@ -59,34 +67,57 @@ def _reported(path: str) -> UserError:
 
 
 def answers_of_cluster(
-    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], scheduler: str
+    paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], scheduler: str, form: Any
 ) -> Answered[Answer]:
     """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
 
-    What no worker can open is read here. Raise UserError where there is no such scheduler.
+    What no worker can open is read here. `form`: the type of an Answer. Raise UserError: no such scheduler.
     """
     try:
         from distributed import Client
     except ImportError:
         expected = "it: pip install 'trcvtui[cluster]'"
         raise mistake("--scheduler", "no Dask", expected) from None
-    try:
-        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-    except Exception as failed:  # whatever a URL, a name, a door, another version bring
-        raise mistake(
-            "--scheduler", f"{scheduler} ({failed})", "tcp://HOST:8786 of a Dask scheduler"
-        ) from None
     here: list[str] = []
-    with client, client.as_current():
-        yield from _of_workers(client, paths, asked, judge, here)
+    with _building_nothing():
+        try:
+            client = Client(scheduler, timeout=CONNECT_S, set_as_default=False, deserializers=["msgpack"])
+        except Exception as failed:  # whatever a URL, a name, a door, another version bring
+            expected = "tcp://HOST:8786 of a Dask scheduler"
+            raise mistake("--scheduler", f"{scheduler} ({failed})", expected) from None
+        there = partial(_judge_there, asked=asked, judge=judge)
+        reply = msgspec.json.Decoder(tuple[str, form | None, tuple[Problem, ...]])
+        with client, client.as_current():
+            yield from _of_workers(client, paths, there, reply, here)
     yield from answers_of_processes(here, asked, judge, 1)
 
 
+@contextmanager
+def _building_nothing() -> Iterator[None]:
+    """Let Dask build no object: what is serialized stays bytes, what is pickled is nothing or a KilledWorker.
+
+    `deserializers` do not reach errors, types of results, warnings, and what says of itself it is pickled.
+    """
+    from distributed import KilledWorker, client, protocol
+
+    def named(data: bytes, *, buffers: object = ()) -> Exception | None:
+        return KilledWorker("", None, 0) if b"KilledWorker" in bytes(data)[:64] else None
+
+    names = SimpleNamespace(loads=named, dumps=pickle.dumps)
+    with (
+        patch.object(protocol.core, "merge_and_deserialize", lambda _, frames, **__: b"".join(frames)),
+        patch.object(protocol.pickle, "pickle", names),
+        patch.object(client, "pickle", names),
+        patch.object(client.Client, "_default_event_handlers", {}),  # prints and warnings of workers
+    ):
+        yield
+
+
 def _of_workers(
-    client: Any, paths: Sequence[str], asked: Question, judge: Judge[Question, Answer], here: list[str]
-) -> Answered[Answer]:
+    client: Any, paths: Sequence[str], there: Callable[[str], bytes], reply: Any, here: list[str]
+) -> Answered[Any]:
     """Yield the answers of a cluster's workers; put into `here` what none of them can answer."""
-    from distributed import wait
+    from distributed import KilledWorker, wait
 
     left: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reversed(paths)]
     tasks: dict[Any, tuple[str, tuple[str, ...]]] = {}
@@ -99,50 +130,46 @@ def _of_workers(
                 here.append(path)
                 continue
             only = {"workers": other} if been_at else {}
-            task = client.submit(_judge_there, os.path.abspath(path), asked, judge, pure=False, **only)
+            task = client.submit(there, os.path.abspath(path), pure=False, **only)
             tasks[task] = path, been_at
-        try:
-            done = wait(list(tasks), timeout=LOOK_S, return_when="FIRST_COMPLETED").done if tasks else ()
-        except TimeoutError:
-            if not workers:  # all are gone
-                here += [path for path, _ in (*tasks.values(), *left)]
-                return
-            continue
+        with suppress(TimeoutError, CancelledError):
+            if tasks:
+                wait(list(tasks), timeout=LOOK_S, return_when="FIRST_COMPLETED")
+        done = [task for task in tasks if task.done()]
+        if not done and not workers:  # all are gone
+            here += [path for path, _ in (*tasks.values(), *left)]
+            return
         for task in done:
             path, been_at = tasks.pop(task)
-            if task.status == "error":
-                if _has_killed(task):
+            if task.status in ("error", "cancelled"):
+                if task.status == "error" and isinstance(task.exception(), KilledWorker):
                     yield path, _reported(path)
                 else:  # a worker that cannot run us
                     here.append(path)
                 continue
             try:
-                worker, answer = task.result(timeout=LOOK_S)
-            except TimeoutError:  # its worker died with the answer: the scheduler lets another one judge
-                tasks[task] = path, been_at
+                packed = task.result(timeout=LOOK_S)
+                worker, answer, problems = reply.decode(msgspec.msgpack.decode(packed, type=bytes))
+            except Exception as failed:
+                if isinstance(failed, TimeoutError) or task.status == "error":
+                    tasks[task] = path, been_at  # its worker died with the answer: another one judges
+                else:
+                    yield path, mistake(path, "no answer in what its worker sent", "one of our version")
                 continue
-            if answer is None:
-                left.append((path, (*been_at, worker)))
+            if answer is not None or problems:
+                yield path, UserError(problems) if problems else msgspec.to_builtins(answer)
+            elif worker in been_at or worker not in workers:  # so it would be asked for ever
+                here.append(path)
             else:
-                yield path, answer
+                left.append((path, (*been_at, worker)))
 
 
-def _has_killed(task: Any) -> bool:
-    from distributed import KilledWorker
-
-    return isinstance(task.exception(), KilledWorker)
-
-
-def _judge_there(
-    path: str, asked: Question, judge: Judge[Question, Answer]
-) -> tuple[str, Answer | UserError | None]:
-    """Return which worker judges, and the answer; None where the file cannot be opened there."""
+def _judge_there(path: str, asked: Question, judge: Judge[Question, Answer]) -> bytes:
+    """Return which worker judges, the answer, what is wrong, as JSON; neither: it cannot open the file."""
     from distributed import get_worker
 
-    name = get_worker().address
-    try:
-        with open(path, "rb"):
-            pass
-    except OSError:
-        return name, None
-    return name, judge(path, asked)
+    answer: Answer | UserError | None = None
+    with suppress(OSError), open(path, "rb"):
+        answer = judge(path, asked)
+    problems = answer.problems if isinstance(answer, UserError) else ()
+    return msgspec.json.encode((get_worker().address, None if problems else answer, problems))

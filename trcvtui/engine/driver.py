@@ -141,11 +141,15 @@ class EngineDriver:
     def pid(self) -> int | None:
         return self._process.pid
 
-    def project(self) -> Project:
-        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+    def project(self, seconds: float | None = None) -> Project:
+        """Wait for the project that the engine has read; raise UserError for the mistakes in its file.
+
+        Raise EngineStopped where nothing has come after so many `seconds`.
+        """
         if self._project is None:
             while (message := self._message()) is None:
-                self._channel.poll(None)
+                if not self._channel.poll(seconds):
+                    raise self._ended("the engine does not begin")
             if isinstance(message, UserError):
                 raise message
             self._project = self._checked(message)

@@ -5,29 +5,29 @@ from __future__ import annotations
 import platform
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from trcvtui import __version__, clock, paths
 from trcvtui.engine.driver import EngineDriver, EngineStopped
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
+from trcvtui.fleet.disk_queue import DiskQueue
 from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
-from trcvtui.fleet.publisher import DiskQueue, Publisher
-from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic
-from trcvtui.history.bench_update import UpdateRequest
-from trcvtui.project.project import Project, TapDecl
+from trcvtui.fleet.publisher import Publisher
+from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
+from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.net.os.service_manager import notify
+from trcvtui.plc.snapshot import Snapshot
+from trcvtui.project.project import Project, TapDecl, WatchDecl
 from trcvtui.recording.files import RecordTo
 from trcvtui.recording.worker_process import newest_in
-
-if TYPE_CHECKING:
-    from trcvtui.line.tap_command import TapInBackground
 
 TURN_S: Final = 0.1  # between two pictures
 FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -37,7 +37,12 @@ HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one aga
 MOST_LINES: Final = 20_000
 DOCTOR_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
 FIRST_LOOK_NS: Final = 10 * NS
-RESTS: Final = 50  # times as long as he looked: a long recording takes him long
+RESTS: Final = 50  # times as long as it looked: a long recording takes it long
+RECENT_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
+PAGE_NS: Final = 10 * NS  # before the place of the page is tried again
+BEGINS_S: Final = 30.0  # an engine that has not told its project by then hangs
+STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: it is told, the engine is started anew
+STALE_SCANS: Final = 10  # but so many intervals at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +64,21 @@ def default_name(project: Path) -> str:
     return f"{platform.node() or 'host'}-{project.stem}"
 
 
-def queue_path(site: str, name: str) -> Path:
-    """Return the file of the queue: where systemd says, or where a user's programs keep such things."""
+def queue_path(site: str, name: str) -> Path | None:
+    """Return the file of the queue: where systemd says, or where a user's programs keep such things.
+
+    None where no folder can be made: that is said, and what waits is kept in memory.
+    """
     from hashlib import sha256
 
     folder = paths.state_folder()
-    for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
-        if not each.is_dir():
-            make_folder(each, "the folder of the queue")
+    try:
+        for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
+            if not each.is_dir():
+                make_folder(each, "the folder of the queue")
+    except UserError as refused:
+        say(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
+        return None
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
 
@@ -75,23 +87,41 @@ class Agent:
 
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
-        self.seen = SeenBench(f"{clock.wall_ns():x}", project.dialect.label, self._recorded_in)
+        rows: tuple[WatchDecl | TapDecl, ...] = (*project.watches, *project.taps)
+        names = {row.connect: row.name for row in rows} | {row.back: f"{row.name} back" for row in rows}
+        boot = f"{clock.wall_ns():x}"
+        self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
         self._engine: EngineDriver | None = None
-        self._taps, self._tap = project.taps, None if not project.taps else _new_tap(settings, project.taps)
+        self._has_taps = bool(project.taps)
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
         self._figures_at: dict[str, int] = {}
-        self._doctor_at = self._asked_at = 0  # when he looks next, and was asked
+        self._doctor_at = self._asked_at = 0  # when the doctor looks next, and was asked
         self._looks = 0
-        self._judged_at: tuple[object, ...] = ()  # what there was when he was asked
+        self._judged_at: tuple[object, ...] = ()  # what there was when it was asked
         self.restarts: int = 0
+        self._scan, self._scanned_at = -1, clock.now_ns()  # the last one, when it was told
+        self._patience = STALE_NS
+        self._state = ""
+        self._has_cleared = False
+        self._page_at = 0
+        self._failure = ""  # of publishing, as it was told last
 
     # -- what the page tells -----------------------------------------------------------------------------
 
     @property
     def is_running(self) -> bool:
-        return self._engine is not None
+        return self._engine is not None and not self.is_stale
+
+    @property
+    def is_stale(self) -> bool:
+        """Return whether the figures are old: no scan has been told for a while."""
+        return clock.now_ns() > self._scanned_at + self._patience
+
+    @property
+    def scan_age_s(self) -> float:
+        return round((clock.now_ns() - self._scanned_at) / NS, 1)
 
     @property
     def is_up(self) -> bool:
@@ -110,20 +140,13 @@ class Agent:
     def run(self) -> int:
         with ExitStack() as opened:
             ended = opened.enter_context(_signals())
-            if self._settings.page is not None:
-                from trcvtui.fleet.metrics import serve_page
-
-                server = serve_page(*self._settings.page, self)
-                opened.callback(server.server_close)
-                opened.callback(server.shutdown)
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
-            opened.callback(self._end_tap)
             opened.callback(self._end_engine)
+            notify("READY=1")
             while not ended:
-                self._turn()
-                if self._engine is not None:
-                    self._engine.wait(TURN_S)
+                self._turn(opened)
+                notify("WATCHDOG=1")
                 if not ended:
                     clock.sleep_until(clock.now_ns() + int(TURN_S * NS))
         return 0
@@ -134,47 +157,76 @@ class Agent:
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
-        connection = BrokerConnection(broker, client_id, LastWill(topic, self._state("offline")))
-        queue = DiskQueue(queue_path(settings.site, settings.name))
+        connection = BrokerConnection(broker, client_id, LastWill(topic, self._state_message("offline")))
+        queue = DiskQueue(queue_path(settings.site, settings.name), say)
         opened.callback(queue.close)
         self._publisher = Publisher(connection, queue, say)
-        self._publisher.retain(topic, self._state("online"))
+        self._tell_state()
         connection.open()
-        opened.callback(lambda: connection.close(LastWill(topic, self._state("offline"))))
+        opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
 
-    def _turn(self) -> None:
+    def _turn(self, opened: ExitStack) -> None:
         now = clock.now_ns()
+        if self._settings.page is not None and now >= self._page_at >= 0:
+            self._open_page(*self._settings.page, opened, now)
         try:
             if self._engine is None and now >= self._start_at:
                 self._start(now)
             if self._engine is not None:
                 self._look(self._engine, now)
-        except (EngineStopped, UserError) as stopped:
+        except (EngineStopped, UserError, OSError) as stopped:  # OSError: no process or file more for it
             self._failed(stopped, now)
-        if self._publisher is not None:
-            self._tell_figures(now)
-            self._publisher.turn(now)
+        with self._going_on():
+            if self._publisher is not None:
+                self._tell_state()
+                if not self.is_stale:
+                    self._tell_figures(now)
+                self._publisher.turn(now)
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        """Tell what goes wrong beside the bench: nothing of it ends the bench."""
+        try:
+            yield
+        except Exception as failed:
+            line = f"publishing has failed: {type(failed).__name__} {failed}; the bench goes on"
+            if line != self._failure:
+                self._failure = line
+                say(line)
+
+    def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
+        """Open the page; where its place is taken try again later: that is no reason to end a bench."""
+        from trcvtui.fleet.metrics import serve_page
+
+        try:
+            server = serve_page(address, port, self)
+        except OSError as failed:
+            if not self._page_at:
+                say(f"--metrics: {failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s")
+            self._page_at = now + PAGE_NS
+            return
+        self._page_at = -1
+        opened.callback(server.server_close)
+        opened.callback(server.shutdown)
 
     def _start(self, now: int) -> None:
         settings = self._settings
-        self._engine = self._new_engine()
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
+        self._scan = -1
+        self._engine = self._new_engine()
         self.seen.begin_run()
-        if not (settings.packets or self._tap):
-            self._engine.project()  # first: with a request unread its last words would be lost
+        if not (settings.packets or self._has_taps):
+            self._engine.project(BEGINS_S)  # first: with a request unread its last words would be lost
         self._engine.request(UpdateRequest(most_lines=MOST_LINES))
 
     def _new_engine(self) -> EngineDriver:
         settings = self._settings
-        if self._tap is not None:
-            if not self._tap.is_running:
-                self._tap.close()
-                self._tap = _new_tap(settings, self._taps)
-            return self._tap.shadows()
-        if not settings.packets:
+        if not (settings.packets or self._has_taps):
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.line.live_screen import CaptureDriver
+        from trcvtui.line.live_screen import CaptureDriver, TapSocketDriver
 
+        if self._has_taps:
+            return TapSocketDriver(settings.project)
         return CaptureDriver(settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
@@ -187,9 +239,10 @@ class Agent:
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
         say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
-        for instance in self.seen.instances.values():
-            cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
-            self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
+        with self._going_on():
+            for instance in self.seen.instances.values():
+                cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
+                self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
         self._start_at = now + self._pause
         self._pause = min(2 * self._pause, MOST_PAUSE_NS)
         self.restarts += 1
@@ -199,16 +252,31 @@ class Agent:
         if engine is not None:
             engine.close()
 
-    def _end_tap(self) -> None:
-        if self._tap is not None:
-            self._tap.close()
-
     def _look(self, engine: EngineDriver, now: int) -> None:
         update = engine.picture()
+        if update is not None:
+            self._heard(update.snapshot, now)
+        elif self._scan < 0 and (self._settings.packets or self._has_taps):
+            self._scanned_at = now  # shadows begin with the first packet
+        silence = now - max(self._scanned_at, self._started_at)
+        if silence > max(HUNG_NS, 2 * self._patience):
+            raise EngineStopped(f"no scan for {silence // NS} s")
         if update is None:
             return
         if update.over:
             raise EngineStopped(update.over)
+        with self._going_on():
+            self._tell_update(update, now)
+        known = UpdateRequest(
+            since_seq=self.seen.seq,
+            most_lines=MOST_LINES,
+            bench=update.bench,
+            project=update.project_number,
+            doctor=self._is_doctor_due(now),
+        )
+        engine.request(known)
+
+    def _tell_update(self, update: BenchUpdate, now: int) -> None:
         changed, events, moved = self.seen.take(update, _wall())
         for instance in changed:
             if instance.status is not None:
@@ -222,14 +290,21 @@ class Agent:
         if update.doctor.looks != self._looks:
             self._looks = update.doctor.looks
             self._doctor_at = max(self._doctor_at, now + RESTS * (now - self._asked_at))
-        known = UpdateRequest(
-            since_seq=self.seen.seq,
-            most_lines=MOST_LINES,
-            bench=update.bench,
-            project=update.project_number,
-            doctor=self._is_doctor_due(now),
-        )
-        engine.request(known)
+        if self._publisher is not None and not self._has_cleared:
+            self._has_cleared = True
+            self._publisher.clear_all_but(self._is_used)
+
+    def _heard(self, snapshot: Snapshot, now: int) -> None:
+        """Take when the last scan was: a picture without a new one is no sign of life."""
+        if snapshot.scan != self._scan or self._settings.packets or self._has_taps:
+            self._scan, self._scanned_at = snapshot.scan, now
+            self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
+
+    def _is_used(self, topic: str) -> bool:
+        of = topic_of(topic)
+        instance = self.seen.instances.get(of.instance)
+        is_its = not of.instance or (instance is not None and instance.line == of.line)
+        return of.kind == "state" or (of.line in self.seen.lines and is_its)
 
     def _recorded_in(self) -> str:
         record = self._settings.record
@@ -251,7 +326,8 @@ class Agent:
     def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
         if self._publisher is not None:
             self._publisher.event(self._topic("event", instance.line, instance.name), event.to_json())
-            self._retain(instance.recent_message(_wall()), instance.line, instance.name)
+            recent = self._topic("recent", instance.line, instance.name)
+            self._publisher.retain(recent, lambda: instance.recent_message(_wall()).to_json(), RECENT_NS)
 
     def _tell_figures(self, now: int) -> None:
         assert self._publisher is not None
@@ -269,14 +345,16 @@ class Agent:
     def _topic(self, kind: str, line: str = "", instance: str = "") -> str:
         return str(Topic(self._settings.site, self._settings.name, line, instance, kind))
 
-    def _state(self, state: str) -> bytes:
+    def _tell_state(self) -> None:
+        state = "stale" if self.is_stale else "online"
+        if state != self._state and self._publisher is not None:
+            self._state = state
+            self._publisher.retain(self._topic("state"), self._state_message(state))
+            if state == "stale":
+                say(f"no scan for {self._patience // NS} s: what is shown is old")
+
+    def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()
-
-
-def _new_tap(settings: AgentSettings, taps: Sequence[TapDecl]) -> TapInBackground:
-    from trcvtui.line.tap_command import TapInBackground
-
-    return TapInBackground(settings.project, taps)
 
 
 def run_agent(settings: AgentSettings, project: Project) -> int:

@@ -1,8 +1,9 @@
 """The way to an MQTT 5 broker: URL, TLS, user and password, one connection that is built again and again.
 
-Rule: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
+Rule 1: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
 connection, never the program. Each connection has a client of its own: on a new one paho would send old
 messages again, after newer ones.
+Rule 2: that thread alone touches the socket. What others publish stands in paho's queue until it looks.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
+from trcvtui import clock
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.fleet.topics import MOST_BYTES
 
@@ -28,6 +30,11 @@ USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "T
 KEEP_ALIVE_S: Final = 30
 CONNECT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
+RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # where another program has our name
+SHORT_NS, MOST_SHORT = 30_000_000_000, 2  # connections that end so soon, in a row: perhaps for that reason
+CLOSE_S: Final = 1.5  # at most, for the last message
+TAKEN_OVER: Final = 0x8E  # MQTT 5, 3.14.2.1: another connection has our client id
+NOT_HEARD: Final = 0x10  # MQTT 5, 3.4.2.1: taken, nobody has subscribed
 LOOP_S: Final = 0.2
 MOST_WAITING_BYTES: Final = 1 << 26  # of messages that were not taken yet
 MESSAGE_BYTES: Final = 500  # that a message takes beside its payload
@@ -77,6 +84,13 @@ class Taken(NamedTuple):
     number: int
 
 
+class PublishRefusal(NamedTuple):
+    """The broker has not taken our message of this number; `why` is one line."""
+
+    number: int
+    why: str
+
+
 class Subscribed(NamedTuple):
     """The broker has taken our later subscription of this number."""
 
@@ -84,12 +98,12 @@ class Subscribed(NamedTuple):
 
 
 class BrokerRefusal(NamedTuple):
-    """The broker does not let us read, or does not take what we publish: most often it lacks the right."""
+    """The broker does not let us read: most often we lack the right."""
 
     why: str
 
 
-News = Connected | Lost | IncomingMessage | Taken | Subscribed | BrokerRefusal
+News = Connected | Lost | IncomingMessage | Taken | PublishRefusal | Subscribed | BrokerRefusal
 
 
 class LastWill(NamedTuple):
@@ -188,6 +202,8 @@ class BrokerConnection:
         self._client: Client | None = None
         self._is_up = False
         self._why = ""  # the connection has ended
+        self._rival_pause = 0.0  # another program of our name has ended it: we come back so late
+        self._up_at = self._short = 0  # since when it stands, how often in a row it stood for a short time
         self._ends = threading.Event()
         self._something = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
@@ -231,11 +247,12 @@ class BrokerConnection:
         return number if code == 0 else None
 
     def close(self, last: LastWill | None = None) -> None:
-        """End the connection; `last` is published before, retained."""
+        """End the connection; `last` is published before, retained, and waited for CLOSE_S at most."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
-        while number is not None and self._is_up:
+        until = clock.now_ns() + int(CLOSE_S * 1e9)
+        while number is not None and self._is_up and clock.now_ns() < until:
             self.wait(LOOP_S)
-            if any(isinstance(news, Lost) or news == Taken(number) for news in self.news()):
+            if any(isinstance(news, Lost | PublishRefusal) or news == Taken(number) for news in self.news()):
                 break
         self._ends.set()
         client = self._client
@@ -272,7 +289,7 @@ class BrokerConnection:
             if not self._ends.is_set():
                 self._append(Lost(f"{self._broker}: {self._why or 'the connection ended'}"))
                 pause = LEAST_PAUSE_S if was_up else min(MOST_PAUSE_S, pause * 1.5)
-                self._ends.wait(pause)
+                self._ends.wait(max(pause, self._rival_pause))
 
     def _shut(self) -> None:
         client, self._client = self._client, None
@@ -300,8 +317,8 @@ class BrokerConnection:
         )
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe
-        # With it paho leaves writing to the loop's thread. Without it `publish` writes too, and two threads
-        # that write swap messages or parts of them.
+        # With it paho leaves writing to the loop's thread. Without it `publish` writes too: two threads in
+        # one SSL object corrupt memory (paho issue 722), and without TLS they swap parts of messages.
         client.on_socket_register_write = lambda *_: None
         return client
 
@@ -323,16 +340,26 @@ class BrokerConnection:
             self._begin()
 
     def _begin(self) -> None:
-        self._is_up = True
+        self._is_up, self._up_at = True, clock.now_ns()
         self._append(Connected())
 
     def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
-        self._why = self._why or one_line(f"the connection ended: {reason}")
+        is_told = reason.value == TAKEN_OVER
+        is_short = self._is_up and not flags.is_disconnect_packet_from_server
+        self._short = self._short + 1 if is_short and clock.now_ns() < self._up_at + SHORT_NS else 0
+        if is_told or self._short >= MOST_SHORT:  # not every broker says why
+            has = "has" if is_told else "may have"
+            self._why = f"another program {has} the name '{one_line(self._id)}'; each name is for one"
+            self._rival_pause = min(MOST_RIVAL_PAUSE_S, 2 * self._rival_pause or RIVAL_PAUSE_S)
+        else:
+            self._why = self._why or one_line(f"the connection ended: {reason}")
+            self._rival_pause = 0.0
 
     def _on_publish(self, client: Client, _: Any, number: int, reason: Any, properties: Any) -> None:
-        if reason is not None and reason.is_failure and reason.value != 0x10:  # 0x10: nobody listens
-            self._append(BrokerRefusal(one_line(f"{self._broker}: it refuses what we publish: {reason}")))
-        self._append(Taken(number))
+        if reason is not None and reason.is_failure and reason.value != NOT_HEARD:
+            self._append(PublishRefusal(number, one_line(str(reason))))
+        else:
+            self._append(Taken(number))
 
 
 def _connect_properties() -> Properties:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable
 from typing import Final, NamedTuple
 
-from trcvtui.fleet.seen_fleet import BUCKETS, ERROR, OFFLINE, FleetLine
+from trcvtui.fleet.seen_fleet import AWAY, BUCKETS, FleetLine
 
 # What can be grouped by: the name on the screen, and whose lines stand together.
 GROUPS: Final[dict[str, Callable[[FleetLine], str]]] = {
@@ -15,12 +16,11 @@ GROUPS: Final[dict[str, Callable[[FleetLine], str]]] = {
 
 
 class FleetGroup(NamedTuple):
-    """The head of a group: how many lines, how many of them offline and with ERROR, ERRORs of the hour."""
+    """The head of a group: how many lines, how many of them show what is worth a word, ERRORs of the hour."""
 
     name: str
     lines: int
-    offline: int
-    errors: int
+    shown: tuple[tuple[int, int], ...]
     errors_an_hour: int
     sparkline: tuple[int, ...]
 
@@ -53,6 +53,11 @@ def _head(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
     for line in members:
         if line.errors:
             sums = [a + b for a, b in zip(sums, line.sparkline(wall), strict=True)]
-    shown = [line.shows for line in members]
     hour = sum(line.errors_hour for line in members)
-    return FleetGroup(name, len(members), shown.count(OFFLINE), shown.count(ERROR), hour, tuple(sums))
+    return FleetGroup(name, len(members), sick(members), hour, tuple(sums))
+
+
+def sick(lines: Iterable[FleetLine]) -> tuple[tuple[int, int], ...]:
+    """Return what lines show and how many do, the worst first, as far as somebody has to look after them."""
+    counted = Counter(line.shows for line in lines)
+    return tuple((shows, counted[shows]) for shows in sorted(counted) if shows < AWAY)

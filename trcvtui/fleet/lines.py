@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Final
 
 from msgspec.structs import replace
@@ -27,6 +28,7 @@ class SeenInstance:
     def __init__(self, line: str, name: str) -> None:
         self.line, self.name = line, name
         self.status: StatusMessage | None = None
+        self.finding = ""  # the surest cause that the doctor has found in its last look
         self.recent: deque[EventMessage] = deque(maxlen=MOST_RECENT)
         self.count = 0
         self.jobs_done = self.errors = 0  # since the agent began, whatever engine has counted them
@@ -77,6 +79,7 @@ class SeenInstance:
             shown.have,
             shown.need,
             round(age_s, 3),
+            self.finding,
         )
         before, self.status = self.status, status
         return before is None or replace(before, t=status.t, age_s=status.age_s) != status
@@ -123,12 +126,19 @@ class SeenLine:
 
 
 class SeenBench:
-    """A bench: its lines and instances by name; `boot` names this run of the agent."""
+    """A bench: its lines and instances by name; `boot` names this run of the agent.
+
+    `names`: of the lines whose name is not that of their CONNECT or ComBuffer.
+    """
 
     def __init__(
-        self, boot: str, label: Callable[[str], str], recorded_in: Callable[[], str] = lambda: ""
+        self,
+        boot: str,
+        label: Callable[[str], str],
+        recorded_in: Callable[[], str] = lambda: "",
+        names: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self.boot, self._label, self._recorded_in = boot, label, recorded_in
+        self.boot, self._label, self._recorded_in, self._names = boot, label, recorded_in, names
         self.lines: dict[str, SeenLine] = {}
         self.instances: dict[str, SeenInstance] = {}
         self.seq = 0  # of the ledger, up to which it was read
@@ -156,7 +166,8 @@ class SeenBench:
                 }
                 events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
         for each in snapshot.instances:
-            self.instances.setdefault(each.name, SeenInstance(each.connect, each.name))
+            line_name = self._names.get(each.connect, each.connect)
+            self.instances.setdefault(each.name, SeenInstance(line_name, each.name))
         file = self._file() if update.lines else {}
         for line in update.lines:
             self.seq = line.seq
@@ -189,17 +200,21 @@ class SeenBench:
         """Yield an event for each cause that the doctor has found anew, of each instance."""
         if doctor.looks == self._looks:
             return
-        self._looks, found = doctor.looks, set()
+        self._looks, found, surest = doctor.looks, set(), dict[str, str]()
         for one in doctor.findings:
             for seen in self.instances.values():
-                is_its = one.instance == seen.name or (not one.instance and one.connect in ("", seen.line))
+                line = self._names.get(one.connect, one.connect)
+                is_its = one.instance == seen.name or (not one.instance and line in ("", seen.line))
                 if not is_its or (seen.name, one.cause) in found:
                     continue
+                surest.setdefault(seen.name, one.cause)
                 found.add((seen.name, one.cause))
                 if (seen.name, one.cause) not in self._known:
                     cause = _finding_record(one, with_payload) | self._file()
                     yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
         self._known = found
+        for seen in self.instances.values():
+            seen.finding = surest.get(seen.name, "")
 
     def _changed(
         self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float
@@ -215,10 +230,10 @@ class SeenBench:
 
     def _lines_of(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
         for each in update.snapshot.connections:
-            line = self._line(each.name)
+            line = self._line(self._names.get(each.name, each.name))
             yield line if line.show(*_counted(each)) else None
         for buffer in update.snapshot.combuffers:
-            line = self._line(buffer.name)
+            line = self._line(self._names.get(buffer.name, buffer.name))
             yield line if line.show("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
 
     def _line(self, name: str) -> SeenLine:

@@ -34,6 +34,7 @@ METRICS: Final = (
     Metric("trcvtui_dropped", "counter", "messages without room", _AGENT, lambda a: a.dropped),
     Metric("trcvtui_restarts", "counter", "engines that were started anew", _AGENT, lambda a: a.restarts),
     Metric("trcvtui_engine_up", "gauge", "1: the engine scans", _AGENT, lambda a: a.is_running),
+    Metric("trcvtui_scan_age_seconds", "gauge", "since the last scan", _AGENT, lambda a: a.scan_age_s),
     Metric("trcvtui_line_up", "gauge", _UP, _LINE, lambda line: line.state in UP),
     Metric("trcvtui_received_bytes", "counter", "bytes", _LINE, lambda line: line.received),
     Metric("trcvtui_sent_bytes", "counter", "bytes", _LINE, lambda line: line.sent),
@@ -79,16 +80,20 @@ class MetricsPage:
             yield family
 
 
-def serve_page(address: str, port: int, agent: Any) -> Any:
+def need_prometheus() -> None:
+    """Raise UserError where the extra is not installed."""
     try:
-        from prometheus_client import start_http_server
-        from prometheus_client.core import CollectorRegistry
+        import prometheus_client as _  # noqa: F401
     except ImportError:
         raise mistake("--metrics", "no prometheus-client", "pip install 'trcvtui[metrics]'") from None
+
+
+def serve_page(address: str, port: int, agent: Any) -> Any:
+    """Return the server of the page; raise OSError where the place cannot be had."""
+    from prometheus_client import start_http_server
+    from prometheus_client.core import CollectorRegistry
+
     registry = CollectorRegistry()
     registry.register(MetricsPage(agent))
-    try:
-        server, _ = start_http_server(port, address, registry)
-    except OSError as failed:
-        raise mistake("--metrics", f"'{failed.strerror}' at {address}:{port}", "a free place") from None
+    server, _ = start_http_server(port, address, registry)
     return server

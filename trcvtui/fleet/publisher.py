@@ -1,77 +1,39 @@
-"""What an agent keeps for the broker: the newest of each retained topic, and a queue on disk for events.
+"""What an agent gives the broker, and when: the newest of each retained topic, and a queue of events.
 
 Rule 1: after each connection the retained topics go first, `HOLD_NS` later what is queued, oldest first.
 Rule 2: an event leaves the queue when the broker has acknowledged it; past the bound old figures go first.
+Rule 3: what the broker refuses stays, and is sent again after a pause that grows; the rest goes on meanwhile.
 """
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable
-from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from trcvtui.errors import mistake, one_line
-from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, Taken
+from trcvtui.errors import one_line
+from trcvtui.fleet.broker import BrokerConnection, BrokerRefusal, Connected, Lost, PublishRefusal, Taken
+from trcvtui.fleet.disk_queue import EVENT, FIGURES, DiskQueue
 
 HOLD_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
-MOST_QUEUED: Final = 20_000
+REFUSED_NS, MOST_REFUSED_NS = 5_000_000_000, 300_000_000_000  # before what was refused is sent again
 MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
-EVENT, FIGURES = 0, 1  # what stands in the queue
-# No number comes twice, also after the queue was empty: what has been sent is known by its number.
-_TABLE: Final = (
-    "CREATE TABLE IF NOT EXISTS queue "
-    "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)"
-)
 
 
-class DiskQueue:
-    """Messages that wait for the broker, in a file that the next start of the agent reads again."""
+class _Underway(NamedTuple):
+    """A message that the broker has not acknowledged; `number` in the queue, 0: it is not in there."""
 
-    def __init__(self, path: Path | None, most: int = MOST_QUEUED) -> None:
-        self._most = most
-        self.dropped = {EVENT: 0, FIGURES: 0}
-        try:
-            self._base = sqlite3.connect(path or ":memory:", isolation_level=None)
-            self._base.execute("PRAGMA journal_mode=WAL")
-            self._base.execute("PRAGMA synchronous=OFF")
-            self._base.execute(_TABLE)
-            self._base.execute("CREATE INDEX IF NOT EXISTS oldest ON queue (kind DESC, n)")
-            [(self.size,)] = self._base.execute("SELECT count(*) FROM queue")
-        except sqlite3.Error as failed:
-            raise mistake(str(path), f"'{failed}'", "a queue of ours, or none") from None
-
-    def put(self, kind: int, topic: str, payload: bytes) -> None:
-        """Append a message; past the bound an old one goes: figures first."""
-        self._base.execute(
-            "INSERT INTO queue (kind, topic, payload) VALUES (?, ?, ?)", (kind, topic, payload)
-        )
-        self.size += 1
-        if self.size > self._most:
-            [(oldest, gone)] = self._base.execute("SELECT n, kind FROM queue ORDER BY kind DESC, n LIMIT 1")
-            self.take(oldest)
-            self.dropped[gone] += 1
-
-    def after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
-        """Return the oldest messages after one, with their numbers."""
-        asked = "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?"
-        return self._base.execute(asked, (number, most)).fetchall()
-
-    def take(self, number: int) -> None:
-        self.size -= self._base.execute("DELETE FROM queue WHERE n = ?", (number,)).rowcount
-
-    def close(self) -> None:
-        self._base.close()
+    topic: str
+    number: int
 
 
 class _Retained:
-    """The newest message of a topic, and when it was sent."""
+    """The newest message of a topic, made when it goes; from `due_at` on it may."""
 
-    __slots__ = ("is_sent", "payload", "sent_at")
+    __slots__ = ("due_at", "gap", "is_sent", "payload")
 
-    def __init__(self, payload: bytes) -> None:
-        self.payload, self.is_sent, self.sent_at = payload, False, -LEAST_GAP_NS
+    def __init__(self, payload: Callable[[], bytes], gap: int) -> None:
+        self.payload, self.gap, self.is_sent, self.due_at = payload, gap, False, 0
 
 
 class Publisher:
@@ -80,8 +42,9 @@ class Publisher:
     def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
         self._connection, self._queue, self._say = connection, queue, say
         self._retained: dict[str, _Retained] = {}
-        self._underway: dict[int, int] = {}  # number of the connection: number in the queue, 0: retained
+        self._underway: dict[int, _Underway] = {}  # by the number of the connection
         self._sent_up_to = 0
+        self._again_at, self._pause = 0, REFUSED_NS  # when what was refused is sent again, and the next pause
         self._up_at: int | None = None
         self._told = ""
         self.dropped_told = 0
@@ -95,23 +58,40 @@ class Publisher:
     def queue(self) -> DiskQueue:
         return self._queue
 
-    def retain(self, topic: str, payload: bytes) -> None:
-        """Let a topic have a new message; of several within LEAST_GAP_NS the newest goes out."""
+    def retain(self, topic: str, payload: bytes | Callable[[], bytes], gap: int = LEAST_GAP_NS) -> None:
+        """Let a topic have a new message; of several within `gap` ns the newest goes out."""
+        made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:
-            self._retained[topic] = _Retained(payload)
+            self._retained[topic] = _Retained(made, gap)
+            self._queue.remember(topic)
         else:
-            held.payload, held.is_sent = payload, False
+            held.payload, held.is_sent = made, False
+
+    def clear_all_but(self, is_used: Callable[[str], bool]) -> None:
+        """Clear the topics of earlier runs that are used no more: the broker would keep them for ever."""
+        for topic in self._queue.remembered():
+            if topic not in self._retained and not is_used(topic):
+                self.retain(topic, b"")
 
     def event(self, topic: str, payload: bytes) -> None:
         """Send an event, now or later."""
-        self._queue.put(EVENT, topic, payload)
+        self._keep(EVENT, topic, payload)
 
     def figures(self, topic: str, payload: bytes) -> None:
         """Retain figures; while the broker is away they are queued, too."""
         self.retain(topic, payload)
         if not self.is_up:
-            self._queue.put(FIGURES, topic, payload)
+            self._keep(FIGURES, topic, payload)
+
+    def _keep(self, kind: int, topic: str, payload: bytes) -> None:
+        if self._queue.put(kind, topic, payload):
+            return
+        number = self._connection.publish(topic, payload)  # without a disk it goes at once, or not at all
+        if number is None:
+            self._queue.dropped[kind] += 1
+        else:
+            self._underway[number] = _Underway(topic, 0)
 
     def turn(self, now: int) -> None:
         """Hear what the broker says, and send what may be sent."""
@@ -124,21 +104,41 @@ class Publisher:
                     self._tell(f"{why}; what comes is kept, the next try follows")
                 case BrokerRefusal(why):
                     self._tell(why)
-                case Taken(number):
-                    done = self._underway.pop(number, 0)
-                    if done:
-                        self._queue.take(done)
+                case Taken(number) if number in self._underway:
+                    self._take(self._underway.pop(number))
+                case PublishRefusal(number, why) if number in self._underway:
+                    self._refuse(self._underway.pop(number), why, now)
         if self._up_at is None:
             return
+        if self._sent_up_to and now >= self._again_at > 0:
+            self._sent_up_to = self._again_at = 0
         self._send_retained(now)
         if now >= self._up_at + HOLD_NS:
             self._send_queued()
 
+    def _take(self, done: _Underway) -> None:
+        if done.number:
+            self._queue.take(done.number)
+        held = self._retained.get(done.topic)
+        if held is not None and held.is_sent and not held.payload():
+            self._queue.forget(done.topic)  # it is cleared
+            del self._retained[done.topic]
+
+    def _refuse(self, refused: _Underway, why: str, now: int) -> None:
+        if now >= self._again_at:
+            self._again_at, self._pause = now + self._pause, min(2 * self._pause, MOST_REFUSED_NS)
+            seconds = (self._again_at - now) // 1_000_000_000
+            self._say(one_line(f"the broker refuses '{refused.topic}': {why}; tried again in {seconds} s"))
+        if refused.topic in self._retained:
+            held = self._retained[refused.topic]
+            held.is_sent, held.due_at = False, self._again_at
+
     def _begin(self, now: int) -> None:
         self._up_at, self._sent_up_to = now, 0
+        self._again_at, self._pause = 0, REFUSED_NS
         self._underway.clear()
         for held in self._retained.values():
-            held.is_sent, held.sent_at = False, now - LEAST_GAP_NS
+            held.is_sent, held.due_at = False, 0
         self._tell("the broker is there")
         dropped = self._queue.dropped
         if sum(dropped.values()) > self.dropped_told:
@@ -149,25 +149,28 @@ class Publisher:
 
     def _send_retained(self, now: int) -> None:
         for topic, held in self._retained.items():
-            if held.is_sent or now < held.sent_at + LEAST_GAP_NS:
+            if held.is_sent or now < held.due_at:
                 continue
             if len(self._underway) >= MOST_UNDERWAY:
                 return
-            number = self._connection.publish(topic, held.payload, is_retained=True)
+            number = self._connection.publish(topic, held.payload(), is_retained=True)
             if number is None:
                 return
-            self._underway[number] = 0
-            held.is_sent, held.sent_at = True, now
+            self._underway[number] = _Underway(topic, 0)
+            held.is_sent, held.due_at = True, now + held.gap
 
     def _send_queued(self) -> None:
         room = MOST_UNDERWAY - len(self._underway)
         if not self._queue.size or room <= 0:
             return
+        underway = {each.number for each in self._underway.values()}
         for n, topic, payload in self._queue.after(self._sent_up_to, room):
-            number = self._connection.publish(topic, payload)
-            if number is None:
-                return
-            self._underway[number], self._sent_up_to = n, n
+            if n not in underway:
+                number = self._connection.publish(topic, payload)
+                if number is None:
+                    return
+                self._underway[number] = _Underway(topic, n)
+            self._sent_up_to = n
 
     def _tell(self, line: str) -> None:
         if line != self._told:

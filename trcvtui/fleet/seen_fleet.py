@@ -1,18 +1,20 @@
-"""All lines of all sites as a reader knows them: who is there, what each shows, the worst first.
+"""All lines of all sites as a reader knows them: which are there, what each shows, the worst first.
 
-Rule: what has no room is refused with one line, and the lines that are there go on.
+Rule 1: what has no room is refused with one line, and the lines that are there go on.
+Rule 2: times are those of our clock. How wrong an agent's clock is, its live messages tell.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.fleet.event_log import EventLog, KeptEvent
 from trcvtui.fleet.topics import (
+    AnyMessage,
     EventMessage,
     FiguresMessage,
-    FleetMessage,
     RecentMessage,
     StateMessage,
     StatusMessage,
@@ -24,8 +26,19 @@ HOUR_S: Final = 3600
 BUCKETS: Final = 12  # of the hour, in the sparkline
 BUCKET_S: Final = HOUR_S // BUCKETS
 UP: Final = frozenset(("connected", "created", "up"))  # states of a line
-OFFLINE, ERROR, AWAY, GOOD = range(4)  # what a line shows, the worst first
-SHOWN: Final = ("offline", "ERROR", "not connected", "good")
+STUCK_S: Final = 10  # a job that has some of its bytes has got no more for so long
+CLOCK_S: Final = 2.0  # by so much a clock may be wrong
+MOST_DELAYS: Final = 8  # of live messages, by the least of which a clock is judged
+# What a line shows, the worst first. HAD: good, with ERRORs in the last hour.
+OFFLINE, STALE, ERROR, FINDING, STUCK, AWAY, HAD, GOOD = range(8)
+SHOWN: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connected", "good", "good")
+
+
+CAUSES: Final = {
+    STALE: "the agent's engine makes no scan",
+    STUCK: "a job has some of its bytes and gets no more",
+    AWAY: "the line is not connected",
+}
 
 
 class FleetInstance:
@@ -34,10 +47,6 @@ class FleetInstance:
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
         self.status: StatusMessage | None = None
-
-    @property
-    def has_error(self) -> bool:
-        return self.status is not None and self.status.error
 
 
 class FleetAgent:
@@ -48,10 +57,29 @@ class FleetAgent:
         self.lines: dict[str, FleetLine] = {}
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
+        self._delays: deque[float] = deque(maxlen=MOST_DELAYS)  # ours less its time, of live messages
+
+    def hear(self, t: float, wall: float) -> None:
+        """Take that a message with its time `t` has come just now."""
+        self._delays.append(wall - t)
+
+    @property
+    def skew_s(self) -> float:
+        """Return how far its clock is behind ours, below 0: ahead; a delay only makes a message older."""
+        skew = min(self._delays, default=0.0)
+        return skew if abs(skew) > CLOCK_S else 0.0
+
+    def at(self, t: float, wall: float) -> float:
+        """Return a time of its clock by ours, never in the future."""
+        return min(t + self.skew_s, wall)
 
     @property
     def is_offline(self) -> bool:
         return self.state is not None and self.state.state == "offline"
+
+    @property
+    def is_stale(self) -> bool:
+        return self.state is not None and self.state.state == "stale"
 
     def begin(self) -> None:
         """Take that what came before we looked has come."""
@@ -76,7 +104,7 @@ class FleetLine:
 
     @property
     def worst(self) -> FleetInstance | None:
-        """Return the instance to be told of: with ERROR, else with the most errors."""
+        """Return the instance to tell of: with ERROR, a finding, some of its bytes, else the most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
     @property
@@ -84,10 +112,12 @@ class FleetLine:
         """Return what to group by: why it shows what it shows."""
         if self.shows == OFFLINE:
             return "the agent is offline"
-        newest = self.newest_error
-        if self.shows == ERROR or self.errors:
+        newest, worst = self.newest_error, self.worst
+        if self.shows == FINDING and worst is not None and worst.status is not None:
+            return worst.status.finding
+        if self.shows == ERROR or (self.errors and self.shows > AWAY):
             return newest.title if newest is not None else "an ERROR without a cause"
-        return "the line is not connected" if self.shows == AWAY else "no error in the last hour"
+        return CAUSES.get(self.shows, "no error in the last hour")
 
     @property
     def missing(self) -> int:
@@ -100,14 +130,24 @@ class FleetLine:
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
 
-    @property
-    def since(self) -> float | None:
-        """Return since when it shows what it shows: seconds of UTC since 1970."""
+    def since(self, wall: float) -> float | None:
+        """Return since when it shows what it shows: seconds of UTC since 1970, by our clock."""
         worst = self.worst
         status = worst.status if worst is not None else None
-        if self.shows == OFFLINE:
-            return max([self.agent.since, *(each.t for each in (self.figures, status) if each is not None)])
-        return status.t - status.age_s if status is not None else None
+        told = [self.agent.at(each.t, wall) for each in (self.figures, status) if each is not None]
+        if self.shows in (OFFLINE, STALE):
+            return min(max([self.agent.since, *told]), wall)
+        if status is None:
+            return None
+        age = 0.0 if self.shows == STUCK else status.age_s
+        return self.agent.at(status.t, wall) - max(0.0, age)
+
+    def stuck_s(self, instance: FleetInstance, wall: float) -> float:
+        """Return for how long a job of an instance has some of its bytes and gets no more."""
+        status = instance.status
+        if status is None or not 0 < status.here < status.wanted:
+            return 0.0
+        return wall - self.agent.at(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
         """Return the ERRORs of the last hour: those that came, or as many as its agent counts."""
@@ -115,7 +155,8 @@ class FleetLine:
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
         figures = self.figures
-        told = figures.errors_an_hour if figures is not None and figures.t > wall - HOUR_S else 0
+        is_new = figures is not None and self.agent.at(figures.t, wall) > wall - HOUR_S
+        told = figures.errors_an_hour if figures is not None and is_new else 0
         return max(sum(self.errors.values()), int(told))
 
     def sparkline(self, wall: float) -> list[int]:
@@ -125,16 +166,27 @@ class FleetLine:
 
     def judge(self, wall: float) -> None:
         """Find out what it shows, and its rank."""
-        if self.agent.is_offline:
-            self.shows = OFFLINE
-        elif any(each.has_error for each in self.instances.values()):
-            self.shows = ERROR
-        else:
-            self.shows = AWAY if self.figures is not None and self.figures.state not in UP else GOOD
-        at = self.shows if self.shows < AWAY else AWAY
-        names = self.agent.site, self.agent.name, self.name
         self.errors_hour = self.errors_an_hour(wall)
-        self.rank = (at, -self.errors_hour, self.shows, *names)
+        self.shows = self._shown(wall)
+        since = self.since(wall) if self.shows < HAD else None
+        names = self.agent.site, self.agent.name, self.name
+        self.rank = (self.shows, wall if since is None else since, -self.errors_hour, *names)
+
+    def _shown(self, wall: float) -> int:
+        shown = [each.status for each in self.instances.values() if each.status is not None]
+        if self.agent.is_offline:
+            return OFFLINE
+        if self.agent.is_stale:
+            return STALE
+        if any(status.error for status in shown):
+            return ERROR
+        if any(status.finding for status in shown):
+            return FINDING
+        if any(self.stuck_s(each, wall) >= STUCK_S for each in self.instances.values()):
+            return STUCK
+        if self.figures is not None and self.figures.state not in UP:
+            return AWAY
+        return HAD if self.errors_hour else GOOD
 
     @property
     def words(self) -> str:
@@ -143,11 +195,15 @@ class FleetLine:
         last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
         names = f"{self.agent.site}/{self.agent.name}/{self.name}"
         codes = [each.status.status for each in self.instances.values() if each.status is not None]
-        return " ".join((names, SHOWN[self.shows], state, last, *self.instances, *codes)).casefold()
+        found = [each.status.finding for each in self.instances.values() if each.status is not None]
+        return " ".join((names, SHOWN[self.shows], state, last, *self.instances, *codes, *found)).casefold()
 
 
-def _badness(instance: FleetInstance) -> tuple[bool, int]:
-    return instance.has_error, instance.status.errors if instance.status is not None else -1
+def _badness(instance: FleetInstance) -> tuple[bool, bool, bool, int]:
+    status = instance.status
+    if status is None:
+        return False, False, False, -1
+    return status.error, bool(status.finding), 0 < status.here < status.wanted, status.errors
 
 
 class SeenFleet:
@@ -160,18 +216,19 @@ class SeenFleet:
 
     # -- messages ----------------------------------------------------------------------------------------
 
-    def take(
-        self, topic: Topic, message: FleetMessage | None, wall: float, is_retained: bool = False
-    ) -> None:
+    def take(self, topic: Topic, message: AnyMessage | None, wall: float, is_retained: bool = False) -> None:
         """Take what came on a topic, None: it was cleared; raise UserError for what has no room."""
         self.version += 1
         if message is None:
             self._forget(topic)
             return
         agent = self._agent(topic)
+        is_will = isinstance(message, StateMessage) and message.state == "offline"  # its time is of the begin
+        if not is_retained and not is_will:
+            agent.hear(message.t, wall)
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
-            agent.since = message.t if is_retained or message.state == "online" else wall
+            agent.since = wall if is_will and not is_retained else agent.at(message.t, wall)
             return
         line = self._line(agent, topic.line)
         if isinstance(message, FiguresMessage):
@@ -194,7 +251,7 @@ class SeenFleet:
         """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
-                agent.state, agent.since = agent.state.offline(wall), wall
+                agent.state, agent.since = agent.state.in_state("offline", wall), wall
                 self.version += 1
 
     def _take_events(
@@ -203,8 +260,9 @@ class SeenFleet:
         for event in (each for each in instance.log.take(events) if each.kind == "error"):
             if line.newest_error is None or line.newest_error < event:
                 line.newest_error = event
-            if event.t > wall - HOUR_S:
-                bucket = int(min(event.t, wall) // BUCKET_S)
+            at = line.agent.at(event.t, wall)
+            if at > wall - HOUR_S:
+                bucket = int(at // BUCKET_S)
                 line.errors[bucket] = line.errors.get(bucket, 0) + 1
 
     def _agent(self, topic: Topic) -> FleetAgent:

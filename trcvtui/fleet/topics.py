@@ -96,18 +96,18 @@ class FleetMessage(msgspec.Struct, frozen=True):
 
 
 class StateMessage(FleetMessage, frozen=True):
-    """Whether an agent is there; its last will says offline."""
+    """Whether an agent is there: online, stale without a new scan, offline as its last will says."""
 
     KIND = "state"
     TEXTS = ("version", "host")
-    state: Annotated[str, _like("online|offline")]
+    state: Annotated[str, _like("online|stale|offline")]
     t: Number
     version: str
     host: str
 
-    def offline(self, t: float) -> StateMessage:
-        """Return what its last will would have told."""
-        return StateMessage("offline", t, self.version, self.host)
+    def in_state(self, state: str, t: float) -> StateMessage:
+        """Return what the same agent tells in another state, or its last will."""
+        return StateMessage(state, t, self.version, self.host)
 
 
 class StatusMessage(
@@ -118,7 +118,7 @@ class StatusMessage(
     """The outputs of an instance. `here` of `wanted` bytes are in its job; it shows this for `age_s`."""
 
     KIND = "status"
-    TEXTS = ("text",)
+    TEXTS = ("text", "finding")
     t: Number
     status: Code
     text: str
@@ -130,6 +130,7 @@ class StatusMessage(
     here: Count
     wanted: Count
     age_s: Number
+    finding: str = ""  # what the doctor holds for the surest cause, "": it has found nothing
 
 
 class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
@@ -172,7 +173,8 @@ class RecentMessage(FleetMessage, frozen=True):
     events: Annotated[tuple[EventMessage, ...], Meta(max_length=MOST_RECENT)]
 
 
-MESSAGES: Final[Mapping[str, type[FleetMessage]]] = {
+AnyMessage = StateMessage | StatusMessage | EventMessage | FiguresMessage | RecentMessage
+MESSAGES: Final[Mapping[str, type[AnyMessage]]] = {
     made.KIND: made for made in (StateMessage, StatusMessage, EventMessage, FiguresMessage, RecentMessage)
 }
 
@@ -182,7 +184,7 @@ def schemas() -> dict[str, Any]:
     return msgspec.json.schema_components(MESSAGES.values(), ref_template="#/$defs/{name}")[1]
 
 
-def read(topic: Topic, payload: bytes) -> FleetMessage | None:
+def read(topic: Topic, payload: bytes) -> AnyMessage | None:
     """Return the message of a topic, None: the topic is cleared; raise UserError for what is no message."""
     if not payload:
         return None

@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
+from msgspec.structs import replace
+
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.plc_end import fits_nothing
 from trcvtui.capture.reassembly import (
@@ -24,7 +26,15 @@ from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.packet_partners import FIRST_JOB, PlayedEnd, PlayedLine, ShadowBench
-from trcvtui.line.shadows import NEVER_NS, ShadowPlan, end_of, ends_of, plan_ad_hoc, plan_of_project
+from trcvtui.line.shadows import (
+    NEVER_NS,
+    ShadowPlan,
+    end_of,
+    ends_of,
+    plan_ad_hoc,
+    plan_of_project,
+    rows_of_taps,
+)
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
 from trcvtui.project.edit import changing, entry, read_changed, with_edits
@@ -349,6 +359,7 @@ def planned(
         name = dialect or next(iter(DIALECTS))
         return lambda found: _ad_hoc_with(plan_ad_hoc(found, plc, name), sets), None
     loaded, notes = load_bench(project, sets), tuple[str, ...]()
+    loaded = replace(loaded, watches=loaded.watches or rows_of_taps(loaded.taps))
     if dialect is not None:
         loaded, notes = in_dialect(loaded, dialect_named(dialect))
     return lambda found: plan_of_project(found, loaded, plc)._replace(notes=notes), loaded

@@ -60,6 +60,31 @@ class CaptureDriver(EngineDriver):
         return capture_main, (self._command, self._asked_of)
 
 
+class TapSocketDriver(EngineDriver):
+    """Shadows of what passes the tap of a project, which is a program of its own."""
+
+    def __init__(self, project: Path) -> None:
+        self._of = project
+        super().__init__(Path("-"), "capture")
+
+    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        return tap_socket_main, (self._of,)
+
+
+def tap_socket_main(channel: Channel, project: Path) -> None:
+    """Serve with what the tap's socket tells; the last words say where there is none."""
+
+    def serve() -> None:
+        from trcvtui.line.live import LivePlan
+        from trcvtui.line.tap_socket import connection_to
+
+        asked = project, None, None
+        plan = LivePlan(*asked)
+        _PipeServed(channel, plan, asked).run(connection_to(project))
+
+    serve_until_gone(channel, serve)
+
+
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
     """Serve with what the program writes; it ends when we do."""
     serve_until_gone(channel, lambda: _capture(channel, command, asked))

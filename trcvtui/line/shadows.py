@@ -24,8 +24,17 @@ from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.net.serial_line import SerialSettings
+from trcvtui.net.tap import end_text, place_of
 from trcvtui.project.file import read_project
-from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project
+from trcvtui.project.project import (
+    SERIAL,
+    SIMULATED,
+    ComBufferDecl,
+    InstanceDecl,
+    Project,
+    TapDecl,
+    WatchDecl,
+)
 from trcvtui.scenario.scenario import start_steps
 
 MOST_AD_HOC: Final = 256  # PLC ends with ad-hoc shadows
@@ -233,6 +242,16 @@ def _with_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project
 def known_ends(project: Project) -> KnownEnds:
     listening: tuple[Socket, ...] = (*(c for c in project.connects if not c.active), *project.udp_configs)
     return KnownEnds(frozenset(each.local.port for each in listening if each.local.port))
+
+
+def rows_of_taps(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
+    """Return rows that name the same conversations, as far as they have ends: a serial line has none."""
+    places = [(tap, place_of(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
+    return tuple(
+        WatchDecl(tap.name, end_text(to.address, to.port), tap.connect, back=tap.back)
+        for tap, to in places
+        if to.kind != "serial"
+    )
 
 
 def plan_of_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:

@@ -10,27 +10,26 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from subprocess import DEVNULL, Popen, TimeoutExpired
-from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
+from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
+from typing import IO, Any, Final, NamedTuple
 
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
-from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.errors import mistake, one_line
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
+from trcvtui.net.os.observers import WITHOUT_PLACE
 from trcvtui.net.os.tap_ways import EventPipes
 from trcvtui.net.tap import Route, end_text
-
-if TYPE_CHECKING:
-    from trcvtui.engine.driver import EngineDriver
-    from trcvtui.project.project import TapDecl
 
 RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
 LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"
 SHOWS: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
 SERVES: Final = (
-    "import sys; from trcvtui.line.tap_command import forward_for; sys.exit(forward_for(*sys.argv[1:]))"
+    "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
 NO_SCREEN_NS: Final = 5_000_000_000
+MOST_UNTOLD: Final = 8 << 20  # bytes that wait for an observer
+FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
 PATIENCE: Final = 5.0  # seconds for the processes that look on to end
@@ -42,7 +41,7 @@ class ObserverSettings(NamedTuple):
     """What shadows look on, and whether it is shown; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
-    `is_armed`: keys of the screen intervene without a question.
+    `is_armed`: keys of the screen intervene without a question. `may_order`: so may observers at the socket.
     """
 
     project: Path | None
@@ -53,6 +52,7 @@ class ObserverSettings(NamedTuple):
     has_screen: bool = False
     holds: bool = False
     is_armed: bool = False
+    may_order: bool = False
 
 
 def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] | None) -> int:
@@ -66,6 +66,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
         loop.add_route(route)
     started: list[Popen[bytes]] = []
     screen = _Screen(loop, voice) if looks.has_screen else None
+    observers = None
     try:
         if record is not None:
             with record:
@@ -82,12 +83,17 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
         elif not _look_on(loop, routes, looks, started):
             return WRONG_INPUT
         _say_where(voice.say, loop, routes)
+        if looks.project is not None and os.name == "posix":
+            observers = _Observers(loop, voice, looks.project, looks.may_order)
+            observers.start()
         loop.run()
         if looks.holds and screen is None:
             _say("--hold: found no screen within 5 s, expected one that lets go what is held")
             return WRONG_INPUT
     finally:
         loop.close()
+        if observers is not None:
+            observers.end()
         if screen is not None:
             screen.end()
         for process in started:
@@ -101,62 +107,6 @@ def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Rou
         say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}")
     for place in reachable(addresses):
         say(f"other machines reach {place}")
-
-
-def forward_for(fd: str, project: str) -> int:
-    """Forward the taps of a project until the process ends that holds the other end of `fd`."""
-    from trcvtui.line.tap_observer import routes_of
-    from trcvtui.scenario.scenario import load_bench
-
-    raise_limit()
-    ways, loop = EventPipes(int(fd)), Forwarder(_say)
-    try:
-        routes = routes_of(load_bench(Path(project)).taps)
-        for route in routes:
-            loop.add_route(route)
-
-        def hear(_: int) -> None:
-            if ways.is_asked():
-                loop.add_looker(ways.hand_over(), "who looks on", gives_orders=True)
-            else:
-                loop.stop()
-
-        loop.hear(ways.fd, 1, hear)
-        loop.tell_time()
-        _say_where(_say, loop, routes)
-        loop.run()
-    except UserError as wrong:
-        for line in wrong.lines():
-            _say(line)
-        return WRONG_INPUT
-    finally:
-        loop.close()
-    return 0
-
-
-class TapInBackground:
-    """The taps of a project, forwarded by a process of their own; shadows come and go beside them."""
-
-    def __init__(self, project: Path, taps: Sequence[TapDecl]) -> None:
-        places = [[tap.name, tap.listen, tap.to] for tap in taps]
-        self._asked = places, str(project), None, None
-        self._ours, theirs = Forwarder.pair()
-        with theirs:
-            words = SERVES, str(theirs.fileno()), str(project)
-            self._process = _started(words, stdin=DEVNULL, pass_fds=(theirs.fileno(),))
-
-    @property
-    def is_running(self) -> bool:
-        return self._process.poll() is None
-
-    def shadows(self) -> EngineDriver:
-        from trcvtui.line.tap_screen import TapDriver
-
-        return TapDriver(self._ours.fileno(), self._asked)
-
-    def close(self) -> None:
-        self._ours.close()
-        _wait(self._process)
 
 
 def _look_on(
@@ -210,6 +160,54 @@ class _Voice:
         self.is_kept = False
         while self._kept:
             _say(self._kept.popleft())
+
+
+class _Observers:
+    """The process that serves observers at a socket; bytes go on whatever becomes of it."""
+
+    def __init__(self, loop: Forwarder, voice: _Voice, project: Path, may_order: bool) -> None:
+        from trcvtui.line.tap_socket import socket_of
+
+        self._loop, self._voice, self._may_order = loop, voice, may_order
+        self._path = socket_of(project)
+        self._pause = FIRST_PAUSE_NS
+        self._process: Popen[bytes] | None = None
+        self._asked: EventPipes | None = None
+
+    def start(self) -> None:
+        """Start it; where the system gives no process now, later."""
+        try:
+            self._asked = EventPipes()
+            with self._asked.theirs as theirs:
+                words = SERVES, str(theirs.fileno()), str(self._path), str(int(self._may_order))
+                self._process = _started(words, stdin=PIPE, stdout=DEVNULL, pass_fds=(theirs.fileno(),))
+        except OSError as failed:
+            self._again(failed.strerror or str(failed))
+            return
+        self._loop.hear(self._asked.fd, 1, self._hear)
+
+    def _hear(self, _: int) -> None:
+        assert self._asked is not None
+        if self._asked.is_asked():
+            way = self._asked.hand_over()
+            self._loop.add_looker(way, "an observer", gives_orders=self._may_order, most=MOST_UNTOLD)
+            return
+        self._loop.forget(self._asked.fd)
+        self._asked = None
+        if self._process is not None and self._process.wait() == WITHOUT_PLACE:
+            return  # it has said why
+        self._again("their process has ended")
+
+    def _again(self, why: str) -> None:
+        self._voice.say(f"no observers: {why}; tried again in {self._pause // 10**9} s, bytes go on")
+        self._loop.after(self._pause, self.start)
+        self._pause = min(2 * self._pause, MOST_PAUSE_NS)
+
+    def end(self) -> None:
+        """Let observers read what is left."""
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.close()
+            _wait(self._process)
 
 
 class _Screen:

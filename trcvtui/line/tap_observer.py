@@ -32,7 +32,7 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError, mistake
 from trcvtui.line.capture_player import CaptureOutcome, CapturePlayer, ShadowLines
 from trcvtui.line.conversations import ConversationFigures
-from trcvtui.line.shadows import plan_ad_hoc, plan_of_project
+from trcvtui.line.shadows import plan_ad_hoc, plan_of_project, rows_of_taps
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import (
     BACK,
@@ -50,7 +50,7 @@ from trcvtui.net.tap import (
 )
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import dialect_named, in_dialect
-from trcvtui.project.project import TapDecl, WatchDecl
+from trcvtui.project.project import TapDecl
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.signals import OF_A_GROUP, leave
 
@@ -96,14 +96,8 @@ class TapPlan:
             self.plan = plan_ad_hoc(first, at, dialect or next(iter(DIALECTS)))
         else:
             own = named_so if plc is None else {}
-            rows = [
-                WatchDecl(
-                    r.name, end_text(r.to.address, r.to.port), own[r.name].connect, back=own[r.name].back
-                )
-                for r in routes
-                if r.name in own and r.to.kind != "serial"
-            ]
-            named = replace(loaded, watches=tuple(rows)) if rows else loaded
+            rows = rows_of_taps([own[r.name] for r in routes if r.name in own])
+            named = replace(loaded, watches=rows) if rows else loaded
             self.plan = plan_of_project(first, named, None if rows else at)
         taps = loaded.taps if loaded is not None else ()
         known = {tap.name for tap in taps}

@@ -6,10 +6,11 @@ tap reads its events from stdin and writes pcapng to stdout, whole blocks at a t
 
 from __future__ import annotations
 
+import json
 import os
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from ipaddress import IPv6Address, ip_address
 from typing import Final, NamedTuple
 
@@ -30,7 +31,14 @@ from trcvtui.recording.wire import (
 )
 from trcvtui.signals import OF_A_GROUP, leave
 
-WIRE: Final = 0  # the interface of IP packets; a serial line each from 1 on
+WIRE: Final = 0  # the interface of IP packets; serial lines stand behind it, and behind NOTES where that is
+NOTES: Final = 1  # the interface of what the tap itself does
+NOTED: Final[dict[int, str]] = {
+    TapEventKind.OURS: "ours",
+    TapEventKind.REFUSED: "refused",
+    TapEventKind.HELD: "held",
+    TapEventKind.LOST: "lost",
+}
 _V4: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _V6: Final = struct.Struct(">IHBB16s16s").pack
 _TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -70,8 +78,9 @@ def _words(data: bytes) -> tuple[int, ...]:
 class TapPackets:
     """The packets of a tap's events, one event after the other."""
 
-    def __init__(self) -> None:
-        self.lines: list[str] = []  # names of serial lines; interface 1 is the first
+    def __init__(self, first_line: int = 1) -> None:
+        self.lines: list[str] = []  # names of serial lines; the first is interface `first_line`
+        self._first_line = first_line
         self._talks: dict[int, _TappedConversation] = {}
         self._number = 0  # of IP packets
 
@@ -109,7 +118,7 @@ class TapPackets:
         if kind == "serial":
             talk = self._talks[event.number] = _TappedConversation(kind, ((b"", 0), (b"", 0)))
             self.lines.append(f"{near} - {far}")
-            talk.interface = len(self.lines)
+            talk.interface = self._first_line + len(self.lines) - 1
             return
         addresses = [ip_address(near.partition("%")[0]), ip_address(far)]
         if addresses[0].version != addresses[1].version:
@@ -206,29 +215,65 @@ def _sum(data: bytes) -> int:
     return (number & 0xFF) << 8 | number >> 8  # the sum of swapped words is the swapped sum
 
 
+class TapCapture:
+    """What passes a tap as pcapng, whole blocks at a time.
+
+    `with_notes`: what the tap does and leaves out are packets, too: JSON on an interface of their own.
+    """
+
+    def __init__(self, title: str, with_notes: bool = False) -> None:
+        self._title, self._with_notes = title, with_notes
+        self._first_line = NOTES + 1 if with_notes else NOTES
+        self._packets = TapPackets(self._first_line)
+        self._told = self._lost = 0  # serial lines that have their block; events that were left out
+
+    def head(self) -> bytes:
+        """Return what stands before all packets."""
+        made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
+        made += pcap.interface_block(pcap.RAW_IP, "tap")
+        return made + (pcap.interface_block(pcap.USER0, "trcvtui tap") if self._with_notes else b"")
+
+    def blocks(self, events: Iterable[TapEvent]) -> bytes:
+        """Return the blocks of some events."""
+        return b"".join([block for event in events for block in self._blocks(event)])
+
+    def _blocks(self, event: TapEvent) -> Iterator[bytes]:
+        if self._with_notes:
+            yield from self._note(event)
+        for interface, ns, data, comments in self._packets.of(event):
+            for name in self._packets.lines[self._told :]:
+                self._told += 1
+                yield pcap.interface_block(pcap.RTAC_SERIAL, name)
+            yield pcap.packet_block(interface, ns, data, comments)
+
+    def _note(self, event: TapEvent) -> Iterator[bytes]:
+        name = NOTED.get(event.kind)
+        if name is None:
+            return
+        told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
+        if event.kind == TapEventKind.LOST:
+            lost, size = LOSS.unpack_from(event.data)
+            self._lost += lost
+            told |= {"events": lost, "bytes": size}
+            yield pcap.statistics_block(WIRE, event.ns, self._lost)
+        elif event.kind == TapEventKind.HELD:
+            told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
+        else:
+            told |= {"to_connect": event.way == TO, "text": event.data.decode(errors="replace")}
+        yield pcap.packet_block(NOTES, event.ns, json.dumps(told).encode())
+
+
 # -- the program that records --------------------------------------------------------------------------------
 
 
 def record_tap() -> None:
     """Write the events of stdin to stdout until their end; exit 2 where there is no room."""
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
-    packets, interfaces = TapPackets(), 1
+    capture = TapCapture("a recording of a tap")
     try:
-        _write(
-            pcap.section_block(f"trcvtui {__version__}", ("a recording of a tap",))
-            + pcap.interface_block(pcap.RAW_IP, "tap")
-        )
+        _write(capture.head())
         for events in events_of(lambda most: os.read(0, most)):
-            written: list[bytes] = []
-            for event in events:
-                for interface, ns, data, comments in packets.of(event):
-                    if interface >= interfaces:
-                        written += [
-                            pcap.interface_block(pcap.RTAC_SERIAL, n) for n in packets.lines[interfaces - 1 :]
-                        ]
-                        interfaces = 1 + len(packets.lines)
-                    written.append(pcap.packet_block(interface, ns, data, comments))
-            _write(b"".join(written))
+            _write(capture.blocks(events))
     except OSError as failed:
         sys.stderr.write(f"--record: {failed.strerror}; nothing more is recorded\n")
         sys.exit(2)

@@ -162,8 +162,20 @@ class TapOrder(NamedTuple):
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
-def order_of(line: bytes) -> TapOrder:
+# How many sizes each verb takes, -1: one or more.
+VERBS: Final = {
+    "hold": 0, "go": 0, "drop": 1, "insert": 0, "edit": 1, "delay": 1, "split": -1, "rst": 0, "fin": 0
+}  # fmt: skip
+
+
+def order_of(line: bytes, routes: int) -> TapOrder:
+    """Return an order for one of so many routes; raise ValueError for what is none."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])
-    return TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))
+    made = TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))
+    wanted = VERBS.get(verb)
+    fits = len(numbers) == wanted or (wanted == -1 and numbers)
+    if not fits or min(numbers, default=0) < 0 or made.way not in (TO, BACK) or not 0 <= made.route < routes:
+        raise ValueError(f"'{line[:80].decode()}'")
+    return made

@@ -124,8 +124,9 @@ async def test_the_cursor_stays_on_the_worst_until_it_is_moved_then_on_its_line(
         assert "press/C2" in screen.chosen
         await screen.press("end", "up")
         assert "press/C1" in screen.chosen
-        await screen.tell(screen.broker.message("plant1/press/C1/figures", figures(errors=99)))
-        assert screen.names[1] == "plant1/press/C1" and "press/C1" in screen.chosen
+        older = replace(status("80A6", True), age_s=90.0)
+        await screen.tell(screen.broker.message("plant1/press/C1/TRCV_C_1/status", older))
+        assert screen.names[0] == "plant1/press/C1" and "press/C1" in screen.chosen
         await screen.press("home")
         await screen.tell(screen.broker.message("plant2/saw/state", OFF))
         assert "saw" in screen.chosen
@@ -136,6 +137,25 @@ async def test_an_error_that_is_over_stands_beside_what_is_shown_now() -> None:
         await screen.tell(screen.broker.message("plant1/press/C2/TRCV_C_2/status", status("7002")))
         row = next(line for line in screen.text.splitlines() if "press/C2" in line)
         assert "7002 receiving" in row and "◂80A6 +1" in row
+
+
+async def test_a_finding_a_stuck_job_a_hung_engine_and_a_wrong_clock_stand_in_rows_and_card() -> None:
+    async with on_fleet() as screen:
+        message = screen.broker.message
+        place = "plant1/press/C1/TRCV_C_1/status"
+        await screen.tell(message(place, replace(status(), finding="byte order swapped")))
+        row = next(line for line in screen.text.splitlines() if "press/C1" in line)
+        assert "finding" in row and "byte order swapped" in row and "1 finding" in screen.text
+        await screen.tell(message(place, replace(status(), t=NOW - 21)))
+        row = next(line for line in screen.text.splitlines() if "press/C1" in line)
+        assert "stuck" in row and "12 of 24 bytes" in row and "21 s" in row
+        await screen.tell(message("plant2/saw/state", ONLINE.in_state("stale", NOW)))
+        assert next(line for line in screen.text.splitlines() if "saw" in line).count("no scan") == 1
+        late = IncomingMessage("trcvtui/v1/plant1/press/C1/figures", figures(t=NOW - 7200).to_json(), False)
+        await screen.tell(late)
+        assert "clock?" in next(line for line in screen.text.splitlines() if "press/C1" in line)
+        await screen.press("end", "enter")
+        assert "clock    2 h behind ours" in screen.text
 
 
 async def test_a_filter_lists_what_has_its_words_while_it_is_typed() -> None:

@@ -75,14 +75,20 @@ class Observer:
     """A program that is told events over a socket, and may give orders; it never makes the loop wait."""
 
     def __init__(
-        self, loop: Forwarder, sock: socket.socket, what: str, gives_orders: bool, wants_bytes: bool
+        self,
+        loop: Forwarder,
+        sock: socket.socket,
+        what: str,
+        gives_orders: bool,
+        wants_bytes: bool,
+        most: int,
     ) -> None:
         self.lost = self.lost_bytes = 0
         self.wants_bytes = wants_bytes
         self.what, self.gives_orders = what, gives_orders
         self._loop, self._sock = loop, sock
         self._waiting: deque[memoryview] = deque()
-        self._size = 0
+        self._size, self._most = 0, most  # bytes that wait
         self._orders = b""
         self.is_gone = False
         sock.setblocking(False)
@@ -94,7 +100,7 @@ class Observer:
         """Hand an event over, or let it wait; leave it out where too much waits."""
         if self.is_gone:
             return
-        if self._size > MOST_UNTOLD or self.lost:
+        if self._size > self._most or self.lost:
             self.lost += 1
             self.lost_bytes += len(data)
             return
@@ -153,7 +159,12 @@ class Observer:
             return
         *lines, self._orders = (self._orders + said).split(b"\n")
         for line in filter(None, lines) if self.gives_orders else ():  # the first one says that all is well
-            self._loop.obey(order_of(line))
+            try:
+                order = order_of(line, len(self._loop.routes))
+            except ValueError as wrong:
+                self._loop.say(f"{self.what} gives an order that is none: {wrong}")
+                continue
+            self._loop.obey(order)
 
     def end(self) -> None:
         """Forget it; nothing that it holds stays held."""
@@ -200,10 +211,15 @@ class Forwarder(TapLoop):
         return socket.socketpair()
 
     def add_looker(
-        self, sock: socket.socket, what: str, gives_orders: bool = False, wants_bytes: bool = True
+        self,
+        sock: socket.socket,
+        what: str,
+        gives_orders: bool = False,
+        wants_bytes: bool = True,
+        most: int = MOST_UNTOLD,
     ) -> None:
-        """Tell events to one more, and obey it; `what` it does, for when it is gone."""
-        looker = Observer(self, sock, what, gives_orders, wants_bytes)
+        """Tell events to one more, and obey it; `what` it does, for when it is gone; so `most` bytes wait."""
+        looker = Observer(self, sock, what, gives_orders, wants_bytes, most)
         self._lookers += (looker,)
         self._tell_all(looker)
 
@@ -217,7 +233,7 @@ class Forwarder(TapLoop):
         self._ticks = (self._ticks + 1) % FIGURES_TICKS
         if not self._ticks:
             self._tell_figures()
-        self.at(time.monotonic_ns() + TICK_NS, self.tell_time)
+        self.after(TICK_NS, self.tell_time)
 
     def _tell_figures(self) -> None:
         for route in self.routes:
@@ -248,7 +264,7 @@ class Forwarder(TapLoop):
         self._lookers = tuple([each for each in self._lookers if each is not looker])
         if not self._ends:
             self.say(f"{looker.what} has ended: bytes still go on")
-        if looker.gives_orders:
+        if looker.gives_orders and not any(each.gives_orders for each in self._lookers):
             self.let_all_go()
 
     def _lanes(self) -> list[TapLane]:
@@ -329,7 +345,7 @@ class Forwarder(TapLoop):
 
     def stop_after(self, ns: int) -> None:
         """End the loop when so much time has passed."""
-        self.at(time.monotonic_ns() + ns, self.stop)
+        self.after(ns, self.stop)
 
     def close(self) -> None:
         """Listen no more, end both ends of all, let those who look on have what waits."""

@@ -59,6 +59,10 @@ class TapLoop:
         """Call at a time of the monotonic clock."""
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
+    def after(self, ns: int, call: Callable[[], None]) -> None:
+        """Call when so much time has passed."""
+        self.at(time.monotonic_ns() + ns, call)
+
     def next_number(self) -> int:
         return next(self._numbers)
 

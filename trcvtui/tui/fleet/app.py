@@ -14,9 +14,9 @@ from textual.widget import Widget
 
 from trcvtui import clock
 from trcvtui.fleet.broker import Broker, BrokerConnection
-from trcvtui.fleet.fleet_list import GROUPS, Entry, FleetGroup, filtered, grouped
+from trcvtui.fleet.fleet_list import GROUPS, Entry, FleetGroup, filtered, grouped, sick
 from trcvtui.fleet.reader import FleetReader, topics_of
-from trcvtui.fleet.seen_fleet import ERROR, OFFLINE, FleetLine, SeenFleet
+from trcvtui.fleet.seen_fleet import ERROR, SHOWN, FleetLine, SeenFleet
 from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.fleet.table import NOTHING_YET, FleetHeads, FleetTable
 from trcvtui.tui.formatting import plain
@@ -57,15 +57,18 @@ HELP: Final[tuple[tuple[str, KeyTable], ...]] = (
         ("q or ctrl+q", "quit"),
     )),
     ("Order", (
-        ("1", "lines whose agent is offline"),
-        ("2", "lines with ERROR now"),
-        ("3", "most errors in the last hour; then those that are not connected"),
+        ("1", "lines whose agent is offline, then those whose engine makes no scan"),
+        ("2", "lines with ERROR now; then with a finding of the doctor"),
+        ("3", "stuck: a job has some of its bytes and got no more for 10 s; then not connected"),
+        ("4", "errors in the last hour; among lines that show the same, the longest first"),
     )),
     ("Signs", (
-        ("✗ ■ □ ◆", "offline; good or, in red, ERROR; not connected; good, with errors in the last hour"),
+        ("✗ ■ ▲", "offline or no scan; good or, in red, ERROR; a finding, or stuck"),
+        ("□ ◆", "not connected; good, with errors in the last hour"),
         ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
         ("◂80AA, +1", "after the STATUS: that of the last ERROR, of the last hour; more instances"),
-        ("● ◆ ○", "a group: some are offline or show ERROR; errors in the last hour; none"),
+        ("● ◆ ○", "a group: some have to be looked after; errors in the last hour; none"),
+        ("clock?", "after the STATUS: the agent's clock is wrong; the card tells by how much"),
         ("? in state", "the agent has told no figures of this line yet"),
     )),
 )  # fmt: skip
@@ -80,7 +83,7 @@ class FleetHead(WordLine):
         self.shown: list[FleetLine] = []
 
     def pieces(self) -> list[HeaderWord]:
-        reader, shows = self._reader, [line.shows for line in self.shown]
+        reader = self._reader
         pieces = [
             HeaderWord("trcvtui fleet", "dim", 60),
             HeaderWord(plain(str(self._broker)), "strong", 20),
@@ -89,10 +92,9 @@ class FleetHead(WordLine):
             pieces.append(HeaderWord(f"site {plain(self._pattern)}", "", 15))
         if not self._broker.has_tls:
             pieces.append(HeaderWord("no TLS", "warn", 40))
-        pieces.append(HeaderWord(count(len(shows), "line"), "", 3))
-        for what, number in ((OFFLINE, shows.count(OFFLINE)), (ERROR, shows.count(ERROR))):
-            if number:
-                pieces.append(HeaderWord(f"{number} {'offline' if what == OFFLINE else 'ERROR'}", "error", 4))
+        pieces.append(HeaderWord(count(len(self.shown), "line"), "", 3))
+        for shows, number in sick(self.shown):
+            pieces.append(HeaderWord(f"{number} {SHOWN[shows]}", "error" if shows <= ERROR else "warn", 4))
         if missing := sum(line.missing for line in self.shown if line.newest_error is not None):
             pieces.append(HeaderWord(f"{count(missing, 'event')} missing", "warn", 10))
         if reader.refused:

@@ -7,12 +7,12 @@ from datetime import datetime
 from typing import Final
 
 from trcvtui.fleet.event_log import KeptEvent
-from trcvtui.fleet.seen_fleet import OFFLINE, FleetInstance, FleetLine
+from trcvtui.fleet.seen_fleet import OFFLINE, STALE, STUCK_S, FleetInstance, FleetLine
 from trcvtui.tui.fleet.table import since_text, spark_parts
-from trcvtui.tui.formatting import lamp, plain, wrapped
+from trcvtui.tui.formatting import SECOND, lamp, plain, wrapped
 from trcvtui.tui.widgets.dialogs import LABEL, CardText, ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
-from trcvtui.wording import count, size_text
+from trcvtui.wording import age, count, size_text
 
 CODE: Final = 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
@@ -54,11 +54,17 @@ class FleetCard(CardText):
         line, wall = self._line, self._wall()
         figures, agent = line.figures, line.agent.state
         state = figures.state if figures is not None else "?"
-        since = line.since if line.shows == OFFLINE else line.agent.since
+        since = line.since(wall) if line.shows == OFFLINE else line.agent.since
         told = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "not heard"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._labelled("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
-        yield from self._labelled("agent", [told + version], "error" if line.shows == OFFLINE else "")
+        yield from self._labelled(
+            "agent", [told + version], "error" if line.shows in (OFFLINE, STALE) else ""
+        )
+        if skew := line.agent.skew_s:
+            behind = "behind" if skew > 0 else "ahead of"
+            told = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
+            yield from self._labelled("clock", [told], "warn")
         recorded = next((event for _, event in self._events() if event.file), None)
         if recorded is not None:
             host = f" on {plain(agent.host)}" if agent is not None else ""
@@ -71,7 +77,7 @@ class FleetCard(CardText):
                 f"{figures.done_a_minute:g} DONE a minute",
                 f"round trip {trip:g} ms" if trip is not None else "",
                 count(again, "retransmission") if again is not None else "",
-                f"told {since_text(figures.t, wall)} ago",
+                f"told {since_text(line.agent.at(figures.t, wall), wall)} ago",
             ]
             yield from self._labelled("figures", [" · ".join(filter(None, parts))], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
@@ -92,10 +98,14 @@ class FleetCard(CardText):
             )
         ]
         have = f"{status.here}/{status.wanted} B · " if status.wanted else ""
-        since = since_text(status.t - status.age_s, self._wall())
+        wall = self._wall()
+        since = since_text(self._line.agent.at(status.t, wall) - status.age_s, wall)
+        if (stuck := self._line.stuck_s(instance, wall)) >= STUCK_S:
+            since += f" · stuck for {age(int(stuck * SECOND))}"
         counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
         rows.append(row((f"16#{status.status}  ", style), *lamps, (f" {counted}", "")))
-        return [*rows, *self._labelled("", [plain(status.text)], style)]
+        found = self._labelled("finding", [plain(status.finding)], "warn") if status.finding else []
+        return [*rows, *self._labelled("", [plain(status.text)], style), *found]
 
     def _events(self) -> list[tuple[str, KeptEvent]]:
         instances = self._line.instances.values()
@@ -103,7 +113,8 @@ class FleetCard(CardText):
         return [(name, event) for event, name in sorted(kept, reverse=True)]
 
     def _of_events(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
-        times = [time_text(event.t, self._wall()) for _, event in told]
+        wall = self._wall()
+        times = [time_text(self._line.agent.at(event.t, wall), wall) for _, event in told]
         wide = max(map(len, times), default=0) + 2
         for when, (name, event) in zip(times, told, strict=True):
             whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""

@@ -13,7 +13,18 @@ from textual import events
 from textual.binding import Binding, BindingType
 
 from trcvtui.fleet.fleet_list import Entry, FleetGroup
-from trcvtui.fleet.seen_fleet import AWAY, ERROR, GOOD, OFFLINE, FleetLine
+from trcvtui.fleet.seen_fleet import (
+    AWAY,
+    ERROR,
+    FINDING,
+    GOOD,
+    HAD,
+    OFFLINE,
+    SHOWN,
+    STALE,
+    STUCK,
+    FleetLine,
+)
 from trcvtui.tui.formatting import SECOND, clip, pad, plain, squeeze
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, row
@@ -25,11 +36,14 @@ NAME: Final = 32  # columns; what is left goes to the words of the STATUS
 LEAST_TEXT, MOST_TEXT = 12, 60
 LOOKS: Final = {  # of what a line shows: the lamp, its style, that of the words
     OFFLINE: ("✗", "error", "error"),
+    STALE: ("✗", "error", "error"),
     ERROR: ("■", "error", "error"),
+    FINDING: ("▲", "warn", "warn"),
+    STUCK: ("▲", "warn", "warn"),
     AWAY: ("□", "warn", "warn"),
+    HAD: ("◆", "glow", ""),
     GOOD: ("■", "done", ""),
 }
-HAD: Final = ("◆", "glow", "")  # good now, with ERRORs in the last hour
 HEIGHTS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
 NOTHING_YET: Final = (
     "  no line yet: on the broker is nothing of an agent below trcvtui/v1",
@@ -44,7 +58,24 @@ def spark_parts(errors: Sequence[int]) -> list[Part]:
 
 
 def since_text(t: float | None, wall: float) -> str:
-    return "" if t is None else age(int((wall - t) * SECOND))
+    return "" if t is None else age(int(max(0.0, wall - t) * SECOND))
+
+
+def state_of(line: FleetLine) -> str:
+    """Return one word for what a line shows; where it is good, its state."""
+    if line.shows in (ERROR, AWAY, HAD, GOOD):
+        return line.figures.state if line.figures else "?"
+    return SHOWN[line.shows]
+
+
+def text_of(line: FleetLine) -> str:
+    """Return what there is to say of it: a finding, of what there is too little, the words of the STATUS."""
+    status = line.worst.status if line.worst is not None else None
+    if status is None:
+        return ""
+    if line.shows == FINDING:
+        return status.finding
+    return f"{status.here} of {status.wanted} bytes" if line.shows == STUCK else status.text
 
 
 class FleetColumns(NamedTuple):
@@ -128,37 +159,38 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def _line(self, line: FleetLine, columns: FleetColumns) -> list[Part]:
         wall, worst = self._wall(), line.worst
-        lamp, lamp_style, style = HAD if line.shows == GOOD and line.errors_hour else LOOKS[line.shows]
+        lamp, lamp_style, style = LOOKS[line.shows]
         name = plain(f"{line.agent.site}/{line.agent.name}/{line.name}")
-        state = "offline" if line.shows == OFFLINE else line.figures.state if line.figures else "?"
-        status = worst.status if worst is not None else None
-        code, text = (status.status, status.text) if status is not None else ("", "")
+        code = worst.status.status if worst is not None and worst.status is not None else ""
         last = line.newest_error if line.errors_hour and line.shows != ERROR else None
         more = f" ◂{last.status}" if last is not None and last.status else ""
         more += f" +{len(line.instances) - 1}" if len(line.instances) > 1 else ""
+        more += " clock?" if line.agent.skew_s else ""
         return [
             (f"{lamp} ", lamp_style),
             (pad(squeeze(name, columns.name), columns.name + 1), "strong"),
-            (pad(clip(plain(state), STATE - 1), STATE), style),
+            (pad(clip(plain(state_of(line)), STATE - 1), STATE), style),
             (pad(code, CODE), "error" if line.shows == ERROR else style),
-            *self._text(plain(text), more, columns.text, style),
-            *self._hour(since_text(line.since, wall), line.sparkline(wall), line.errors_hour),
+            *self._text(plain(text_of(line)), more, columns.text, style),
+            *self._hour(since_text(line.since(wall), wall), line.sparkline(wall), line.errors_hour),
         ]
 
     def _text(self, text: str, more: str, width: int, style: str) -> list[Part]:
         return [(pad(clip(text, width - len(more)), width - len(more)) + f"{more} ", style)] if width else []
 
     def _group(self, group: FleetGroup, columns: FleetColumns) -> list[Part]:
-        told = [f"{group.offline} offline"] * bool(group.offline) + [f"{group.errors} ERROR"] * bool(
-            group.errors
-        )
-        words = f"  {count(group.lines, 'line')}" + "".join(f" · {each}" for each in told)
+        told = "".join(f" · {number} {SHOWN[shows]}" for shows, number in group.shown)
+        style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if told else "dim"
+        words = f"  {count(group.lines, 'line')}{told}"
         room = columns.name + STATE + CODE + 1 + columns.text + bool(columns.text)
         name = clip(plain(group.name), max(8, room - len(words) - 1))
         return [
-            ("● ", "error") if told else ("◆ ", "glow") if group.errors_an_hour else ("○ ", "done"),
+            ("● ", style) if told else ("◆ ", "glow") if group.errors_an_hour else ("○ ", "done"),
             (name, "strong"),
-            (pad(clip(words, room - len(name)), room - len(name)), "error" if told else "dim"),
+            (
+                pad(clip(words, room - len(name)), room - len(name)),
+                style,
+            ),
             *self._hour("", group.sparkline, group.errors_an_hour),
         ]
 

@@ -1,0 +1,297 @@
+"""A tap that is a program of its own, and its observers: they come, hang and die, and bytes go on whole."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from tests.cli.test_cli import ENVIRONMENT
+from tests.fleet.test_agent import children_of, is_alive
+from tests.fleet.test_agent_lines import LINE, TAP, pictures, written
+from tests.waiting import until
+from trcvtui.capture.pcap import USER0, CaptureReader, Packet
+from trcvtui.capture.reassembly import Conversations
+from trcvtui.errors import UserError
+from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.line.live_screen import TapSocketDriver
+from trcvtui.line.tap_socket import connection_to, socket_of
+from trcvtui.net.os.observers import MOST_NAME, listening
+from trcvtui.net.tap import TO, TapOrder
+
+ROOT = Path(__file__).parents[2]
+MEGABYTES = 10
+pytestmark = [
+    pytest.mark.live,
+    pytest.mark.slow,
+    pytest.mark.skipif(os.name != "posix", reason="no Unix sockets"),
+]
+
+
+class TapService:
+    """`trcvtui tap --project` between a device and a PLC, both of which the test plays."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.folder = folder
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.project = written(folder, LINE + TAP.format(port=self._listener.getsockname()[1]))
+        self.socket = socket_of(self.project)
+        self._said = folder / "said"
+        with self._said.open("wb") as said:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "trcvtui", "tap", "--project", str(self.project), *options],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said,
+                cwd=ROOT, env=environment(folder),
+            )  # fmt: skip
+        until(lambda: self.said.startswith("T: ") and self.socket.exists(), lambda: self.said)
+        self.port = int(self.said.split()[1].rpartition(":")[2])
+
+    @property
+    def said(self) -> str:
+        return self._said.read_text()
+
+    def connect(self) -> tuple[socket.socket, socket.socket]:
+        """Return a device and the PLC that it has reached."""
+        device = socket.create_connection(("127.0.0.1", self.port))
+        return device, self._listener.accept()[0]
+
+    def observer(self) -> socket.socket:
+        """Return an observer that is told all from now on."""
+        made = socket.socket(fileno=connection_to(self.project))
+        made.recv(1, socket.MSG_PEEK)
+        return made
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.terminate()
+        self.process.wait()
+        self._listener.close()
+
+
+def environment(folder: Path) -> dict[str, str]:
+    return ENVIRONMENT | {"RUNTIME_DIRECTORY": str(folder / "r"), "STATE_DIRECTORY": str(folder)}
+
+
+@pytest.fixture
+def short(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder in which a socket's name is short enough, and which is the runtime folder here, too."""
+    folder = tmp_path_factory.mktemp("t")
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder / "r"))
+    return folder
+
+
+@pytest.fixture
+def tap(short: Path) -> Iterator[TapService]:
+    made = TapService(short)
+    yield made
+    made.close()
+
+
+def exactly(end: socket.socket, size: int) -> bytes:
+    got = bytearray()
+    while len(got) < size and (part := end.recv(min(1 << 16, size - len(got)))):
+        got += part
+    return bytes(got)
+
+
+def events_in(packets: list[Packet], link_types: list[int]) -> list[tuple[object, bytes]]:
+    """Return what happens in the conversations of packets."""
+    events: list[tuple[object, bytes]] = []
+    found = Conversations(lambda event: events.append((event.kind, bytes(event.data))))
+    found.take_all(iter(packets), link_types)
+    found.close()
+    return events
+
+
+def packets_of(observer: socket.socket) -> tuple[CaptureReader, Iterator[Packet]]:
+    reader = CaptureReader(observer.recv, "tap")
+    return reader, iter(reader)
+
+
+def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: Path) -> None:
+    tap = TapService(short, "--allow-orders", "--record", str(short / "kept.pcapng"))
+    observer = tap.observer()
+    device, plc = tap.connect()
+    device.sendall(b"one")
+    assert exactly(plc, 3) == b"one"
+    observer.sendall(TapOrder(0, 0, TO, "insert", (), b"!!").line() + b"9 9 9 no order\n")
+    assert exactly(plc, 2) == b"!!"
+    until(lambda: "gives an order that is none" in tap.said)
+    device.close()
+    assert plc.recv(1) == b""
+    plc.close()
+    tap.close()
+    reader, packets = packets_of(observer)
+    notes: list[Packet] = []
+    wire: list[Packet] = []
+    for packet in packets:
+        (notes if reader.link_types[packet.interface] == USER0 else wire).append(packet)
+    observer.close()
+    assert [json.loads(note.data)["note"] for note in notes] == ["ours"]
+    with (short / "kept.pcapng").open("rb") as kept:
+        recorded = CaptureReader(kept.read, "kept")
+        pairs = (wire, reader.link_types), ([*recorded], recorded.link_types)
+    told = [events_in(some, link_types) for some, link_types in pairs]
+    assert told[0] == told[1] and b"".join(data for _, data in told[0]) == b"one!!"
+
+
+def test_an_observer_without_leave_gives_no_orders(tap: TapService) -> None:
+    observer = tap.observer()
+    device, plc = tap.connect()
+    observer.sendall(TapOrder(0, 0, TO, "rst").line())
+    until(lambda: "--allow-orders" in tap.said)
+    device.sendall(b"still")
+    assert exactly(plc, 5) == b"still"
+    for end in (device, plc, observer):
+        end.close()
+
+
+def pumped(tap: TapService) -> Iterator[tuple[str, str]]:
+    """Send megabytes in both directions; yield what was sent and what came, as digests."""
+    device, plc = tap.connect()
+    data = os.urandom(MEGABYTES << 20)
+    senders = [threading.Thread(target=_send, args=(end, data)) for end in (device, plc)]
+    got: list[bytes] = [b"", b""]
+    readers = [threading.Thread(target=_keep, args=(got, n, end)) for n, end in enumerate((plc, device))]
+    for thread in (*senders, *readers):
+        thread.start()
+    yield "", ""
+    for thread in (*senders, *readers):
+        thread.join()
+    for end in (device, plc):
+        end.close()
+    for each in got:
+        yield hashlib.sha256(data).hexdigest(), hashlib.sha256(each).hexdigest()
+
+
+def _send(end: socket.socket, data: bytes) -> None:
+    for at in range(0, len(data), 1 << 14):
+        end.sendall(data[at : at + (1 << 14)])
+
+
+def _keep(got: list[bytes], number: int, end: socket.socket) -> None:
+    got[number] = exactly(end, MEGABYTES << 20)
+
+
+def test_an_observer_that_does_not_read_loses_packets_which_are_counted_and_bytes_go_on_whole(
+    tap: TapService,
+) -> None:
+    observer = tap.observer()
+    observer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 12)
+    for _ in range(2):
+        assert all(sent == came for sent, came in pumped(tap))
+    reader, packets = packets_of(observer)
+    next(packets)
+    device, plc = tap.connect()
+    device.sendall(b"x")
+    threading.Thread(target=lambda: [None for _ in packets], daemon=True).start()
+    until(lambda: reader.drops > 0)
+    for end in (device, plc, observer):
+        end.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGABRT])
+def test_the_death_of_an_agent_and_all_its_processes_ends_no_connection(
+    tap: TapService, number: signal.Signals
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        page = f"127.0.0.1:{free.getsockname()[1]}"
+    words = f"agent {tap.project} --site s --name n --metrics {page}"
+    agent = subprocess.Popen(
+        [sys.executable, "-m", "trcvtui", *words.split()], cwd=ROOT, env=environment(tap.folder),
+        start_new_session=True, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        device, plc = tap.connect()
+        until(lambda: sees_a_job(page, device))
+        took = exactly(plc, 4)
+        pump = pumped(tap)
+        next(pump)
+        os.killpg(agent.pid, number)
+        assert all(sent == came for sent, came in pump)
+        device.sendall(b"on")
+        until(lambda: "an observer has ended" in tap.said)
+        while took != b"on":
+            took = (took + plc.recv(1))[-2:]  # behind what the page was asked with
+        for end in (device, plc):
+            end.close()
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(agent.pid, signal.SIGKILL)
+        agent.wait()
+
+
+def sees_a_job(page: str, device: socket.socket) -> bool:
+    """Send a job's bytes; return whether the agent's page tells of one."""
+    device.sendall(bytes(4))
+    with suppress(OSError):
+        shown = urlopen(f"http://{page}/metrics").read().decode()
+        return bool(re.search(r'trcvtui_jobs_done_total\{line="T",name="R"\} [1-9]', shown))
+    return False
+
+
+def test_observers_are_served_again_when_their_process_has_died(tap: TapService) -> None:
+    device, plc = tap.connect()
+    [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
+    os.kill(server, signal.SIGKILL)
+    until(lambda: "no observers: their process has ended" in tap.said)
+    device.sendall(b"on")
+    assert exactly(plc, 2) == b"on"
+
+    def comes() -> bool:
+        with suppress(UserError), tap.observer() as observer:
+            return exactly(observer, 4) == b"\x0a\x0d\x0d\x0a"
+        return False
+
+    until(comes)
+    for end in (device, plc):
+        end.close()
+
+
+def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(tap: TapService) -> None:
+    driver = TapSocketDriver(tap.project)
+    try:
+        device, plc = tap.connect()
+
+        def comes() -> bool:
+            device.sendall(bytes(4))  # the driver may have come when the first of them were through
+            driver.request(UpdateRequest())
+            driver.wait(0.05)
+            picture = driver.picture()
+            return picture is not None and picture.snapshot.instances[0].jobs_done >= 3
+
+        until(comes)
+        for end in (device, plc):
+            end.close()
+        tap.close()
+        assert pictures(driver, lambda picture: bool(picture.over)).over == "the packets have ended"
+    finally:
+        driver.close()
+    with pytest.raises(UserError, match="found no tap, expected `trcvtui tap --project"):
+        connection_to(tap.project)
+
+
+def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapService, short: Path) -> None:
+    assert tap.socket.stat().st_mode & 0o777 == 0o600
+    with pytest.raises(UserError, match="a tap that listens there already"):
+        listening(tap.socket)
+    tap.process.kill()
+    tap.process.wait()
+    until(lambda: not tap.socket.exists())
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(tap.socket))
+    listening(tap.socket).close()
+    with pytest.raises(UserError, match=f"{MOST_NAME} at most"):
+        listening(short / ("x" * 100))

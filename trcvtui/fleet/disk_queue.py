@@ -1,0 +1,176 @@
+"""Messages that wait for the broker, in a file that the next start of the agent reads again.
+
+Rule 1: no error of the disk is raised past the start. What has no room is counted in `dropped`; a damaged
+file is set aside and a new one begun; `say` tells of each, in one line.
+Rule 2: the file belongs to one agent, and has traffic in it: mode 0600.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Final
+
+from trcvtui import clock
+from trcvtui.errors import mistake, one_line
+
+MOST_QUEUED: Final = 20_000
+EVENT, FIGURES = 0, 1  # what stands in the queue
+MEMORY: Final = ":memory:"
+BESIDE: Final = ("", "-wal", "-shm")  # files of one queue
+DAMAGED: Final = frozenset((sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB))
+# No number comes twice, also after the queue was empty: what has been sent is known by its number.
+_TABLES: Final = (
+    "CREATE TABLE IF NOT EXISTS queue "
+    "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)",
+    "CREATE INDEX IF NOT EXISTS oldest ON queue (kind DESC, n)",
+    "CREATE TABLE IF NOT EXISTS retained (topic TEXT PRIMARY KEY)",
+)
+
+
+class DiskQueue:
+    """A queue in the file `path`, None: in memory. Raise UserError where another agent has the file."""
+
+    def __init__(self, path: Path | None, say: Callable[[str], None], most: int = MOST_QUEUED) -> None:
+        self._path, self._say, self._most = path, say, most
+        self.dropped = {EVENT: 0, FIGURES: 0}
+        self.size = 0
+        self._told = ""
+        self._lock = _locked(path, self._tell)
+        self._base = self._opened(path)
+
+    def _opened(self, path: Path | None) -> sqlite3.Connection:
+        for _ in range(2):
+            try:
+                return self._open(path)
+            except (sqlite3.Error, OSError) as failed:
+                self._tell(f"{path}: {failed}")
+                if path is None or not _is_damaged(failed) or not self._set_aside(path):
+                    break
+        if path is not None:
+            self._tell("what waits for the broker is kept in memory alone")
+        return self._open(None)
+
+    def _open(self, path: Path | None) -> sqlite3.Connection:
+        if path is not None:
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
+            for each in filter(os.path.exists, (f"{path}{end}" for end in BESIDE)):
+                os.chmod(each, 0o600)  # of an older version; what sqlite puts beside it has its mode
+        base = sqlite3.connect(path or MEMORY, timeout=1.0, isolation_level=None)
+        try:
+            base.execute("PRAGMA journal_mode=WAL")
+            base.execute("PRAGMA synchronous=NORMAL")  # with a WAL a power cut damages nothing
+            for table in _TABLES:
+                base.execute(table)
+            [(self.size,)] = base.execute("SELECT count(*) FROM queue")
+        except sqlite3.Error:
+            base.close()
+            raise
+        return base
+
+    def _set_aside(self, path: Path) -> bool:
+        aside = path.with_suffix(f".damaged-{clock.wall_ns():x}")
+        try:
+            for end in BESIDE:
+                if os.path.exists(f"{path}{end}"):
+                    os.replace(f"{path}{end}", f"{aside}{end}")
+        except OSError as failed:
+            self._tell(f"{path}: {failed.strerror}")
+            return False
+        self._tell(f"{path} is damaged: it is kept as {aside.name}, a new queue begins")
+        return True
+
+    def _tell(self, line: str) -> None:
+        if line != self._told:
+            self._told = line
+            self._say(one_line(line))
+
+    def _do(self, text: str, values: Iterable[object] = ()) -> sqlite3.Cursor | None:
+        """Carry out; return None where the disk refuses it."""
+        try:
+            return self._base.execute(text, tuple(values))
+        except sqlite3.Error as failed:
+            self._tell(f"the queue: {failed}; the bench goes on")
+            if _is_damaged(failed) and self._path is not None:
+                self._base.close()
+                self._set_aside(self._path)
+                self._base = self._opened(self._path)
+            return None
+
+    def put(self, kind: int, topic: str, payload: bytes) -> bool:
+        """Append a message; past the bound an old one goes: figures first. Return False without room."""
+        values = kind, topic, payload
+        if self._do("INSERT INTO queue (kind, topic, payload) VALUES (?, ?, ?)", values) is None:
+            return False
+        self.size += 1
+        if self.size > self._most:
+            [(oldest, gone)] = self._rows("SELECT n, kind FROM queue ORDER BY kind DESC, n LIMIT 1") or [
+                (0, kind)
+            ]
+            self.take(oldest)
+            self.dropped[gone] += 1
+        return True
+
+    def _rows(self, text: str, values: Iterable[object] = ()) -> list[Any]:
+        cursor = self._do(text, values)
+        try:
+            return [] if cursor is None else cursor.fetchall()
+        except sqlite3.Error as failed:  # some pages are read only now
+            self._tell(f"the queue: {failed}; the bench goes on")
+            return []
+
+    def after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
+        """Return the oldest messages after one, with their numbers."""
+        return self._rows(
+            "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?", (number, most)
+        )
+
+    def take(self, number: int) -> None:
+        deleted = self._do("DELETE FROM queue WHERE n = ?", (number,))
+        self.size -= 0 if deleted is None else deleted.rowcount
+
+    # -- topics that the broker keeps, also when we are gone ---------------------------------------------
+
+    def remember(self, topic: str) -> None:
+        self._do("INSERT OR IGNORE INTO retained VALUES (?)", (topic,))
+
+    def forget(self, topic: str) -> None:
+        self._do("DELETE FROM retained WHERE topic = ?", (topic,))
+
+    def remembered(self) -> list[str]:
+        """Return the topics that this agent has ever retained and not cleared."""
+        return [topic for (topic,) in self._rows("SELECT topic FROM retained")]
+
+    def close(self) -> None:
+        self._base.close()
+        if self._lock is not None:
+            os.close(self._lock)
+
+
+def _is_damaged(failed: Exception) -> bool:
+    return getattr(failed, "sqlite_errorcode", 0) & 0xFF in DAMAGED
+
+
+def _locked(path: Path | None, tell: Callable[[str], None]) -> int | None:
+    """Return a lock that ends with this process; raise UserError where another agent has it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    if path is None:
+        return None
+    try:
+        lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as failed:
+        tell(f"{path}: {failed.strerror}")
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise mistake("--site, --name", "an agent of both that runs here", "a name of its own") from None
+    except OSError:  # a file system without locks
+        return lock
+    return lock

@@ -1,0 +1,146 @@
+"""The observers of a tap: a Unix socket, mode 0600, at which each of them reads blocks of what passes.
+
+Rule: an observer that does not read makes its own way full, and no other one wait.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final, Protocol
+
+from trcvtui.errors import mistake
+from trcvtui.files import reason_of
+from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.tap import TapEvent, events_of
+
+MOST_NAME: Final = 107  # bytes of `sun_path`
+MOST_OBSERVERS: Final = 8
+READ: Final = 1 << 16  # bytes of orders that are read at once
+LAST_S: Final = 1.0  # for observers to read what is left
+WITHOUT_PLACE: Final = 3  # exit code of a process that cannot listen: trying again is of no use
+
+
+def _checked(path: Path) -> str:
+    if len(os.fsencode(path)) > MOST_NAME:
+        raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_NAME} at most")
+    return str(path)
+
+
+def connected(path: Path, expected: str) -> int:
+    """Return the descriptor of a connection to the tap that listens there; raise UserError without one."""
+    made = socket.socket(socket.AF_UNIX)
+    try:
+        made.connect(_checked(path))
+    except OSError:
+        made.close()
+        raise mistake(str(path), "no tap", expected) from None
+    return made.detach()
+
+
+def listening(path: Path) -> socket.socket:
+    """Listen there, in place of a program that is dead; raise UserError where one lives, or nothing goes."""
+    made = socket.socket(socket.AF_UNIX)
+    try:
+        with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
+            rival.connect(_checked(path))
+            raise mistake(str(path), "a tap that listens there already", "one tap of a project")
+        with suppress(FileNotFoundError):
+            os.unlink(path)
+        before = os.umask(0o177)
+        try:
+            made.bind(str(path))
+        finally:
+            os.umask(before)
+        made.listen(MOST_OBSERVERS)
+    except OSError as failed:
+        made.close()
+        raise mistake(str(path), reason_of(failed), "a place for a socket") from None
+    except BaseException:
+        made.close()
+        raise
+    return made
+
+
+class Capture(Protocol):
+    """What an observer reads: a head, and blocks of events."""
+
+    def head(self) -> bytes: ...
+
+    def blocks(self, events: Iterable[TapEvent]) -> bytes: ...
+
+
+class ObserverServer:
+    """Serves observers, each with a `capture` of its own; the tap hands over ways of events on `asks`."""
+
+    def __init__(
+        self,
+        path: Path,
+        asks: int,
+        may_order: bool,
+        capture: Callable[[], Capture],
+        say: Callable[[str], None],
+    ) -> None:
+        """Listen; raise UserError where that cannot be."""
+        self._path, self._asks, self._may_order, self._capture, self._say = (
+            path,
+            asks,
+            may_order,
+            capture,
+            say,
+        )
+        self._door = listening(path)
+        self._served: list[threading.Thread] = []
+
+    def run_until(self, end: int) -> None:
+        """Serve until the end of a descriptor; then let observers read what is left."""
+        threading.Thread(target=self._accept, daemon=True).start()
+        os.read(end, 1)
+        with suppress(OSError):
+            os.unlink(self._path)
+        until = time.monotonic() + LAST_S
+        for each in tuple(self._served):
+            each.join(max(0.0, until - time.monotonic()))
+
+    def _accept(self) -> None:
+        while True:
+            observer, _ = self._door.accept()
+            self._served = [each for each in self._served if each.is_alive()]
+            if len(self._served) >= MOST_OBSERVERS:
+                observer.close()
+                continue
+            way = ask_for_way(self._asks)
+            self._served.append(threading.Thread(target=self._serve, args=(observer, way), daemon=True))
+            self._served[-1].start()
+
+    def _serve(self, observer: socket.socket, way: int) -> None:
+        hears = threading.Thread(target=self._hear, args=(observer, way), daemon=True)
+        hears.start()
+        capture = self._capture()
+        with suppress(OSError):
+            observer.sendall(capture.head())
+            for events in events_of(lambda most: os.read(way, most)):
+                observer.sendall(capture.blocks(events))
+        with suppress(OSError):
+            observer.shutdown(socket.SHUT_RDWR)  # this ends `_hear`, too
+        hears.join()
+        observer.close()
+        os.close(way)
+
+    def _hear(self, observer: socket.socket, way: int) -> None:
+        """Hand on whole lines of orders; at the end of the observer end its way."""
+        is_refused, rest = False, b""
+        with suppress(OSError), socket.socket(fileno=os.dup(way)) as tap:
+            while said := observer.recv(READ):
+                if self._may_order:
+                    *lines, rest = (rest + said).split(b"\n")
+                    tap.sendall(b"".join(line + b"\n" for line in lines))
+                elif not is_refused:
+                    is_refused = True
+                    self._say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
+            tap.shutdown(socket.SHUT_RDWR)

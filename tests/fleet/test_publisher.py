@@ -138,7 +138,7 @@ def test_what_the_broker_refuses_stays_and_is_sent_again_after_a_pause_that_grow
     line.refuse()
     line.pass_time(REFUSED_NS / SECOND + 1)
     assert len(line.got) == 5  # the second pause is twice as long
-    line.pass_time(REFUSED_NS / SECOND)
+    line.pass_time(2 * REFUSED_NS / SECOND)
     line.acknowledge()
     line.pass_time()
     assert len(line.got) == 7 and not line.queue.size

@@ -55,8 +55,13 @@ class TapService:
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said,
                 cwd=ROOT, env=environment(folder),
             )  # fmt: skip
-        until(lambda: self.said.startswith("T: ") and self.socket.exists(), lambda: self.said)
+        until(lambda: self.said.startswith("T: ") and self._is_served(), lambda: self.said)
         self.port = int(self.said.split()[1].rpartition(":")[2])
+
+    def _is_served(self) -> bool:
+        with suppress(UserError), socket.socket(fileno=connection_to(self.project)):
+            return True
+        return False
 
     @property
     def said(self) -> str:
@@ -145,6 +150,21 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
         pairs = (wire, reader.link_types), ([*recorded], recorded.link_types)
     told = [events_in(some, link_types) for some, link_types in pairs]
     assert told[0] == told[1] and b"".join(data for _, data in told[0]) == b"one!!"
+
+
+def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(short: Path) -> None:
+    tap = TapService(short, "--allow-orders")
+    reads, dies = tap.observer(), tap.observer()
+    device, plc = tap.connect()
+    wrong = ("0 99999999999 0 rst ;", "0 -1 0 rst ;", "0 0 0 delay 9000000000000000000;", "0 0 0 drop ;")
+    dies.sendall("".join(f"{line}\n" for line in wrong).encode() + TapOrder(0, 0, TO, "hold").line())
+    until(lambda: tap.said.count("gives an order that is none") == len(wrong))
+    device.sendall(b"held")
+    dies.close()  # with bytes unread, as a program that was killed
+    assert exactly(plc, 4) == b"held"
+    for end in (device, plc, reads):
+        end.close()
+    tap.close()
 
 
 def test_an_observer_without_leave_gives_no_orders(tap: TapService) -> None:
@@ -242,10 +262,14 @@ def sees_a_job(page: str, device: socket.socket) -> bool:
     return False
 
 
-def test_observers_are_served_again_when_their_process_has_died(tap: TapService) -> None:
+@pytest.mark.parametrize("how", ["killed", "without its socket"])
+def test_observers_are_served_again_when_their_process_is_gone(tap: TapService, how: str) -> None:
     device, plc = tap.connect()
     [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
-    os.kill(server, signal.SIGKILL)
+    if how == "killed":
+        os.kill(server, signal.SIGKILL)
+    else:
+        tap.socket.unlink()
     until(lambda: "no observers: their process has ended" in tap.said)
     device.sendall(b"on")
     assert exactly(plc, 2) == b"on"
@@ -293,5 +317,6 @@ def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapServic
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(tap.socket))
     listening(tap.socket).close()
+    tap.socket.unlink()
     with pytest.raises(UserError, match=f"{MOST_NAME} at most"):
         listening(short / ("x" * 100))

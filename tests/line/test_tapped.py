@@ -97,7 +97,7 @@ def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
         event(TapEventKind.FIN, at=106),
     )
     assert [p.comments for p in packets if p.comments] == 2 * [
-        ("trcvtui: 100 bytes before this are not in the recording (2 events)",)
+        ("100 bytes before this are not in the recording (2 events)",)
     ]
     told = told_of(packets)
     sizes = [each.size for each in told if each.kind is SegmentKind.MISSING]

@@ -39,6 +39,7 @@ SECTION: Final = 0x0A0D0D0A
 TLS_KEY_LOG: Final = 0x544C534B
 COMMENT: Final = 1  # option code
 OURS: Final = "trcvtui: "  # begins the comment of a packet that a tap of ours has changed or made
+NOTES: Final = "trcvtui tap"  # the interface on which a tap tells observers what is no packet of the line
 NAME: Final = 2  # of an interface
 FLAGS: Final = 2  # of a packet
 INBOUND, OUTBOUND = 1, 2  # the two lowest bits of its flags

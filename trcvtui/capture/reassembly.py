@@ -26,7 +26,7 @@ from trcvtui.capture.packets import (
     ip_number,
     macs_of,
 )  # fmt: skip
-from trcvtui.capture.pcap import ETHERNET, OURS, RTAC_SERIAL, USER0, Packet
+from trcvtui.capture.pcap import ETHERNET, NOTES, OURS, RTAC_SERIAL, USER0, Packet
 
 MOST_CONVERSATIONS: Final = 28_000
 MOST_WAITING: Final = 1 << 20  # of one direction
@@ -333,8 +333,9 @@ class Conversations:
     def _take_unusual(self, packet: Packet, link_type: int) -> None:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
-            self.not_read[SkippedPacket.JOURNAL] += 1
-            self.recorded_to = packet.ns
+            if self.names(packet.interface) != NOTES:
+                self.not_read[SkippedPacket.JOURNAL] += 1
+                self.recorded_to = packet.ns
             return
         if self.first_ns is None:
             self.first_ns = packet.ns

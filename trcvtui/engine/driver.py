@@ -141,19 +141,20 @@ class EngineDriver:
     def pid(self) -> int | None:
         return self._process.pid
 
-    def project(self, seconds: float | None = None) -> Project:
-        """Wait for the project that the engine has read; raise UserError for the mistakes in its file.
+    def project(self) -> Project:
+        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+        while not self.has_begun():
+            self._channel.poll(None)
+        assert self._project is not None
+        return self._project
 
-        Raise EngineStopped where nothing has come after so many `seconds`.
-        """
-        if self._project is None:
-            while (message := self._message()) is None:
-                if not self._channel.poll(seconds):
-                    raise self._ended("the engine does not begin")
+    def has_begun(self) -> bool:
+        """Return whether the engine has told its project; raise UserError for the mistakes in its file."""
+        if self._project is None and (message := self._message()) is not None:
             if isinstance(message, UserError):
                 raise message
             self._project = self._checked(message)
-        return self._project
+        return self._project is not None
 
     def submit(self, line: str) -> int:
         self._number += 1

@@ -40,7 +40,7 @@ FIRST_LOOK_NS: Final = 10 * NS
 RESTS: Final = 50  # times as long as it looked: a long recording takes it long
 RECENT_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
 PAGE_NS: Final = 10 * NS  # before the place of the page is tried again
-BEGINS_S: Final = 30.0  # an engine that has not told its project by then hangs
+BEGINS_NS: Final = 30 * NS  # an engine that has not told its project by then hangs
 STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: it is told, the engine is started anew
 STALE_SCANS: Final = 10  # but so many intervals at least
 
@@ -88,11 +88,14 @@ class Agent:
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
         rows: tuple[WatchDecl | TapDecl, ...] = (*project.watches, *project.taps)
-        names = {row.connect: row.name for row in rows} | {row.back: f"{row.name} back" for row in rows}
+        names = {row.connect: row.name for row in rows}
+        names |= {row.back: f"{row.name} back" for row in rows if row.back}
         boot = f"{clock.wall_ns():x}"
         self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
         self._engine: EngineDriver | None = None
         self._has_taps = bool(project.taps)
+        self._has_shadows = self._has_taps or bool(settings.packets)
+        self._has_asked = False  # the engine for a picture
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
@@ -210,18 +213,15 @@ class Agent:
         opened.callback(server.shutdown)
 
     def _start(self, now: int) -> None:
-        settings = self._settings
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
         self._scan = -1
         self._engine = self._new_engine()
         self.seen.begin_run()
-        if not (settings.packets or self._has_taps):
-            self._engine.project(BEGINS_S)  # first: with a request unread its last words would be lost
-        self._engine.request(UpdateRequest(most_lines=MOST_LINES))
+        self._has_asked = False
 
     def _new_engine(self) -> EngineDriver:
         settings = self._settings
-        if not (settings.packets or self._has_taps):
+        if not self._has_shadows:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
         from trcvtui.line.live_screen import CaptureDriver, TapSocketDriver
 
@@ -253,13 +253,17 @@ class Agent:
             engine.close()
 
     def _look(self, engine: EngineDriver, now: int) -> None:
-        update = engine.picture()
+        if not self._has_asked and (self._has_shadows or engine.has_begun()):
+            self._has_asked, self._started_at = True, now
+            # Not before: with a request unread its last words would be lost.
+            engine.request(UpdateRequest(most_lines=MOST_LINES))
+        update = engine.picture() if self._has_asked else None
         if update is not None:
             self._heard(update.snapshot, now)
-        elif self._scan < 0 and (self._settings.packets or self._has_taps):
+        elif self._scan < 0 and self._has_shadows:
             self._scanned_at = now  # shadows begin with the first packet
         silence = now - max(self._scanned_at, self._started_at)
-        if silence > max(HUNG_NS, 2 * self._patience):
+        if silence > (max(HUNG_NS, 2 * self._patience) if self._has_asked else BEGINS_NS):
             raise EngineStopped(f"no scan for {silence // NS} s")
         if update is None:
             return
@@ -296,7 +300,7 @@ class Agent:
 
     def _heard(self, snapshot: Snapshot, now: int) -> None:
         """Take when the last scan was: a picture without a new one is no sign of life."""
-        if snapshot.scan != self._scan or self._settings.packets or self._has_taps:
+        if snapshot.scan != self._scan or self._has_shadows:
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from msgspec.structs import replace
+
 from trcvtui.errors import mistake
 from trcvtui.fleet.event_log import EventLog, KeptEvent
 from trcvtui.fleet.topics import (
@@ -28,7 +30,8 @@ BUCKET_S: Final = HOUR_S // BUCKETS
 UP: Final = frozenset(("connected", "created", "up"))  # states of a line
 STUCK_S: Final = 10  # a job that has some of its bytes has got no more for so long
 CLOCK_S: Final = 2.0  # by so much a clock may be wrong
-MOST_DELAYS: Final = 8  # of live messages, by the least of which a clock is judged
+CLOCK_BUCKET_S: Final = 300  # a clock is judged by the least delay in this and the bucket before
+MOST_DELAY_S: Final = 3e8  # a time that is more wrong is none
 # What a line shows, the worst first. HAD: good, with ERRORs in the last hour.
 OFFLINE, STALE, ERROR, FINDING, STUCK, AWAY, HAD, GOOD = range(8)
 SHOWN: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connected", "good", "good")
@@ -47,6 +50,7 @@ class FleetInstance:
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
         self.status: StatusMessage | None = None
+        self.found_at = 0.0  # since when its finding is told, by the agent's clock
 
 
 class FleetAgent:
@@ -57,16 +61,24 @@ class FleetAgent:
         self.lines: dict[str, FleetLine] = {}
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
-        self._delays: deque[float] = deque(maxlen=MOST_DELAYS)  # ours less its time, of live messages
+        self._delays: deque[tuple[int, float]] = deque(
+            maxlen=2
+        )  # the least of each bucket: ours less its time
 
     def hear(self, t: float, wall: float) -> None:
-        """Take that a message with its time `t` has come just now."""
-        self._delays.append(wall - t)
+        """Take that a message that was made when it was sent, at `t`, has come just now."""
+        bucket, delay = int(wall // CLOCK_BUCKET_S), wall - t
+        while self._delays and not bucket - 1 <= self._delays[0][0] <= bucket:
+            self._delays.popleft()
+        if self._delays and self._delays[-1][0] == bucket:
+            delay = min(delay, self._delays.pop()[1])
+        if abs(delay) < MOST_DELAY_S:
+            self._delays.append((bucket, delay))
 
     @property
     def skew_s(self) -> float:
         """Return how far its clock is behind ours, below 0: ahead; a delay only makes a message older."""
-        skew = min(self._delays, default=0.0)
+        skew = min((delay for _, delay in self._delays), default=0.0)
         return skew if abs(skew) > CLOCK_S else 0.0
 
     def at(self, t: float, wall: float) -> float:
@@ -137,8 +149,10 @@ class FleetLine:
         told = [self.agent.at(each.t, wall) for each in (self.figures, status) if each is not None]
         if self.shows in (OFFLINE, STALE):
             return min(max([self.agent.since, *told]), wall)
-        if status is None:
+        if status is None or worst is None:
             return None
+        if self.shows == FINDING:
+            return self.agent.at(worst.found_at, wall)
         age = 0.0 if self.shows == STUCK else status.age_s
         return self.agent.at(status.t, wall) - max(0.0, age)
 
@@ -224,8 +238,10 @@ class SeenFleet:
             return
         agent = self._agent(topic)
         is_will = isinstance(message, StateMessage) and message.state == "offline"  # its time is of the begin
-        if not is_retained and not is_will:
+        if not is_retained and isinstance(message, FiguresMessage | RecentMessage):
             agent.hear(message.t, wall)
+        if abs(wall - message.t) > MOST_DELAY_S:
+            message = replace(message, t=wall)
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
             agent.since = wall if is_will and not is_retained else agent.at(message.t, wall)
@@ -236,6 +252,8 @@ class SeenFleet:
             return
         instance = self._instance(line, topic.instance)
         if isinstance(message, StatusMessage):
+            if instance.status is None or instance.status.finding != message.finding:
+                instance.found_at = message.t
             instance.status = message
         elif isinstance(message, RecentMessage):
             self._take_events(line, instance, message.events, wall)

@@ -372,7 +372,7 @@ class KeptPackets:
         self._opened = ExitStack()
 
     def passing(self, reader: CaptureReader) -> Iterator[Packet]:
-        self.interfaces = lambda: [(kind, "") for kind in reader.link_types]
+        self.interfaces = lambda: [(each.link_type, each.name) for each in reader.interfaces]
         for packet in reader:
             self.keep(packet)
             yield packet

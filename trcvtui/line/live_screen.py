@@ -64,25 +64,19 @@ class TapSocketDriver(EngineDriver):
     """Shadows of what passes the tap of a project, which is a program of its own."""
 
     def __init__(self, project: Path) -> None:
+        """Raise UserError where that tap does not run."""
         self._of = project
         super().__init__(Path("-"), "capture")
 
     def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return tap_socket_main, (self._of,)
-
-
-def tap_socket_main(channel: Channel, project: Path) -> None:
-    """Serve with what the tap's socket tells; the last words say where there is none."""
-
-    def serve() -> None:
-        from trcvtui.line.live import LivePlan
         from trcvtui.line.tap_socket import connection_to
 
-        asked = project, None, None
-        plan = LivePlan(*asked)
-        _PipeServed(channel, plan, asked).run(connection_to(project))
+        self._tap = Channel(connection_to(self._of))
+        return live_main, (self._tap, (self._of, None, None))
 
-    serve_until_gone(channel, serve)
+    def _start(self) -> None:
+        super()._start()
+        self._tap.close()  # its end is the end of the shadows
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:

@@ -14,9 +14,8 @@ from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 from typing import IO, Any, Final, NamedTuple
 
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
-from trcvtui.errors import mistake, one_line
-from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable
-from trcvtui.net.os.observers import WITHOUT_PLACE
+from trcvtui.errors import mistake
+from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
 from trcvtui.net.os.tap_ways import EventPipes
 from trcvtui.net.tap import Route, end_text
 
@@ -28,7 +27,6 @@ SERVES: Final = (
 )
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
 NO_SCREEN_NS: Final = 5_000_000_000
-MOST_UNTOLD: Final = 8 << 20  # bytes that wait for an observer
 FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
@@ -88,7 +86,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
             observers.start()
         loop.run()
         if looks.holds and screen is None:
-            _say("--hold: found no screen within 5 s, expected one that lets go what is held")
+            say_at_once("--hold: found no screen within 5 s, expected one that lets go what is held")
             return WRONG_INPUT
     finally:
         loop.close()
@@ -154,12 +152,12 @@ class _Voice:
         if self.is_kept:
             self._kept.append(line)
         else:
-            _say(line)
+            say_at_once(line)
 
     def let_out(self) -> None:
         self.is_kept = False
         while self._kept:
-            _say(self._kept.popleft())
+            say_at_once(self._kept.popleft())
 
 
 class _Observers:
@@ -180,7 +178,10 @@ class _Observers:
             self._asked = EventPipes()
             with self._asked.theirs as theirs:
                 words = SERVES, str(theirs.fileno()), str(self._path), str(int(self._may_order))
-                self._process = _started(words, stdin=PIPE, stdout=DEVNULL, pass_fds=(theirs.fileno(),))
+                told = DEVNULL if self._voice.is_kept else None  # the terminal belongs to the screen
+                self._process = _started(
+                    words, stdin=PIPE, stdout=DEVNULL, stderr=told, pass_fds=(theirs.fileno(),)
+                )
         except OSError as failed:
             self._again(failed.strerror or str(failed))
             return
@@ -190,12 +191,13 @@ class _Observers:
         assert self._asked is not None
         if self._asked.is_asked():
             way = self._asked.hand_over()
-            self._loop.add_looker(way, "an observer", gives_orders=self._may_order, most=MOST_UNTOLD)
+            if way is not None:
+                self._loop.add_looker(way, "an observer", gives_orders=self._may_order, is_guest=True)
             return
         self._loop.forget(self._asked.fd)
         self._asked = None
-        if self._process is not None and self._process.wait() == WITHOUT_PLACE:
-            return  # it has said why
+        if self._process is not None:
+            self._process.wait()
         self._again("their process has ended")
 
     def _again(self, why: str) -> None:
@@ -235,8 +237,9 @@ class _Screen:
         if not self._asked.is_asked():
             return False
         ours = self._asked.hand_over()
-        if ours.recv(1) != b"\n":
-            ours.close()
+        if ours is None or ours.recv(1) != b"\n":
+            if ours is not None:
+                ours.close()
             return False
         self._loop.hear(self._asked.fd, 1, self._hear)
         self._loop.add_looker(ours, "who shows it", gives_orders=True)
@@ -246,7 +249,9 @@ class _Screen:
 
     def _hear(self, _: int) -> None:
         if self._asked.is_asked():
-            self._loop.add_looker(self._asked.hand_over(), "who shows it", gives_orders=True)
+            way = self._asked.hand_over()
+            if way is not None:
+                self._loop.add_looker(way, "who shows it", gives_orders=True)
         else:
             self._gone()
 
@@ -263,7 +268,7 @@ class _Screen:
             termios.tcsetattr(0, termios.TCSADRAIN, self._terminal)
             sys.stdout.write(LEAVE_SCREEN)
             sys.stdout.flush()
-            _say("the screen is gone: bytes still go on; Ctrl+C ends the tap")
+            say_at_once("the screen is gone: bytes still go on; Ctrl+C ends the tap")
         self._voice.let_out()
 
     def wait(self) -> int:
@@ -305,11 +310,3 @@ def _wait(process: Popen[bytes]) -> None:
     except TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def _say(line: str) -> None:
-    try:
-        sys.stderr.write(f"{one_line(line)}\n")
-        sys.stderr.flush()
-    except OSError:
-        return  # its reader is gone: bytes go on

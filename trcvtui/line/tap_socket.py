@@ -16,7 +16,7 @@ from pathlib import Path
 from trcvtui import paths
 from trcvtui.errors import UserError, one_line
 from trcvtui.line.tapped import TapCapture
-from trcvtui.net.os.observers import WITHOUT_PLACE, ObserverServer, connected
+from trcvtui.net.os.observers import ObserverServer, connected
 from trcvtui.signals import OF_A_GROUP, leave
 
 
@@ -33,7 +33,7 @@ def connection_to(project: Path) -> int:
 
 
 def serve_observers(asks: str, path: str, may_order: str) -> None:
-    """Serve until stdin, and with it the tap, ends, which hands over ways on `asks`; exit 3: no place."""
+    """Serve until stdin, and with it the tap, ends, which hands over ways on `asks`."""
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     try:
         Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -42,7 +42,7 @@ def serve_observers(asks: str, path: str, may_order: str) -> None:
         )
     except (UserError, OSError) as refused:
         _say(f"no observers: {refused}")
-        sys.exit(WITHOUT_PLACE)
+        return
     server.run_until(0)
 
 

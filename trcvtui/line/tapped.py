@@ -138,7 +138,7 @@ class TapPackets:
     def _lost(self, event: TapEvent) -> Iterator[TapPacket]:
         count, size = LOSS.unpack_from(event.data)
         alive = {number for (number,) in struct.iter_unpack("<I", event.data[LOSS.size :])}
-        text = f"{pcap.OURS}{size} bytes before this are not in the recording ({count} events)"
+        text = f"{size} bytes before this are not in the recording ({count} events)"
         for number, talk in tuple(self._talks.items()):
             if number not in alive:
                 yield from self._over(number, event.ns)
@@ -231,7 +231,7 @@ class TapCapture:
         """Return what stands before all packets."""
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
-        return made + (pcap.interface_block(pcap.USER0, "trcvtui tap") if self._with_notes else b"")
+        return made + (pcap.interface_block(pcap.USER0, pcap.NOTES) if self._with_notes else b"")
 
     def blocks(self, events: Iterable[TapEvent]) -> bytes:
         """Return the blocks of some events."""

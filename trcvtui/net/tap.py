@@ -162,6 +162,8 @@ class TapOrder(NamedTuple):
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
+MOST_NUMBER: Final = (1 << 32) - 1
+MOST_SIZE: Final = 3_600_000_000_000  # the ns of an hour
 # How many sizes each verb takes, -1: one or more.
 VERBS: Final = {
     "hold": 0, "go": 0, "drop": 1, "insert": 0, "edit": 1, "delay": 1, "split": -1, "rst": 0, "fin": 0
@@ -176,6 +178,7 @@ def order_of(line: bytes, routes: int) -> TapOrder:
     made = TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))
     wanted = VERBS.get(verb)
     fits = len(numbers) == wanted or (wanted == -1 and numbers)
-    if not fits or min(numbers, default=0) < 0 or made.way not in (TO, BACK) or not 0 <= made.route < routes:
+    is_placed = made.way in (TO, BACK) and 0 <= made.route < routes and 0 <= made.number <= MOST_NUMBER
+    if not (fits and is_placed and all(0 <= each <= MOST_SIZE for each in numbers)):
         raise ValueError(f"'{line[:80].decode()}'")
     return made

@@ -9,6 +9,7 @@ from __future__ import annotations
 import select
 import signal
 import socket
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -16,6 +17,7 @@ from contextlib import suppress
 from itertools import islice
 from typing import Any, Final
 
+from trcvtui.errors import one_line
 from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
@@ -32,11 +34,14 @@ from trcvtui.net.tap import (
     order_of,
 )
 
+MOST_SAID: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
 TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
 FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
 MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
 MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for one who looks on
+MOST_OF_GUEST: Final = 8 << 20  # for one at the socket
+EVENT_BYTES: Final = 200  # that an event takes beside its own
 MOST_LINE: Final = 4 << 20  # bytes of an order
 
 
@@ -81,14 +86,15 @@ class Observer:
         what: str,
         gives_orders: bool,
         wants_bytes: bool,
-        most: int,
+        is_guest: bool,
     ) -> None:
         self.lost = self.lost_bytes = 0
         self.wants_bytes = wants_bytes
         self.what, self.gives_orders = what, gives_orders
+        self.has_ordered = gives_orders and not is_guest  # what it holds goes on when it leaves
         self._loop, self._sock = loop, sock
         self._waiting: deque[memoryview] = deque()
-        self._size, self._most = 0, most  # bytes that wait
+        self._size, self._is_guest = 0, is_guest  # bytes that wait
         self._orders = b""
         self.is_gone = False
         sock.setblocking(False)
@@ -100,7 +106,7 @@ class Observer:
         """Hand an event over, or let it wait; leave it out where too much waits."""
         if self.is_gone:
             return
-        if self._size > self._most or self.lost:
+        if self.lost or self._size > (MOST_OF_GUEST if self._is_guest else MOST_UNTOLD):
             self.lost += 1
             self.lost_bytes += len(data)
             return
@@ -118,7 +124,7 @@ class Observer:
             self._loop.want(self._sock.fileno(), IN | OUT)
         rest = memoryview(b"".join((head, data)))[sent:]
         self._waiting.append(rest)
-        self._size += len(rest)
+        self._size += len(rest) + EVENT_BYTES
 
     def _ready(self, events: int) -> None:
         if events & (IN | ERR | HUP):
@@ -137,6 +143,7 @@ class Observer:
                     self._waiting[0] = first[sent:]
                 else:
                     self._waiting.popleft()
+                    self._size -= EVENT_BYTES
         except BlockingIOError:
             return
         except OSError:
@@ -164,6 +171,7 @@ class Observer:
             except ValueError as wrong:
                 self._loop.say(f"{self.what} gives an order that is none: {wrong}")
                 continue
+            self.has_ordered = True
             self._loop.obey(order)
 
     def end(self) -> None:
@@ -216,10 +224,13 @@ class Forwarder(TapLoop):
         what: str,
         gives_orders: bool = False,
         wants_bytes: bool = True,
-        most: int = MOST_UNTOLD,
+        is_guest: bool = False,
     ) -> None:
-        """Tell events to one more, and obey it; `what` it does, for when it is gone; so `most` bytes wait."""
-        looker = Observer(self, sock, what, gives_orders, wants_bytes, most)
+        """Tell events to one more, and obey it; `what` it does, for when it is gone.
+
+        Of a guest's orders nothing holds that another one has given; fewer bytes wait for it.
+        """
+        looker = Observer(self, sock, what, gives_orders, wants_bytes, is_guest)
         self._lookers += (looker,)
         self._tell_all(looker)
 
@@ -264,7 +275,7 @@ class Forwarder(TapLoop):
         self._lookers = tuple([each for each in self._lookers if each is not looker])
         if not self._ends:
             self.say(f"{looker.what} has ended: bytes still go on")
-        if looker.gives_orders and not any(each.gives_orders for each in self._lookers):
+        if looker.has_ordered:
             self.let_all_go()
 
     def _lanes(self) -> list[TapLane]:
@@ -361,8 +372,21 @@ class Forwarder(TapLoop):
             for talk in tuple(route.talks.values()):
                 talk.finish()
         self.routes.clear()
+        until = time.monotonic_ns() + FLUSH_NS
         for looker in self._lookers:
-            looker.finish(time.monotonic_ns() + FLUSH_NS)
+            looker.finish(until)
+
+
+def say_at_once(line: str) -> None:
+    """Tell the user a line on stderr; where nobody reads what was told before, leave it out."""
+    with suppress(OSError, ValueError):
+        if HAS_POLL and sys.stderr is sys.__stderr__:
+            poller = select.poll()
+            poller.register(sys.stderr.fileno(), OUT)
+            if not poller.poll(0):
+                return
+        sys.stderr.write(f"{one_line(line)[:MOST_SAID]}\n")  # as much as a pipe that is ready takes
+        sys.stderr.flush()
 
 
 def raise_limit() -> None:

@@ -6,7 +6,9 @@ Rule: an observer that does not read makes its own way full, and no other one wa
 from __future__ import annotations
 
 import os
+import select
 import socket
+import stat
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -23,7 +25,9 @@ MOST_NAME: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
 READ: Final = 1 << 16  # bytes of orders that are read at once
 LAST_S: Final = 1.0  # for observers to read what is left
-WITHOUT_PLACE: Final = 3  # exit code of a process that cannot listen: trying again is of no use
+TRY_S: Final = 1.0  # for a rival to answer
+LOOK_S: Final = 5.0  # between two looks at whether the socket is still there
+MOST_LINE: Final = 4 << 20  # bytes of an order
 
 
 def _checked(path: Path) -> str:
@@ -48,9 +52,12 @@ def listening(path: Path) -> socket.socket:
     made = socket.socket(socket.AF_UNIX)
     try:
         with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
+            rival.settimeout(TRY_S)
             rival.connect(_checked(path))
             raise mistake(str(path), "a tap that listens there already", "one tap of a project")
         with suppress(FileNotFoundError):
+            if not stat.S_ISSOCK(os.lstat(path).st_mode):
+                raise mistake(str(path), "a file", "nothing, or the socket of a tap")
             os.unlink(path)
         before = os.umask(0o177)
         try:
@@ -95,17 +102,25 @@ class ObserverServer:
             say,
         )
         self._door = listening(path)
+        self._inode = os.stat(path).st_ino
         self._served: list[threading.Thread] = []
 
     def run_until(self, end: int) -> None:
-        """Serve until the end of a descriptor; then let observers read what is left."""
+        """Serve until the end of a descriptor, or of the socket's file; let observers read what is left."""
         threading.Thread(target=self._accept, daemon=True).start()
-        os.read(end, 1)
-        with suppress(OSError):
+        while self._is_there() and not select.select([end], [], [], LOOK_S)[0]:
+            pass
+        if self._is_there():  # otherwise it is another one's
             os.unlink(self._path)
         until = time.monotonic() + LAST_S
         for each in tuple(self._served):
             each.join(max(0.0, until - time.monotonic()))
+
+    def _is_there(self) -> bool:
+        try:
+            return os.stat(self._path).st_ino == self._inode
+        except OSError:
+            return False
 
     def _accept(self) -> None:
         while True:
@@ -134,13 +149,15 @@ class ObserverServer:
 
     def _hear(self, observer: socket.socket, way: int) -> None:
         """Hand on whole lines of orders; at the end of the observer end its way."""
-        is_refused, rest = False, b""
-        with suppress(OSError), socket.socket(fileno=os.dup(way)) as tap:
-            while said := observer.recv(READ):
-                if self._may_order:
-                    *lines, rest = (rest + said).split(b"\n")
-                    tap.sendall(b"".join(line + b"\n" for line in lines))
-                elif not is_refused:
-                    is_refused = True
-                    self._say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
-            tap.shutdown(socket.SHUT_RDWR)
+        is_refused, size = False, 0  # bytes since the last end of a line
+        with socket.socket(fileno=os.dup(way)) as tap:
+            with suppress(OSError):
+                while (said := observer.recv(READ)) and size < MOST_LINE:
+                    size = len(said) - 1 - said.rfind(b"\n") if b"\n" in said else size + len(said)
+                    if self._may_order:
+                        tap.sendall(said)
+                    elif not is_refused:
+                        is_refused = True
+                        self._say("an observer gives orders: it needs `trcvtui tap --allow-orders`")
+            with suppress(OSError):
+                tap.shutdown(socket.SHUT_RDWR)  # also where it died with bytes unread

@@ -26,9 +26,14 @@ class EventPipes:
         except OSError:
             return False
 
-    def hand_over(self) -> socket.socket:
-        """Hand a way over; return our end of it."""
-        ours, theirs = Forwarder.pair()
+    def hand_over(self) -> socket.socket | None:
+        """Hand a way over; return our end of it. None, and no way for the other: no descriptor is left."""
+        try:
+            ours, theirs = Forwarder.pair()
+        except OSError:
+            with suppress(OSError):
+                self._asks.sendall(ASKED)
+            return None
         with theirs, suppress(OSError):
             socket.send_fds(self._asks, [ASKED], [theirs.fileno()])
         return ours

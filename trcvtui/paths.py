@@ -32,11 +32,13 @@ def state_folder() -> Path:
 
 
 def runtime_folder() -> Path:
-    """Return where running programs find each other; a service where systemd says."""
-    from platformdirs import user_runtime_path
+    """Return where running programs of a user find each other; a service where systemd says."""
+    from tempfile import gettempdir  # read when first asked for
 
-    given = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
-    return Path(given) if given else user_runtime_path("trcvtui", appauthor=False)
+    given, of_user = os.environ.get("RUNTIME_DIRECTORY", ""), os.environ.get("XDG_RUNTIME_DIR", "")
+    if given:
+        return Path(given.partition(":")[0])
+    return Path(of_user, "trcvtui") if of_user else Path(gettempdir(), f"trcvtui-{os.geteuid()}")
 
 
 def given_path(text: str) -> Path:

@@ -25,6 +25,7 @@ class BenchDriver(FakeDriver):
     def __init__(self) -> None:
         super().__init__()
         self.local = LocalDriver(fresh_bench(bench_project(), "sim"))
+        self._asked: UpdateRequest | None = None
 
     def submit(self, line: str) -> int:
         super().submit(line)
@@ -32,9 +33,14 @@ class BenchDriver(FakeDriver):
 
     def request(self, request: UpdateRequest) -> None:
         super().request(request)
-        self.local.request(request)
+        self._asked = request
 
     def picture(self) -> BenchUpdate | None:
+        """Return the bench as it is now, not as it was when a picture was asked for."""
+        if self._asked is None:
+            return None
+        self.local.request(self._asked)
+        self._asked = None
         return self.local.picture()
 
 

@@ -216,6 +216,8 @@ class Agent:
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
         self._scan = -1
         self._engine = self._new_engine()
+        if self._has_taps:
+            say("the tap is there")
         self.seen.begin_run()
         self._has_asked = False
 

@@ -380,9 +380,9 @@ class Forwarder(TapLoop):
 def say_at_once(line: str) -> None:
     """Tell the user a line on stderr; where nobody reads what was told before, leave it out."""
     with suppress(OSError, ValueError):
-        if HAS_POLL and sys.stderr is sys.__stderr__:
+        if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
             poller = select.poll()
-            poller.register(sys.stderr.fileno(), OUT)
+            poller.register(stderr.fileno(), OUT)
             if not poller.poll(0):
                 return
         sys.stderr.write(f"{one_line(line)[:MOST_SAID]}\n")  # as much as a pipe that is ready takes

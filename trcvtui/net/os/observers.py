@@ -31,6 +31,9 @@ MOST_LINE: Final = 4 << 20  # bytes of an order
 
 
 def _checked(path: Path) -> str:
+    with suppress(FileNotFoundError):
+        if os.stat(path.parent).st_uid not in (0, os.geteuid()):
+            raise mistake(str(path.parent), "a folder of another user", "one of yours: set XDG_RUNTIME_DIR")
     if len(os.fsencode(path)) > MOST_NAME:
         raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_NAME} at most")
     return str(path)

@@ -67,6 +67,25 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
     assert told(6, found("header"), with_payload=True)[0]["evidence"] == f"before it stands {HEX}"
 
 
+def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) -> None:
+    project = load_bench(written(tmp_path, LINE + PEER))
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    driver.request(UpdateRequest())
+    update = driver.picture()
+    assert update is not None
+    seen = SeenBench("b00", project.dialect.label, names={"C1": "press"})
+    seen.take(update, 1000.0)
+    assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"
+    [(instance, _)] = seen.findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
+    assert instance.line == "press" and instance.finding == "loss"
+
+
+@pytest.mark.parametrize("option", ["--site", "--name"])
+def test_an_empty_name_is_a_mistake(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["agent", "configs/active.toml", "--metrics", "127.0.0.1:9", option, ""]) == 2
+    assert f"{option}: found an empty one" in capsys.readouterr().err
+
+
 # -- a capture program -------------------------------------------------------------------------------------
 
 

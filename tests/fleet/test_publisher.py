@@ -106,6 +106,17 @@ def test_a_topic_that_changes_fast_costs_one_message_a_second_with_the_newest() 
     assert [payload for _, payload in line.got] == [b"0", b"10", b"20"]
 
 
+def test_recent_goes_out_at_once_and_then_once_a_minute_with_what_there_is_by_then() -> None:
+    line = Line()
+    line.come()
+    events: list[int] = []
+    for number in range(121):
+        events.append(number)
+        line.publisher.retain("recent", lambda: b"%d" % len(events), 60 * SECOND)
+        line.pass_time(1 if number else 0)
+    assert [payload for _, payload in line.got] == [b"1", b"61", b"121"]
+
+
 def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:
     line = Line()
     line.publisher.figures("f", b"figures")

@@ -44,7 +44,7 @@ def place_of(agent: int, line: str = "", instance: str = "") -> tuple[str, str, 
 def status_of(seen: SeenInstance, now: float, is_error: bool = False) -> StatusMessage:
     """Return what an instance shows."""
     code, text = ("80A6", "the partner has reset the connection") if is_error else ("7006", "receiving")
-    return StatusMessage(now, code, text, not is_error, False, is_error, 70, seen.count, 12, 24, 0.5)
+    return StatusMessage(now, code, text, not is_error, False, is_error, 70, seen.count, 0, 24, 0.5)
 
 
 class SimulatedAgent:

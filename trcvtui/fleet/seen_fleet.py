@@ -182,7 +182,8 @@ class FleetLine:
         """Find out what it shows, and its rank."""
         self.errors_hour = self.errors_an_hour(wall)
         self.shows = self._shown(wall)
-        since = self.since(wall) if self.shows < HAD else None
+        is_of_agent = self.shows in (OFFLINE, STALE)  # its lines stand together, by their names
+        since = self.agent.since if is_of_agent else self.since(wall) if self.shows < HAD else None
         names = self.agent.site, self.agent.name, self.name
         self.rank = (self.shows, wall if since is None else since, -self.errors_hour, *names)
 

@@ -244,7 +244,7 @@ def test_the_death_of_an_agent_and_all_its_processes_ends_no_connection(
         device.sendall(b"on")
         until(lambda: "an observer has ended" in tap.said)
         while took != b"on":
-            took = (took + plc.recv(1))[-2:]  # behind what the page was asked with
+            took = (took + plc.recv(1))[-2:]  # the bytes of `sees_a_job` stand before it
         for end in (device, plc):
             end.close()
     finally:

@@ -67,7 +67,7 @@ def ranked(run: Run, *argv: str) -> tuple[int, list[dict[str, object]]]:
     return code, json.loads(out)
 
 
-KEYS = ["rank", "layout", "byte_order", "cause", "n", "points", "fits_best", "reasons"]
+KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "points", "fits_best", "reasons"]
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,18 @@ def test_fit_names_the_layout_and_the_cause(content: str, cause: str | None, n: 
     best = found[0]
     assert (best["layout"], best["byte_order"]) == ("natural8", "little")
     assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, True, 0)
+    assert best["text"] is None
     assert [one["fits_best"] for one in found[1:]] == [False] * (len(found) - 1)
+
+
+def test_fit_names_the_form_of_string(run: Run) -> None:
+    for content, form in (
+        ("04 02 41 42 00 00", "s7"),
+        ("41 42 00 00 00 00", "cstr"),
+        ("41 42 43 44 00", "nul"),
+    ):
+        _, out, _ = run("udt", "fit", "text.st", "07 00 00 00", *content.split(), "--format", "json")
+        assert json.loads(out)[0]["text"] == form
 
 
 def test_fit_names_exchanged_words_and_bytes(run: Run) -> None:

@@ -552,6 +552,7 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
             "rank": found.rank,
             "layout": found.profile.layout,
             "byte_order": found.profile.byte_order,
+            "text": found.profile.text or None,
             "cause": found.cause.kind,
             "n": found.cause.n,
             "points": found.score,

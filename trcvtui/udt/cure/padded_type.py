@@ -2,13 +2,14 @@
 
 Gaps become members of their own, and what is stored in another way bit strings of its size. What cannot be
 reached becomes raw bytes, and is told with the reason; the result is laid out again and every member
-compared, so that what is called possible is proved.
+compared, so that what is called possible is proved. The whole may be longer than is sent: LEN ends it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
@@ -91,8 +92,8 @@ RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
 def prove(wanted: Node, found: Node, raw: Collection[RawMember]) -> None:
-    """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (of a bit: anything)."""
-    if found.size != wanted.size:
+    """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
+    if found.size < wanted.size:
         raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
     _Proof(raw).node(wanted, found, "")
 
@@ -124,7 +125,7 @@ class _Proof:
         for name, offset, bit, node, _ in wanted.flat():
             below = f"{path}.{name}" if path else name
             is_raw = (id(wanted), name) in self.raw
-            if is_raw and (bit is not None or not node.size):
+            if is_raw and (bit is not None or name.casefold() not in own):
                 continue
             at, own_bit, lies = own.get(name.casefold(), (-1, None, node))
             if at != offset or (is_raw and lies.size != node.size):
@@ -150,7 +151,10 @@ class UnreachedMember(NamedTuple):
 
 
 class PaddedType(NamedTuple):
-    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion."""
+    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion.
+
+    It may be longer than is wanted: then LEN of the block is the wanted size.
+    """
 
     type: Type
     layout: Layout
@@ -159,7 +163,7 @@ class PaddedType(NamedTuple):
 
     @property
     def is_possible(self) -> bool:
-        """Return whether every member lies at the wanted place, and the size is the wanted one."""
+        """Return whether every member lies at the wanted place."""
         return not self.unreached
 
 
@@ -169,12 +173,13 @@ def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
     other way round.
     """
-    tries = [_corrected(wanted, rules, pack) for pack in ((None, 1) if rules.takes_pack else (None,))]
+    packs = (None, 1) if rules.takes_pack else (None,)
+    tries = [_corrected(wanted, rules, pack, is_longer) for is_longer in (False, True) for pack in packs]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
-def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> PaddedType:
-    rebuild = _Rebuild(wanted, rules, pack)
+def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> PaddedType:
+    rebuild = _Rebuild(wanted, rules, pack, is_longer)
     try:
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
@@ -221,8 +226,9 @@ class _Built(NamedTuple):
 class _Rebuild:
     """One rebuilding of a declaration; each STRUCT is rebuilt once, however many members have its type."""
 
-    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None) -> None:
+    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> None:
         self.theirs, self.rules, self.pack = wanted.rules, rules, pack
+        self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
         self.name = wanted.name
         self.suffix = _suffix(wanted)
         self.placing = Placing(rules)
@@ -284,8 +290,9 @@ class _Rebuild:
         return found
 
     def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
-        limit = node.size & -node.size or 1  # no multiple of more is the size: no member may be aligned to it
-        fill = self.filling(type_, node, max(limit, self.rules.struct_floor))
+        # No multiple of more is the size: no member may be aligned to it.
+        limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
+        fill = self.filling(type_, node, limit)
         for name, offset, bit, child, inner in _members(type_, node):
             mark = len(self.unreached), len(self.notes)
             try:
@@ -294,16 +301,20 @@ class _Rebuild:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
                 self.unreached.append(_Raw(name, failed.path[len(name) :], failed.why))
                 self.raw.add((id(node), name))
-                fill.put_raw(name, offset, child.size, bit is not None, name)
-        fill.finish(node.size, "")
+                with suppress(Unreachable):  # where no bytes can begin either, padding covers it
+                    fill.put_raw(name, offset, child.size, bit is not None, name)
+        fill.finish(self.size(node, fill), "")
         return fill
 
     def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
         for name, _, bit, child, inner in _members(type_, node):
             fill.overlay(name, self.type(inner, child, name), bit, name)
-        fill.cover(node.size, "")
+        fill.cover(self.size(node, fill), "")
         return fill
+
+    def size(self, node: PlacedStruct, fill: Filling) -> int:
+        return fill.least(node.size) if node is self.longer else node.size
 
     def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
         cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)

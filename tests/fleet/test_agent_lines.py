@@ -15,6 +15,7 @@ from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
+from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import SeenBench
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.line.live_screen import CaptureDriver
@@ -73,6 +74,9 @@ def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) ->
     driver.request(UpdateRequest())
     update = driver.picture()
     assert update is not None
+    watched = load_bench(written(tmp_path, LINE + WATCH + WATCH.replace("press", "mill"), "watch.toml"))
+    of_rows = Agent(AgentSettings(tmp_path, "sim", "s", "n", None, None, None), watched).seen
+    assert of_rows._names == {"C1": "press, mill"}  # one CONNECT is one line
     seen = SeenBench("b00", project.dialect.label, names={"C1": "press"})
     seen.take(update, 1000.0)
     assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"

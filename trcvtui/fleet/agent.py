@@ -88,8 +88,11 @@ class Agent:
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
         rows: tuple[WatchDecl | TapDecl, ...] = (*project.watches, *project.taps)
-        names = {row.connect: row.name for row in rows}
-        names |= {row.back: f"{row.name} back" for row in rows if row.back}
+        names: dict[str, str] = {}
+        for row in rows:
+            for connect, name in ((row.connect, row.name), (row.back, f"{row.name} back")):
+                names[connect] = f"{names[connect]}, {name}" if connect in names else name
+        names.pop("", None)
         boot = f"{clock.wall_ns():x}"
         self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
         self._engine: EngineDriver | None = None

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
+SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
 
 
 class LiveDriver(EngineDriver):
@@ -42,11 +43,14 @@ class LiveDriver(EngineDriver):
         return live_main, (self._packets, self._asked_of)
 
 
-def live_main(channel: Channel, packets: Channel, asked: ShadowChoice) -> None:
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
-    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+    def run() -> None:
+        _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
+
+    serve_until_gone(channel, run)
 
 
 class CaptureDriver(EngineDriver):
@@ -72,7 +76,7 @@ class TapSocketDriver(EngineDriver):
         from trcvtui.line.tap_socket import connection_to
 
         self._tap = Channel(connection_to(self._of))
-        return live_main, (self._tap, (self._of, None, None))
+        return live_main, (self._tap, (self._of, None, None), SILENT_NS)
 
     def _start(self) -> None:
         super()._start()
@@ -186,14 +190,14 @@ class _PipeServed(ServedShadows):
         self._project, self._plc, _ = asked
         self._live: LiveWatch | None = None
 
-    def run(self, fd: int) -> NoReturn:
+    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.recording.worker_process import FilesJudge
 
         live = self._live = LiveWatch(self._plan, self._begin, self._leave)
         kept = KeptPackets()
         self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept)
+        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept, most_idle_ns)
         said = stream.take()
         live.finish()
         for line in said:

@@ -84,6 +84,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
         if looks.project is not None and os.name == "posix":
             observers = _Observers(loop, voice, looks.project, looks.may_order)
             observers.start()
+            loop.beat()
         loop.run()
         if looks.holds and screen is None:
             say_at_once("--hold: found no screen within 5 s, expected one that lets go what is held")

@@ -12,7 +12,7 @@ import pytest
 from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
+from trcvtui.engine.driver import Driver, EngineDriver, EngineStopped
 from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.paths import demo_path
@@ -123,7 +123,7 @@ def test_too_much_news_is_counted_and_the_newest_is_kept(local: LocalDriver) -> 
 
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
-    driver = start_engine(PASSIVE, "live")
+    driver = EngineDriver(PASSIVE, "live")
     yield driver
     driver.close()
 
@@ -155,7 +155,7 @@ def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("name", S7_PROJECTS)
 def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
-    driver = start_engine(CONFIGS / f"{name}.toml", "live")
+    driver = EngineDriver(CONFIGS / f"{name}.toml", "live")
     try:
         expected = [each.name for each in load_project(CONFIGS / f"{name}.toml").instances]
         assert [each.name for each in driver.project().instances] == expected
@@ -167,7 +167,7 @@ def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_demo_is_alive_by_itself() -> None:
-    driver = start_engine(demo_path(), "live")
+    driver = EngineDriver(demo_path(), "live")
     try:
         picture = wait_for(driver, lambda p: all(i.jobs_done >= 2 for i in p.snapshot.instances))
         assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C", "TSEND_C"]
@@ -178,7 +178,7 @@ def test_the_demo_is_alive_by_itself() -> None:
 
 @pytest.mark.slow
 def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
-    driver = start_engine(demo_path(), "live")
+    driver = EngineDriver(demo_path(), "live")
     try:
         names = [each.name for each in driver.project().instances]
         first = driver.pid
@@ -216,7 +216,7 @@ def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Pat
     )
     with pytest.raises(UserError) as expected:
         load_bench(file)
-    driver = start_engine(file, "sim")
+    driver = EngineDriver(file, "sim")
     with pytest.raises(UserError) as caught:
         driver.project()
     driver.close()

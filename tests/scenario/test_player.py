@@ -12,7 +12,7 @@ from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS, PASSIVE
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.engine.driver import EngineDriver, start_engine
+from trcvtui.engine.driver import EngineDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
@@ -226,7 +226,7 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
         peer = '[[peer]]\nname = "P2"\nactive = false\nlocal = "127.0.0.1:{}"\n\n[scenario]'
         free.write_text(text.replace("[scenario]", peer.format(0)), encoding="utf-8")
         first.take(1, f"scenario load {free} live")
-        taken = first.bench.peers["P2"].last_port
+        taken = first.bench.peers["P2"].transport.last_port
         free.write_text(text.replace("[scenario]", peer.format(taken)), encoding="utf-8")
         second.take(1, f"scenario load {free} live")
         (answer,) = second.picture(UpdateRequest(), EngineTiming(), 10).answers
@@ -259,7 +259,7 @@ def test_a_bench_that_is_left_after_keeps_no_socket() -> None:
 
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
-    driver = start_engine(PASSIVE, "live")
+    driver = EngineDriver(PASSIVE, "live")
     yield driver
     driver.close()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from trcvtui.cli.options import (
     GOOD,
@@ -25,6 +25,7 @@ from trcvtui.cli.options import (
 )
 from trcvtui.cli.screen import has_terminal, show
 from trcvtui.errors import UserError, mistake
+from trcvtui.files import create
 from trcvtui.paths import given_path
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _tap(args: Args) -> int:
         args.armed,
         args.allow_orders,
     )
-    return forward(routes, looks, _tap_record(args.record))
+    return forward(routes, looks, None if args.record is None else create(args.record, "--record"))
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
@@ -160,15 +161,6 @@ def _taps_of(project: Path | None) -> list[Route]:
     from trcvtui.line.tap_observer import routes_of
 
     return routes_of(taps)
-
-
-def _tap_record(path: str | None) -> IO[bytes] | None:
-    """Return the file of a recording; raise UserError for one that is refused."""
-    if path is None:
-        return None
-    from trcvtui.files import create
-
-    return create(path, "--record")
 
 
 # -- conversations, doctor, report ----------------------------------------------------------------------

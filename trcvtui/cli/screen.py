@@ -41,9 +41,9 @@ def open_screen(
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _is_there(path):
         return WRONG_INPUT
-    from trcvtui.engine.driver import start_engine
+    from trcvtui.engine.driver import EngineDriver
 
-    return show(lambda: start_engine(path, kernel, netns, read_only, record), theme, read_only)
+    return show(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only)
 
 
 def show(

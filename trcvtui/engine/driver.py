@@ -100,7 +100,11 @@ class MessageReader:
 
 
 class EngineDriver:
-    """The bench in a process of its own; start it before the screen library is imported."""
+    """The bench in a process of its own; start it before the screen library is imported.
+
+    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
+    it opens no file but those of the project.
+    """
 
     def __init__(
         self,
@@ -231,14 +235,3 @@ class EngineDriver:
         if self._process.is_alive():
             self._process.kill()  # a stopped one hears of no other signal
             self._process.join()
-
-
-def start_engine(
-    path: Path, kernel: str, netns: bool = False, read_only: bool = False, record: RecordTo | None = None
-) -> EngineDriver:
-    """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
-
-    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project.
-    """
-    return EngineDriver(path, kernel, netns=netns, read_only=read_only, record=record)

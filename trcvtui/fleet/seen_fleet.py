@@ -62,9 +62,8 @@ class FleetAgent:
         self.without_lines = FleetLine(self, "")  # stands for it as long as none has come
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
-        self._delays: deque[tuple[int, float]] = deque(
-            maxlen=2
-        )  # the least of each bucket: ours less its time
+        # The least of each bucket: ours less its time.
+        self._delays: deque[tuple[int, float]] = deque(maxlen=2)
 
     def hear(self, t: float, wall: float) -> None:
         """Take that a message that was made when it was sent, at `t`, has come just now."""

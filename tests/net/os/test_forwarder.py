@@ -12,8 +12,8 @@ from contextlib import suppress
 import pytest
 
 from trcvtui.net.os import forwarder, tapped_ends, tapped_lane
-from trcvtui.net.os.forwarder import Forwarder, PollOfSelect
-from trcvtui.net.os.system_calls import RESET_ON_CLOSE
+from trcvtui.net.os.forwarder import Forwarder
+from trcvtui.net.os.system_calls import RESET_ON_CLOSE, PollList
 from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, events_of, place_of, route_of
 
 pytestmark = pytest.mark.live
@@ -116,7 +116,7 @@ class Stand:
             sock.close()
 
 
-@pytest.fixture(params=[None, PollOfSelect])
+@pytest.fixture(params=[None, PollList])
 def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
     made = Stand(request.param and request.param())
     yield made
@@ -488,12 +488,12 @@ def test_a_loop_that_is_ended_by_its_timer_waits_for_nothing_more() -> None:
 
     waited: list[float] = []
 
-    class Poll(PollOfSelect):
-        def poll(self, seconds: float) -> list[tuple[int, int]]:
-            waited.append(seconds)
+    class Poll(PollList):
+        def poll(self, timeout: float, maxevents: int = -1) -> list[tuple[int, int]]:
+            waited.append(timeout)
             return []
 
     loop = Forwarder(lambda _: None, Poll())
-    loop.stop_after(0)
+    loop.after(0, loop.stop)
     loop.turn(-1)
     assert waited == [0]

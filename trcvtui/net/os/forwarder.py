@@ -18,7 +18,7 @@ from itertools import islice
 from typing import Any, Final
 
 from trcvtui.errors import one_line
-from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures
+from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures, new_poll_set
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
 from trcvtui.net.tap import (
@@ -45,37 +45,6 @@ MOST_OF_GUEST: Final = 8 << 20  # for one at the socket
 ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
 EVENT_BYTES: Final = 200  # that an event takes beside its own
 MOST_LINE: Final = 4 << 20  # bytes of an order
-
-
-class PollOfSelect:
-    """What select.epoll offers, on a system without it; there an RST of who is not read shows late."""
-
-    def __init__(self) -> None:
-        self._wanted: dict[int, int] = {}
-
-    def register(self, fd: int, mask: int) -> None:
-        """Take fd in, or change what is wanted of it."""
-        self._wanted[fd] = mask
-
-    modify = register
-
-    def unregister(self, fd: int) -> None:
-        del self._wanted[fd]
-
-    def poll(self, timeout: float) -> list[tuple[int, int]]:
-        """Wait so many seconds at most, -1: for ever; return (descriptor, events)."""
-        if HAS_POLL:
-            poller = select.poll()
-            for fd, mask in self._wanted.items():
-                poller.register(fd, mask)
-            return poller.poll(None if timeout < 0 else timeout * 1000)
-        readers = [fd for fd, mask in self._wanted.items() if mask & IN]
-        writers = [fd for fd, mask in self._wanted.items() if mask & OUT]
-        if not readers and not writers:
-            time.sleep(0.05 if timeout < 0 else timeout)
-            return []
-        ready = select.select(readers, writers, writers, None if timeout < 0 else timeout)
-        return [(fd, mask) for fds, mask in zip(ready, (IN, OUT, OUT), strict=True) for fd in fds]
 
 
 class Observer:
@@ -207,7 +176,7 @@ class Forwarder(TapLoop):
     """The loop; `say` gets lines for the user."""
 
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
-        super().__init__(say, poll or (select.epoll() if hasattr(select, "epoll") else PollOfSelect()))
+        super().__init__(say, poll or new_poll_set())
         self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
         self._lookers: tuple[Observer, ...] = ()
         self._ends = False
@@ -245,13 +214,9 @@ class Forwarder(TapLoop):
         self._lookers += (looker,)
         self._tell_all(looker)
 
-    def tell_typed(self, data: bytes) -> None:
-        """Hand on what the user has typed, to who gives orders."""
-        self._tell_ordering(TapEventKind.LINE, data)
-
     def tell_time(self) -> None:
         """Let who gives orders know the time, again and again."""
-        self._tell_ordering(TapEventKind.NOW, b"")
+        self.tell_ordering(TapEventKind.NOW, b"")
         self._ticks = (self._ticks + 1) % FIGURES_TICKS
         if not self._ticks:
             self._tell_figures()
@@ -273,11 +238,12 @@ class Forwarder(TapLoop):
                     if found is not None and found != lane.figures:
                         lane.figures = found
                         told = FIGURES.pack(*found)
-                        self._tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
+                        self.tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
 
-    def _tell_ordering(
+    def tell_ordering(
         self, kind: TapEventKind, data: bytes, way: int = TO, place: int = 0, number: int = 0
     ) -> None:
+        """Tell those that give orders."""
         for looker in self._lookers:
             if looker.gives_orders and not (looker.lost and kind is not TapEventKind.LINE):
                 self._tell_one(looker, kind, place, number, 0, data, way)
@@ -374,10 +340,6 @@ class Forwarder(TapLoop):
     def stop(self) -> None:
         """End the loop after this turn."""
         self._ends = True
-
-    def stop_after(self, ns: int) -> None:
-        """End the loop when so much time has passed."""
-        self.after(ns, self.stop)
 
     def close(self) -> None:
         """Listen no more, end both ends of all, let those who look on have what waits."""

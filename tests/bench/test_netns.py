@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import trcvtui.net.os.network as os_namespace
-from tests.engine.test_driver import wait_for
+from tests.local_driver import wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main

@@ -51,9 +51,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
     for line in ("set TRCV_C_1 EN_R=1 CONT=1", "peer P1 rst", "peer P1 rst", "peer P1 rst"):
         driver.submit(line)
         driver.scan(2000)
-    driver.request(UpdateRequest(most_lines=20_000))
-    update = driver.picture()
-    assert update is not None
+    update = driver.shown(UpdateRequest(most_lines=20_000))
     errors = update.snapshot.instances[0].errors
     changed, events, moved = seen.take(update, 1000.0)
     told = [event for _, event in events]
@@ -77,11 +75,8 @@ class IdleAgent:
         project = load_bench(PROJECT)
         driver = LocalDriver(fresh_bench(project, "sim"))
         driver.scan(100)
-        driver.request(UpdateRequest())
-        update = driver.picture()
-        assert update is not None
         self.seen = SeenBench("b", project.dialect.label)
-        self.seen.take(update, 1.0)
+        self.seen.take(driver.shown(), 1.0)
 
 
 def page() -> str:

@@ -20,7 +20,8 @@ import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
 from tests.fleet.test_agent import SECOND, children_of, is_alive
-from tests.fleet.test_agent_lines import LINE, TAP, pictures, written
+from tests.fleet.test_agent_lines import LINE, TAP, written
+from tests.local_driver import wait_for
 from tests.waiting import until
 from trcvtui.capture.pcap import USER0, CaptureReader, Packet
 from trcvtui.capture.reassembly import Conversations
@@ -336,7 +337,7 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
         for end in (device, plc):
             end.close()
         tap.close()
-        assert pictures(driver, lambda picture: bool(picture.over)).over == "the packets have ended"
+        assert wait_for(driver, lambda picture: bool(picture.over)).over == "the packets have ended"
     finally:
         driver.close()
     with pytest.raises(UserError, match="found no tap, expected `trcvtui tap --project"):

@@ -8,13 +8,13 @@ from typing import Final
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 
 MOST_PICTURES: Final = 3000
 
 
-def wait_for(driver: EngineDriver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
+def wait_for(driver: ProcessDriver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
     """Pull pictures, as the screen does, until one shows it."""
     request = UpdateRequest()
     for _ in range(MOST_PICTURES):

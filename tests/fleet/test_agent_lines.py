@@ -12,9 +12,10 @@ from tests.local_driver import LocalDriver, wait_for
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.engine.controller import fresh_bench
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import SeenBench
-from trcvtui.line.live_screen import CaptureDriver
+from trcvtui.line.live_screen import capture_main
 from trcvtui.scenario.scenario import load_bench
 
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
@@ -100,8 +101,8 @@ def test_shadows_show_what_a_capture_program_writes_and_say_when_it_has_ended(
 ) -> None:
     capture = recording(tmp_path)
     copy = f"import shutil, sys; shutil.copyfileobj(open({str(capture)!r}, 'rb'), sys.stdout.buffer)"
-    driver = CaptureDriver(
-        [sys.executable, "-c", copy], (written(tmp_path, LINE + WATCH, "w.toml"), None, None)
+    driver = ProcessDriver(
+        capture_main, [sys.executable, "-c", copy], (written(tmp_path, LINE + WATCH, "w.toml"), None, None)
     )
     try:
         last = wait_for(driver, lambda picture: bool(picture.over))

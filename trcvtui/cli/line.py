@@ -58,10 +58,11 @@ def _watch(args: Args) -> int:
     if "-" in args.files:
         return _watch_stdin(args, shadows)
     if args.format is None and has_terminal():
-        from trcvtui.line.on_screen import WatchDriver
+        from trcvtui.engine.driver import ProcessDriver
+        from trcvtui.line.on_screen import watch_main
 
         sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
-        return show(lambda: WatchDriver(args.files, shadows), is_replay=True)
+        return show(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
     from trcvtui.line.watch_command import watch
 
     watch(args.files, *shadows, args.format)
@@ -74,10 +75,10 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
     if sys.stdin.isatty():
         raise mistake("stdin", "a terminal", "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
     if args.format is None and sys.stdout.isatty():
-        from trcvtui.line.live_screen import LiveDriver
+        from trcvtui.line.live_screen import live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return show(lambda: LiveDriver(shadows))
+        return show(lambda: live_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)

@@ -16,7 +16,7 @@ from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench
 from trcvtui.errors import mistake
 
 if TYPE_CHECKING:
-    from trcvtui.engine.driver import EngineDriver
+    from trcvtui.engine.driver import ProcessDriver
     from trcvtui.recording.files import RecordTo
 
 
@@ -47,7 +47,7 @@ def open_screen(
 
 
 def show(
-    start: Callable[[], EngineDriver],
+    start: Callable[[], ProcessDriver],
     theme: str | None = None,
     read_only: bool = False,
     is_replay: bool = False,

@@ -99,23 +99,13 @@ class MessageReader:
             os.set_blocking(descriptor, True)
 
 
-class EngineDriver:
-    """The bench in a process of its own; start it before the screen library is imported.
+class ProcessDriver:
+    """What is shown, in a process of its own that runs `main`: start it before the screen library comes."""
 
-    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project.
-    """
+    _record: RecordTo | None = None
 
-    def __init__(
-        self,
-        path: Path,
-        kernel: str,
-        netns: bool = False,
-        read_only: bool = False,
-        record: RecordTo | None = None,
-    ) -> None:
-        self._asked = path, kernel, netns, read_only
-        self._record = record
+    def __init__(self, main: Callable[..., None], *asked: Any) -> None:
+        self._main, self._asked = main, asked
         self._number = 0
         self._start()
 
@@ -123,18 +113,15 @@ class EngineDriver:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        main, asked = self._program()
-        self._process = context.Process(target=main, args=(theirs, *asked), daemon=True)
+        self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
         self._arriving = MessageReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
 
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        from trcvtui.engine.engine import engine_main
-
-        return engine_main, (*self._asked, self._record)
+    def _arguments(self) -> tuple[Any, ...]:
+        return self._asked
 
     def restart(self) -> None:
         self.close()
@@ -235,3 +222,27 @@ class EngineDriver:
         if self._process.is_alive():
             self._process.kill()  # a stopped one hears of no other signal
             self._process.join()
+
+
+class EngineDriver(ProcessDriver):
+    """The bench.
+
+    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
+    it opens no file but those of the project.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        kernel: str,
+        netns: bool = False,
+        read_only: bool = False,
+        record: RecordTo | None = None,
+    ) -> None:
+        from trcvtui.engine.engine import engine_main
+
+        self._record = record
+        super().__init__(engine_main, path, kernel, netns, read_only)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return *self._asked, self._record

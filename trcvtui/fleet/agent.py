@@ -12,7 +12,7 @@ from shutil import which
 from typing import Final
 
 from trcvtui import __version__, clock, paths
-from trcvtui.engine.driver import EngineDriver, EngineStopped
+from trcvtui.engine.driver import EngineDriver, EngineStopped, ProcessDriver
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
@@ -94,7 +94,7 @@ class Agent:
         names.pop("", None)
         boot = f"{clock.wall_ns():x}"
         self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
-        self._engine: EngineDriver | None = None
+        self._engine: ProcessDriver | None = None
         self._has_taps = bool(project.taps)
         self._has_shadows = self._has_taps or bool(settings.packets)
         self._has_asked = False  # the engine for a picture
@@ -227,15 +227,15 @@ class Agent:
         self.seen.begin_run()
         self._has_asked = False
 
-    def _new_engine(self) -> EngineDriver:
+    def _new_engine(self) -> ProcessDriver:
         settings = self._settings
         if not self._has_shadows:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.line.live_screen import CaptureDriver, TapSocketDriver
+        from trcvtui.line.live_screen import TapSocketDriver, capture_main
 
         if self._has_taps:
             return TapSocketDriver(settings.project)
-        return CaptureDriver(settings.packets, (settings.project, None, None))
+        return ProcessDriver(capture_main, settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
         self._end_engine()
@@ -260,7 +260,7 @@ class Agent:
         if engine is not None:
             engine.close()
 
-    def _look(self, engine: EngineDriver, now: int) -> None:
+    def _look(self, engine: ProcessDriver, now: int) -> None:
         if not self._has_asked and (self._has_shadows or engine.has_begun()):
             self._has_asked, self._started_at = True, now
             # Not before: with a request unread its last words would be lost.

@@ -158,6 +158,18 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
     ]
 
 
+def test_of_a_struct_that_cannot_be_there_the_members_stand_in_its_place() -> None:
+    text = "TYPE S : STRUCT k : BYTE; i : INT; d : DINT; END_STRUCT END_TYPE "
+    text += "TYPE T : STRUCT a : BYTE; s : S; s_k : INT; END_STRUCT END_TYPE"
+    found = padded_type(lay_out(types_of(text).named("T"), rules_for("packed")), rules_for("baosky"))
+    assert isinstance(found.type, Struct) and found.type.name == "T_flat"
+    assert told(found) == ["s: its members stand here by themselves, as s_.."]
+    assert places(found.layout) == {
+        "a": (0, 1, None), "s_k_": (1, 1, None), "s_i": (2, 2, None), "s_d": (4, 4, None),
+        "s_k": (8, 2, None),
+    }  # fmt: skip
+
+
 def test_what_is_raw_as_a_whole_is_told_as_all() -> None:
     theirs = lay_out(Array(((0, 1),), struct_of("INT", "DINT")), rules_for("packed"))
     (one,) = padded_type(theirs, rules_for("baosky")).unreached
@@ -237,10 +249,13 @@ def test_every_member_of_a_padded_type_that_is_no_bytes_has_the_senders_value(
     assert "" not in raw
     other = {re.sub(INDEX, "", note.path) for note in found.notes}
     for leaf, value in zip(sent.leaves(), decode(sent, content), strict=True):
-        path = re.sub(INDEX, "", leaf.path)
+        name = leaf.path
+        for note in found.notes:  # of a STRUCT: its members have names of their own
+            name = re.sub(rf"^{re.escape(note.path)}\.", f"{note.path}_", name)
+        path = re.sub(INDEX, "", name)
         if any(path == each or path.startswith(each + ".") for each in raw):
             continue
-        number = numbers[leaf.path]
+        number = numbers[name]
         assert place_of(cured.leaf(number)) == place_of(leaf)
         assert path in other or same(decode_leaves(cured, received, number, number + 1), (value,))
 

@@ -13,8 +13,8 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
-from trcvtui.udt.layout.placing import Filling, Placing, Unreachable
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedMember, PlacedStruct
+from trcvtui.udt.layout.placing import Filling, Placing, Unreachable, free_name
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -22,6 +22,7 @@ from trcvtui.udt.types import (
     Array,
     Enumeration,
     LeafType,
+    Member,
     StringType,
     Struct,
     Type,
@@ -171,8 +172,41 @@ def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
     """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    other way round.
+    other way round. Of a STRUCT in it that cannot be, the members stand in its place.
     """
+    found, apart = _nearest(wanted, rules), []
+    while parts := _taken_apart(wanted, {one.path for one in found.unreached}):
+        wanted, notes = parts
+        apart += notes
+        found = _nearest(wanted, rules)
+    return found._replace(notes=(*apart, *found.notes))
+
+
+def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
+    """Return the layout with the members of the STRUCTs of these names in their place; None without one."""
+    type_, root = wanted.type, wanted.root
+    if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_TOLD:
+        return None
+    taken = {one.name.casefold() for one in root.flat()}
+    members: list[Member] = []
+    placed: list[PlacedMember] = []
+    notes: list[MemberNote] = []
+    for name, offset, bit, node, inner in _members(type_, root):
+        parts = [("", 0, bit, node, inner)]
+        if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
+            parts = list(_members(inner, node))
+            notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
+        for below, at, own_bit, part, part_type in parts:
+            own = free_name(f"{name}_{below}", taken) if below else name
+            members.append(Member(own, part_type))
+            placed.append(PlacedMember(own, offset + at, part, own_bit or 0))
+    if not notes:
+        return None
+    flat = Struct(type_.name and f"{wanted.name}_flat", tuple(members), None, type_.pack)
+    return Layout(wanted.name, flat, wanted.rules, PlacedStruct(placed, root.size, root.align)), notes
+
+
+def _nearest(wanted: Layout, rules: LayoutRules) -> PaddedType:
     packs = (None, 1) if rules.takes_pack else (None,)
     tries = [_corrected(wanted, rules, pack, is_longer) for is_longer in (False, True) for pack in packs]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))

@@ -282,7 +282,12 @@ class Filling:
         return self._free(f"_pad{self._pads}")
 
     def _free(self, name: str) -> str:
-        while name.casefold() in self.taken:
-            name += "_"
-        self.taken.add(name.casefold())
-        return name
+        return free_name(name, self.taken)
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Return the name, or one like it that is not taken; it is taken then."""
+    while name.casefold() in taken:
+        name += "_"
+    taken.add(name.casefold())
+    return name

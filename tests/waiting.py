@@ -8,6 +8,8 @@ from pathlib import Path
 from subprocess import Popen
 from typing import Any
 
+import pytest
+
 PATIENCE_S = 240  # below pytest's own limit: a busy machine is slow, not wrong
 LOOK_S = 0.01
 
@@ -18,6 +20,14 @@ def until(holds: Callable[[], object], saw: Callable[[], object] = lambda: "noth
     while not holds():
         assert time.monotonic() < limit, f"it never came, seen was {saw()}"
         time.sleep(LOOK_S)  # between two looks
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    if not path.exists():
+        pytest.skip("a system without /proc")
+    return [int(each) for each in path.read_text().split()]
 
 
 def until_size(process: Popen[Any], file: Path, size: int) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from tests.e2e.tapping import Tap, end_of, exactly, joined, listening, tapped
 from tests.e2e.terminal import need
-from tests.waiting import until
+from tests.waiting import children_of, until
 
 pytestmark = pytest.mark.live
 
@@ -26,14 +26,6 @@ def conversations(file: Path) -> list[dict[str, object]]:
     assert (done.returncode, done.stderr) == (0, "")
     rows: list[dict[str, object]] = json.loads(done.stdout)
     return rows
-
-
-def children_of(pid: int) -> list[int]:
-    """Return the processes that a process has started."""
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    if not path.exists():
-        pytest.skip("a system without /proc")
-    return [int(each) for each in path.read_text().split()]
 
 
 def bytes_in(row: dict[str, object]) -> tuple[object, object, object]:

@@ -14,6 +14,7 @@ import pytest
 
 from tests.e2e.tapping import PATIENCE, calling, exactly, listening
 from tests.e2e.terminal import TRCVTUI, Terminal
+from tests.waiting import children_of
 
 pytestmark = [pytest.mark.live, pytest.mark.slow]
 WORDS = "from trcvtui.cli.line import tap_screen"
@@ -55,8 +56,7 @@ class Line:
 
 def _below(pid: int) -> Iterator[int]:
     """Yield the children of a process, and theirs."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    for child in map(int, children):
+    for child in children_of(pid):
         yield child
         yield from _below(child)
 

@@ -11,26 +11,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.certificates import Certificates
+
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 needs_mosquitto = pytest.mark.skipif(PROGRAM is None, reason="mosquitto cannot be had here")
 
 
-class Certificate:
-    """A certificate of `localhost` that has signed itself, and its key: files that mosquitto can read."""
-
-    def __init__(self, folder: Path) -> None:
-        self.pem, self.key = folder / "c.pem", folder / "k.pem"
-        words = f"openssl req -x509 -newkey rsa:2048 -nodes -keyout {self.key} -out {self.pem} -days 2"
-        names = "-subj /CN=localhost -addext subjectAltName=DNS:localhost,IP:127.0.0.1"
-        subprocess.run(f"{words} {names}".split(), check=True, capture_output=True)
-        for file in (self.pem, self.key):
-            file.chmod(0o644)
-        folder.chmod(0o755)
-
-    @property
-    def lines(self) -> str:
-        """Return the lines of a broker that has it."""
-        return f"certfile {self.pem}\nkeyfile {self.key}\nuser root"
+def tls_lines(certificates: Certificates) -> str:
+    """Return the lines of a broker that shows a certificate for 127.0.0.1."""
+    return f"certfile {certificates.pem('plc')}\nkeyfile {certificates.key('plc')}\nuser root"
 
 
 class Mosquitto:

@@ -19,7 +19,7 @@ import pytest
 from tests.cli.test_cli import ENVIRONMENT
 from tests.fleet.mosquitto import Mosquitto, needs_mosquitto
 from tests.local_driver import LocalDriver
-from tests.waiting import until
+from tests.waiting import children_of, until
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
@@ -131,12 +131,6 @@ def state_is(connection: BrokerConnection, heard: dict[str, bytes], wanted: str)
     payload = heard.get("trcvtui/v1/s/n/state", b"")
     message = read(topic_of("trcvtui/v1/s/n/state"), payload)
     return isinstance(message, StateMessage) and message.state == wanted
-
-
-def children_of(pid: int) -> list[int]:
-    """Return the processes that a process has started."""
-    listed = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True, check=False)
-    return [int(word) for word in listed.stdout.split()]
 
 
 def is_alive(pid: int) -> bool:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import Certificate, Mosquitto, needs_mosquitto
+from tests.certificates import Certificates
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, tls_lines
 from tests.waiting import until
 from trcvtui import clock
 from trcvtui.errors import UserError
@@ -128,16 +129,17 @@ def test_a_broker_that_sends_garbage_ends_a_connection_and_nothing_else() -> Non
 
 @needs_mosquitto
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # paho leaves a refused socket
-def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(tmp_path: Path) -> None:
-    certificate, words = Certificate(tmp_path), tmp_path / "words"
+def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(
+    certificates: Certificates, tmp_path: Path
+) -> None:
+    words, ca_file = tmp_path / "words", certificates.pem("ca")
     password_program = "/usr/bin/mosquitto_passwd"
     subprocess.run([password_program, "-c", "-b", str(words), "me", "right"], check=True, capture_output=True)
     words.chmod(0o644)
-    pem = certificate.pem
-    broker = Mosquitto(tmp_path, f"allow_anonymous false\npassword_file {words}\n{certificate.lines}")
+    broker = Mosquitto(tmp_path, f"allow_anonymous false\npassword_file {words}\n{tls_lines(certificates)}")
     try:
         outcomes = []
-        for ca, password in ((str(pem), "right"), (str(pem), "wrong"), (None, "right")):
+        for ca, password in ((ca_file, "right"), (ca_file, "wrong"), (None, "right")):
             given = {"TRCVTUI_MQTT_USER": "me", "TRCVTUI_MQTT_PASSWORD": password}
             connection = BrokerConnection(
                 broker_of(f"mqtts://127.0.0.1:{broker.port}", ca, environment=given), "x"

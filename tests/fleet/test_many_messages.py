@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.fleet.mosquitto import Certificate, Mosquitto, needs_mosquitto
+from tests.certificates import Certificates
+from tests.fleet.mosquitto import Mosquitto, needs_mosquitto, tls_lines
 from trcvtui import clock
 from trcvtui.fleet import publisher
 from trcvtui.fleet.broker import Broker, BrokerConnection, Connected, IncomingMessage, Lost
@@ -65,12 +66,11 @@ class SoakLine:
 @pytest.mark.slow
 @pytest.mark.timeout(0 if EACH > 1000 else 400)
 def test_a_thousand_events_of_eight_lines_over_tls_come_once_and_no_connection_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    certificates: Certificates, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(publisher, "HOLD_NS", 0)
-    certificate = Certificate(tmp_path)
-    broker = Mosquitto(tmp_path, f"allow_anonymous true\nmax_queued_messages 0\n{certificate.lines}")
-    place = Broker("127.0.0.1", broker.port, True, ca=str(certificate.pem))
+    broker = Mosquitto(tmp_path, f"allow_anonymous true\nmax_queued_messages 0\n{tls_lines(certificates)}")
+    place = Broker("127.0.0.1", broker.port, True, ca=certificates.pem("ca"))
     lines = [SoakLine(place, tmp_path, number) for number in range(LINES)]
     try:
         while not all(line.is_over for line in lines):

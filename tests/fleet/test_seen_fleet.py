@@ -196,7 +196,8 @@ def test_a_clock_that_is_wrong_hides_no_error_keeps_none_for_ever_and_is_told(wr
 def test_an_agent_has_a_row_without_lines_and_offline_it_makes_all_of_them_offline_at_once() -> None:
     fleet = Fleet()
     fleet.tell("s/a", ONLINE)
-    assert [(line.name, line.shows) for line in fleet.seen.ordered(NOW)] == [("", AWAY)]
+    [line] = fleet.seen.ordered(NOW)
+    assert (line.name, line.shows, line.cause) == ("", AWAY, "the agent has told no line")
     for number in range(50):
         fleet.line(f"s/a/L{number}")
     fleet.tell("s/a", OFF)

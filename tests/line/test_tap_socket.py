@@ -19,10 +19,10 @@ from urllib.request import urlopen
 import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
-from tests.fleet.test_agent import SECOND, children_of, is_alive
+from tests.fleet.test_agent import SECOND, is_alive
 from tests.fleet.test_agent_lines import LINE, TAP, written
 from tests.local_driver import wait_for
-from tests.waiting import until
+from tests.waiting import children_of, until
 from trcvtui.capture.pcap import USER0, CaptureReader, Packet
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.errors import UserError

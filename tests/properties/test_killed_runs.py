@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
-from tests.waiting import until, until_size
+from tests.waiting import children_of, until, until_size
 from trcvtui.recording.journal import STEP, Answered, RunBegins
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check
@@ -53,11 +53,6 @@ says = ["hex {}"]
 """.format("5a " * 64)
 
 
-def children(process: int) -> list[int]:
-    """Return the processes that one has started."""
-    return [*map(int, Path(f"/proc/{process}/task/{process}/children").read_text().split())]
-
-
 def waited_ns(process: int) -> int:
     """Return how long a process has waited for a processor: what it could not write then it did not lose."""
     return int(Path(f"/proc/{process}/schedstat").read_text().split()[1])
@@ -74,7 +69,7 @@ def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int,
         until_size(engine, path, least)
         with suppress(subprocess.TimeoutExpired):  # somewhere between two blocks
             engine.wait(chance.random() / 2)
-        (writer,) = children(engine.pid)
+        (writer,) = children_of(engine.pid)
         at = time.time_ns() - waited_ns(engine.pid) - waited_ns(writer)
         if victim != "writer":
             engine.kill()

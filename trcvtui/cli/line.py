@@ -159,9 +159,9 @@ def _taps_of(project: Path | None) -> list[Route]:
     taps = () if project is None else load_bench(project).taps
     if not taps:
         raise mistake("trcvtui tap", "neither", "LISTEN and CONNECT, or a --project with [[tap]]")
-    from trcvtui.line.tap_observer import routes_of
+    from trcvtui.net.tap import route_of
 
-    return routes_of(taps)
+    return [route_of(t.name, t.listen, t.to, (f"[[tap]] {t.name}: listen", "to")) for t in taps]
 
 
 # -- conversations, doctor, report ----------------------------------------------------------------------

@@ -124,6 +124,8 @@ class FleetLine:
         """Return what to group by: why it shows what it shows."""
         if self.shows == OFFLINE:
             return "the agent is offline"
+        if not self.name and self.shows == AWAY:
+            return "the agent has told no line"
         newest, worst = self.newest_error, self.worst
         if self.shows == FINDING and worst is not None and worst.status is not None:
             return worst.status.finding

@@ -62,11 +62,6 @@ _KINDS: Final = {
 }
 
 
-def routes_of(taps: Sequence[TapDecl]) -> list[Route]:
-    """Return the taps of a project; raise UserError for places that do not go together."""
-    return [route_of(t.name, t.listen, t.to, (f"[[tap]] {t.name}: listen", "to")) for t in taps]
-
-
 class TapPlan:
     """Which CONNECT gets the conversations of each tap; `plc` names the PLC end where it is not at `to`."""
 

@@ -194,7 +194,6 @@ class Questions:
             program.stdout.close()
 
 
-AF_INET: Final = 2  # the same number on Linux, macOS and Windows
 ARPHRD_ETHER: Final = 1  # also veth, bridge, macvlan, VLAN and WLAN; tun is 65534, loopback 772
 IFF_BROADCAST: Final = 0x2
 IFF_LOOPBACK: Final = 0x8
@@ -276,7 +275,7 @@ def _ipv4(address: int | None) -> str | None:
     head = ctypes.string_at(address, 2)
     # Linux begins with a 16-bit family, the BSDs with a length byte and an 8-bit family.
     family = int.from_bytes(head, sys.byteorder) if sys.platform.startswith("linux") else head[1]
-    if family != AF_INET:
+    if family != socket.AF_INET:
         return None
     return ".".join(str(octet) for octet in ctypes.string_at(address + 4, 4))
 

@@ -15,16 +15,20 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
 from trcvtui.udt.compare.compare import difference
+from trcvtui.udt.compare.drift import drifted_layouts, is_unknown
 from trcvtui.udt.compare.likelihood import (
     CAUSES,
+    DRIFTS,
+    MOST_MESSAGES,
     NONE,
+    REPEATED,
     Cutting,
     FitCause,
     LeafEvidence,
     bits_evidence,
     cut,
     evidence,
-    extra_points,
+    extra_evidence,
     gap_points,
     spoken,
     steady,
@@ -45,7 +49,6 @@ from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import Elementary, StringType, Type, ValueKind
 
 MOST_LEAVES: Final = 256  # that are looked at
-MOST_MESSAGES: Final = 8  # the last ones
 MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
 MOST_GAPS: Final = 16  # that are looked at
 MOST_FITS: Final = 64  # that are returned; those without a cause all
@@ -57,13 +60,13 @@ TIE: Final = 1.0  # points: less is no evidence
 # The points of what is no member; those of members and causes stand in likelihood.py.
 LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
 MULTIPLE: Final = -1.0  # less, when it is several times that size
-REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
 MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
+ODD: Final = -2.5  # of one member: its value is none that machines send
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
 
@@ -130,19 +133,35 @@ def fit(
     seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    asked = tuple(sorted(asked, key=lambda one: (one.layout, one.byte_order) != (own.name, own.byte_order)))
+    asked = tuple(sorted(asked, key=lambda one: _strangeness(one, own)))
+    lengths = set(map(len, seen))
     known: _Known = {}
+    layouts = same_layouts(type_, asked, name, own)
+    tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
+    for same, layout in layouts:
+        causes = [cause for cause in CAUSES if cause is NONE or cause.can_fit(layout.size, framed, lengths)]
+        tried.append((same, layout, causes))
+    if framed and seen:
+        drifted = drifted_layouts(layouts, seen, own)
+        tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
-    for same, layout in same_layouts(type_, asked, name, own):
+    for same, layout, causes in tried:
         look = _Look(layout, known)
-        tried = (_Reading.of(same, look, cause, seen, framed) for cause in CAUSES)
-        found += [reading for reading in tried if reading is not None]
+        readings = (_Reading.of(same, look, cause, seen, framed) for cause in causes)
+        found += [reading for reading in readings if reading is not None]
     if framed and len(messages) > len(seen):
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
         for reading in found:
             reading.others.append(said)
-    found.sort(key=lambda one: (-one.score, one.profiles[0].byte_order != own.byte_order))
+    found.sort(key=lambda one: (not one.has_length, -one.score, one.profiles[0].byte_order != own.byte_order))
     return tuple(_ranked(found, seen))
+
+
+def _strangeness(profile: Profile, own: LayoutRules) -> int:
+    """Return 0 for our own profile, 1 for a byte order that a vendor has, 2 for another one."""
+    if (profile.layout, profile.byte_order) == (own.name, own.byte_order):
+        return 0
+    return 1 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 2
 
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -156,7 +175,8 @@ def verdict(fits: Sequence[Fit]) -> str:
         return "this type cannot be laid out"
     best, tied = fits[0], leaders(fits)
     if best.fits_best:
-        after = f"; next is {fits[1].name} ({fits[1].score:+.1f})" if len(fits) > 1 else ""
+        other = next((one for one in fits if one.rank > 1), None)
+        after = f"; next is {other.name} ({other.score:+.1f})" if other else ""
         return f"{best} fits best{after}"
     if best.score <= 0 or (best.members <= 0 and len(tied) == 1):
         return f"no profile fits these bytes well; the least bad is {best}"
@@ -197,7 +217,7 @@ class _Look:
         leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
-            if leaf.bit is not None and not is_last:
+            if (leaf.bit is not None and not is_last) or is_unknown(leaf):
                 continue
             bits = 0 if leaf.bit is None else leaf.bit + 1
             form = leaf.type, *stored_form(leaf.type, layout.rules), leaf.size, layout.rules.byte_order
@@ -241,6 +261,8 @@ class _Reading:
         self.steps: list[Reason] = []
         self.read: list[tuple[_Member, list[bytes]]] = []  # each member, its bytes as the reading has them
         self.has_length = True
+        self.has_meaning = True  # what stands beside the members is known
+        self.odd = ""  # a value that machines do not send
 
     @classmethod
     def of(
@@ -272,20 +294,24 @@ class _Reading:
             return True
         if cause.of_all and all(cause.of_all(unit) == unit for unit in units):
             return False
-        extras = dict.fromkeys(self.cutting.extras) if cause.front > 0 or cause.back > 0 else {b"": None}
-        told = [extra_points(cause, extra, self.look.layout.size) for extra in extras]
-        there = [one for one in told if one is not None]
-        if len(there) < len(told):
-            return False
-        points = sum(points for points, _ in there) / len(there) * len(there) ** REPEATED
-        said = there[0][1] or f"{cause}: {cause.about}"
-        if len(extras) == 1 and len(units) > 1 and cause.n:
+        told = {}
+        for unit, (before, after) in zip(units, self.cutting.extras, strict=True):
+            if (before, after) not in told:
+                extra = extra_evidence(cause, before, unit, after)
+                if extra is None:
+                    return False
+                told[before, after] = extra
+        self.has_meaning = all(extra.has_meaning for extra in told.values())
+        points = sum(extra.points for extra in told.values()) / len(told) * len(told) ** REPEATED
+        said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
+        if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
             said += " in each message"
         self.others.append(Reason(round(cause.cost + points, 2), "", said))
         return True
 
     def judge_members(self) -> bool:
-        look, changes, has_changed = self.look, self.cause.of_member, not self.cause.of_member
+        look, changes, of_text = self.look, self.cause.of_member, self.cause.of_text
+        has_changed = not changes and not of_text
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
             if self.cause.back < 0 and isinstance(member.leaf.type, StringType):  # it may have ended before
@@ -294,6 +320,8 @@ class _Reading:
             if self.cause.front < 0 and member.start < -self.cause.front:
                 continue
             change = changes.get(member.leaf.size) if changes and _is_number(member) else None
+            if of_text and isinstance(member.leaf.type, StringType) and not look.layout.rules.text.header:
+                change = of_text
             if change:
                 changed = [change(part) for part in parts]
                 has_changed = has_changed or changed != parts
@@ -319,6 +347,9 @@ class _Reading:
         told = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
         if not told:
             return
+        worst, raw = min(told, key=lambda one: one[0].points)
+        if worst.points < ODD and not self.odd:
+            self.odd = f"{self.path(member)}: {worst.why}"
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
         nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
@@ -408,7 +439,7 @@ class _Reading:
         """Return a value that is equal for readings in which these bytes mean the same."""
         look = self.look
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
-        return self.cause.kind, self.cause.n, shape(look.layout, by_bytes=is_seen)
+        return self.cause._replace(of_member=None), shape(look.layout, by_bytes=is_seen)
 
     @cached_property
     def values(self) -> object:
@@ -514,11 +545,19 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     best = ranked[0]
     if not best.has_length:
         return "no message has the length of the type"
+    if best.cause.kind in DRIFTS:
+        return "that the sender's type differs, and where, is a guess"
+    if not best.has_meaning:
+        return "what the bytes beside the members mean is not known"
+    if best.odd:
+        return f"{best.odd}"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
+        if _is_same(best, other) and best.cause.kind in (None, other.cause.kind):
+            continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
         if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
@@ -526,6 +565,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
                 return f"{_called(other)} ({other.score:+.1f}) reads values that are as good"
             return f"{_called(other)} ({other.score:+.1f}) is near"
+        if best.cause.kind is None and (other.cause.of_member or other.cause.of_all):
+            continue  # numbers that are all round, and exchanged words: two rare things at once
         order = best.order if other.way != best.way else 0.0
         if other.fair > best.fair + order - CLEAR:
             return (

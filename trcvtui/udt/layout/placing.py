@@ -6,7 +6,8 @@ Each STRUCT is placed once, however many members have its type.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake, noting
 from trcvtui.udt.layout.coding import coding_of
@@ -37,6 +38,13 @@ MOST_BYTES = 4 * 1024 * 1024
 MOST_LEAVES = 131_072  # twice as many as bytes fit into DATA: they stand in a list
 
 _N = TypeVar("_N", PlacedStruct, PlacedArray)
+
+
+class Span(NamedTuple):
+    """Size and alignment of what could stand in a STRUCT."""
+
+    size: int
+    align: int
 
 
 class Placing:
@@ -81,9 +89,13 @@ class Placing:
 
     def place_array(self, type_: Array, where: str) -> PlacedArray:
         element = self.place(type_.element, where)
-        align = max(element.align, self.rules.array_floor)
-        pitch = _up(element.size, min(element.align, self.rules.cap))
+        pitch, align = self.pitch(element)
         return _checked(PlacedArray(type_, element, pitch, align), where)
+
+    def pitch(self, element: Node | Span) -> tuple[int, int]:
+        """Return how far it is to the next element of an ARRAY; its alignment."""
+        pitch = _up(element.size, min(element.align, self.rules.cap))
+        return pitch, max(element.align, self.rules.array_floor)
 
     def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
         """Return the members, before them what the type EXTENDS as one member without a name.
@@ -102,24 +114,33 @@ class Placing:
         return placed
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
-        cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)
-        placed: list[PlacedMember] = []
+        parts = self.parts(type_, where)
+        spots, size, align = self.spots(type_, parts)
+        placed = [
+            PlacedMember(part[0], at, part[2], bit) for part, (at, bit) in zip(parts, spots, strict=True)
+        ]
+        return _checked(PlacedStruct(placed, size, align), where)
+
+    def spots(
+        self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
+    ) -> tuple[list[tuple[int, int]], int, int]:
+        """Return offset and bit of each part of a STRUCT; its size; its alignment."""
+        cap, rules = self.cap(type_), self.rules
+        spots: list[tuple[int, int]] = []
         end, align, bit = 0, rules.struct_floor if parts else 1, 0
-        for name, inner, node in parts:
+        for _, inner, node in parts:
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
-            if is_bit and 0 < bit < 8:
-                placed.append(
-                    PlacedMember(name, end - 1, node, bit)
-                )  # the next bit of the byte that is begun
+            if is_bit and 0 < bit < 8:  # the next bit of the byte that is begun
+                spots.append((end - 1, bit))
                 bit += 1
                 continue
             offset = _up(end, step)
-            placed.append(PlacedMember(name, offset, node))
+            spots.append((offset, 0))
             end = _up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
-        return _checked(PlacedStruct(placed, _up(end, align), align), where)
+        return spots, _up(end, align), align
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)

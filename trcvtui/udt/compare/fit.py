@@ -68,6 +68,7 @@ OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is
 OWN_POINTS: Final = 4.0  # of the members
 ODD: Final = -2.5  # of one member: its value is none that machines send
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
+MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
 
 
@@ -263,6 +264,7 @@ class _Reading:
         self.has_length = True
         self.has_meaning = True  # what stands beside the members is known
         self.odd = ""  # a value that machines do not send
+        self.has_plain = False  # a number that is round in no way
 
     @classmethod
     def of(
@@ -347,6 +349,7 @@ class _Reading:
         told = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
         if not told:
             return
+        self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
         worst, raw = min(told, key=lambda one: one[0].points)
         if worst.points < ODD and not self.odd:
             self.odd = f"{self.path(member)}: {worst.why}"
@@ -382,7 +385,8 @@ class _Reading:
             return
         have = len(messages[-1])
         if not self.has_length:
-            self.others.append(Reason(LENGTH[1], "", f"{have} bytes came, the type has {size}"))
+            more = f"{abs(have - size)} {'more' if have > size else 'fewer'}"
+            self.others.append(Reason(LENGTH[1], "", f"{have} bytes came, the type has {size}: {more}"))
             return
         share = self.cutting.fitting / len(messages)
         points = LENGTH[0] * share + LENGTH[1] * (1 - share)
@@ -418,8 +422,9 @@ class _Reading:
 
     @cached_property
     def fair(self) -> float:
-        """Return the points in a comparison of byte orders."""
-        return self.score + sum(one.fair - one.points for one in self.said)
+        """Return the points in a comparison of byte orders: all numbers of a sender may be round."""
+        more = sum(one.fair - one.points for one in self.said)
+        return self.score + (min(more, MOST_OF_ROUND) if self.has_plain else more)
 
     @property
     def order(self) -> float:
@@ -439,7 +444,10 @@ class _Reading:
         """Return a value that is equal for readings in which these bytes mean the same."""
         look = self.look
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
-        return self.cause._replace(of_member=None), shape(look.layout, by_bytes=is_seen)
+        cause = self.cause
+        return (cause.kind, cause.front, cause.back, cause.member, cause.theirs), shape(
+            look.layout, by_bytes=is_seen
+        )
 
     @cached_property
     def values(self) -> object:
@@ -550,13 +558,13 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     if not best.has_meaning:
         return "what the bytes beside the members mean is not known"
     if best.odd:
-        return f"{best.odd}"
+        return f"machines seldom send such a value: {best.odd}"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
-        if _is_same(best, other) and best.cause.kind in (None, other.cause.kind):
+        if other.way == best.way and other.cause.kind == best.cause.kind and _is_same(best, other):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
         if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
@@ -568,7 +576,7 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         if best.cause.kind is None and (other.cause.of_member or other.cause.of_all):
             continue  # numbers that are all round, and exchanged words: two rare things at once
         order = best.order if other.way != best.way else 0.0
-        if other.fair > best.fair + order - CLEAR:
+        if other.fair > (best.score if other.has_plain else best.fair) + order - CLEAR:
             return (
                 f"{_called(other)} may be right: without numbers that are round in a byte order "
                 "(multiples of 256) it is as good"
@@ -606,17 +614,22 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
 def fit_text(fits: Sequence[Fit], came: str) -> str:
     """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
     lines = [one_line(f"{came}: {verdict(fits)}")]
-    for number, found in enumerate(fits[:MOST_ROWS]):
+    rows = [
+        found
+        for found, before in zip(fits, (None, *fits), strict=False)
+        if found.rank != (before and before.rank)
+    ]
+    for found in rows[:MOST_ROWS]:
         lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
-        if number == 0:
+        if found is fits[0]:
             told = list(reason_lines(found))
             lines += [f"             {line}" for line in told[:MOST_PRINTED]]
             if len(told) > MOST_PRINTED:
                 lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
         elif found.same:
             lines.append(f"             no byte tells it from {same_words(found)}")
-    if len(fits) > MOST_ROWS:
-        lines.append(f"and {len(fits) - MOST_ROWS} more readings (--format json)")
+    if len(rows) > MOST_ROWS:
+        lines.append(f"and {len(rows) - MOST_ROWS} more readings (--format json)")
     return "\n".join(lines)
 
 

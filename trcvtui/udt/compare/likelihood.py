@@ -38,13 +38,15 @@ class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
     `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
-    those of its best order. `order` is what it says for this order against the other one.
+    those of its best order. `order` is what it says for this order against the other one. `is_plain`: it is
+    a number that is round in no way (no multiple of 256, nor one less).
     """
 
     points: float
     why: str
     fair: float
     order: float = 0.0
+    is_plain: bool = False
 
 
 ZERO: Final = math.log(0.5)  # a byte 0 by chance
@@ -166,14 +168,16 @@ def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge
     fair = max(_points(judge(leaf, row, way, order)[0], way) for way in ways)
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
+    is_plain = raw[0 if order == "little" else -1] not in (0, 255)
     if _is_round(raw) or row.kind is ValueKind.BITS:
-        return LeafEvidence(points, why, fair)
+        return LeafEvidence(points, why, fair, is_plain=is_plain)
     is_signed = row.code.islower()
     here = abs(int.from_bytes(raw, order, signed=is_signed))
     there = abs(int.from_bytes(raw[::-1], order, signed=is_signed))
     if max(here, there) < PLAIN * min(here, there):
-        return LeafEvidence(points, why, fair)
-    return LeafEvidence(points, why, fair, points - _points(judge(leaf, row, raw[::-1], order)[0], raw))
+        return LeafEvidence(points, why, fair, is_plain=is_plain)
+    swapped = _points(judge(leaf, row, raw[::-1], order)[0], raw)
+    return LeafEvidence(points, why, fair, points - swapped, is_plain)
 
 
 def _is_round(raw: bytes) -> bool:
@@ -447,7 +451,10 @@ class FitCause(NamedTuple):
 
     def __str__(self) -> str:
         """Return the cause as it stands after a profile: "" for none."""
-        count, more = (_bytes_text(number) for number in (self.n, self.back))
+        count, more = (
+            "1 bit" if self.kind == MORE and not self.n else _bytes_text(self.n),
+            _bytes_text(self.back),
+        )
         words = _IN_WORDS.get(self.kind or "", "").format(
             count, member=one_line(self.member), theirs=one_line(self.theirs)
         )
@@ -457,7 +464,8 @@ class FitCause(NamedTuple):
         """Return whether a message of one of these lengths can be the type of this size with this cause."""
         period = size + self.front + self.back
         if max(self.front, self.back) > MOST_OF_STREAM or self.front > 0 < self.back:
-            return framed and period in lengths
+            is_several = not (self.front + self.back) % max(size, 1)  # of the same type
+            return framed and period in lengths and not is_several
         if not framed:
             return period > 0
         return period > 0 and any(length % period == 0 for length in lengths)
@@ -533,6 +541,7 @@ ENDINGS: Final = {
 CHECKSUM: Final = 0.02
 MOST_CHECKED: Final = 2048  # bytes of a message of which checksums are made
 OWN_ENDING: Final = 0.15  # anything else of two or more bytes
+ZEROS_BEFORE: Final = 0.05
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
 ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
 LENGTH_FIELD: Final = 0.5  # how often a header has the length
@@ -551,7 +560,7 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     if cause.kind == LONG:
         return ExtraEvidence(-0.5, f"one byte too many: {_hex(after)}", has_meaning=False)
     if cause.kind == SHORT:
-        return ExtraEvidence(0.0, f"one byte too few: {cause.about}", has_meaning=False)
+        return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
     head = _header(before, len(unit) + len(after)) if before else None
     tail = _trailer(before, unit, after) if after else None
     if after and (tail is None or (before and not tail.has_meaning)):
@@ -564,7 +573,8 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
 def _header(before: bytes, rest: int) -> ExtraEvidence:
     said, field = f"before it stands {_hex(before)}", length_field(before, rest)
     if field is None:
-        return ExtraEvidence(math.log(1 - LENGTH_FIELD), said, has_meaning=False)
+        likely = 1 - LENGTH_FIELD if any(before) else ZEROS_BEFORE
+        return ExtraEvidence(math.log(likely), said, has_meaning=False)
     part, words = field
     points = math.log(LENGTH_FIELD / 8 / len(before)) - chance(part)
     is_meant = len(part) * 2 >= len(before)  # else it may be one by chance

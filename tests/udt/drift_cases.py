@@ -12,23 +12,17 @@ from trcvtui.errors import UserError
 from trcvtui.udt.compare.fit import Fit, fit
 from trcvtui.udt.layout.layout import Layout, Profile, lay_out, profiles_for
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import ELEMENTARY, Elementary, Member, StringType, Struct
+from trcvtui.udt.types import ELEMENTARY, Array, Elementary, Member, StringType, Struct, Type
 
+LEAST_MEMBERS = 4
+MESSAGES = (2, 3, 4, 6)
 MORE = ("BOOL", "BYTE", "INT", "UINT", "DINT", "REAL", "LREAL")
 WIDER = {
-    "BYTE": "WORD",
-    "USINT": "UINT",
-    "SINT": "INT",
-    "INT": "DINT",
-    "UINT": "UDINT",
-    "REAL": "LREAL",
-    "WORD": "DWORD",
-    "DINT": "LINT",
-    "UDINT": "ULINT",
-    "DWORD": "LWORD",
-}
+    "BYTE": "WORD", "USINT": "UINT", "SINT": "INT", "INT": "DINT", "UINT": "UDINT", "REAL": "LREAL",
+    "WORD": "DWORD", "DINT": "LINT", "UDINT": "ULINT", "DWORD": "LWORD",
+}  # fmt: skip
 WIDTHS = WIDER | {wide: narrow for narrow, wide in WIDER.items()}
-KINDS = ("more", "fewer", "width")
+DRIFTS = ("more", "fewer", "width")
 
 
 class DriftCase(NamedTuple):
@@ -44,23 +38,27 @@ def make(seed: int, kind: str) -> DriftCase | None:
     """Return a case, of kind "" one that did not drift; None where this seed makes none."""
     rng = random.Random(f"{seed}-drift-{kind}")
     ours = random_type(rng)
-    theirs = _drifted(ours, kind, rng)
+    theirs = drifted(ours, kind, rng)
     profiles = profiles_for(ours)
     profile = profiles[0] if rng.random() < 0.4 else rng.choice(profiles)
-    if theirs is None or len(ours.members) < 3:
+    if theirs is None or len(ours.members) < LEAST_MEMBERS:
         return None
     try:
         layout = lay_out(theirs, profile.rules, "T")
         lay_out(ours, profile.rules, "T")
     except UserError:
         return None
-    count = rng.choice([1, 1, 2, 4])
-    sent = [content(layout, realistic, seed, number, rng) for number in range(count)]
+    sent = [content(layout, realistic, seed, number, rng) for number in range(rng.choice(MESSAGES))]
     return DriftCase(ours, layout, profile, sent)
 
 
-def _drifted(ours: Struct, kind: str, rng: random.Random) -> Struct | None:
+def drifted(ours: Struct, kind: str, rng: random.Random) -> Struct | None:
+    """Return the type with one change, in it or in a STRUCT that a member is or has; None where it has none."""
     at, members = rng.randrange(len(ours.members)), list(ours.members)
+    below = drifted_below(members[at].type, kind, rng)
+    if below is not None:
+        members[at] = replace(members[at], type=below)
+        return replace(ours, members=tuple(members))
     match kind:
         case "more":
             added = StringType(rng.randint(4, 20)) if rng.random() < 0.15 else ELEMENTARY[rng.choice(MORE)]
@@ -68,15 +66,25 @@ def _drifted(ours: Struct, kind: str, rng: random.Random) -> Struct | None:
         case "fewer":
             del members[at]
         case "width":
-            found = [n for n, one in enumerate(members) if _other_width(one, rng)]
+            found = [n for n, one in enumerate(members) if other_width(one, rng)]
             if not found:
                 return None
             at = rng.choice(found)
-            members[at] = _other_width(members[at], rng) or members[at]
+            members[at] = other_width(members[at], rng) or members[at]
     return replace(ours, members=tuple(members))
 
 
-def _other_width(member: Member, rng: random.Random) -> Member | None:
+def drifted_below(type_: Type, kind: str, rng: random.Random) -> Type | None:
+    match type_:
+        case Array(element=element):
+            inner = drifted_below(element, kind, rng)
+            return inner and replace(type_, element=inner)
+        case Struct(members=members) if kind != "fewer" or len(members) > 1:
+            return drifted(type_, kind, rng)
+    return None
+
+
+def other_width(member: Member, rng: random.Random) -> Member | None:
     type_ = member.type
     if isinstance(type_, StringType):
         return replace(member, type=replace(type_, length=(type_.length or 80) + rng.choice([-1, 1, 4, 9])))
@@ -89,58 +97,53 @@ def _other_width(member: Member, rng: random.Random) -> Member | None:
 
 
 def values(found: Fit, message: bytes) -> dict[str, object]:
-    """Return the values as a reading finds them, the members' own by path."""
+    """Return the values as a reading finds them, by path."""
     layout, cause = found.layout, found.cause
     unit = bytes(max(-cause.front, 0)) + message[max(cause.front, 0) :]
     unit = (cause.of_all(unit[: layout.size]) if cause.of_all else unit).ljust(layout.size, b"\0")
     read: dict[str, object] = {}
     for leaf in layout.leaves():
         raw = unit[leaf.offset : leaf.offset + leaf.size]
-        is_number = not isinstance(leaf.type, StringType) and not leaf.coding.code.endswith("s")
+        is_text = isinstance(leaf.type, StringType)
+        is_number = not is_text and not leaf.coding.code.endswith("s")
         change = cause.of_member.get(leaf.size) if cause.of_member and is_number else None
+        change = cause.of_text if is_text else change
         read[leaf.path] = decode_leaf(layout, leaf, change(raw) if change else raw)
     return read
 
 
 def is_right(case: DriftCase, found: Fit) -> bool:
-    """Return whether a reading finds what was sent in every member that both have, and no other one."""
+    """Return whether a reading finds what was sent in every member of ours, of every message."""
+    size = found.layout.size + found.cause.front + found.cause.back
+    ours = [leaf.path for leaf in lay_out(case.ours, case.profile.rules, "T").leaves()]
     for message in case.messages:
         sent = {
-            leaf.path: decode_leaf(case.theirs, leaf, _raw(leaf, message)) for leaf in case.theirs.leaves()
+            leaf.path: decode_leaf(case.theirs, leaf, message[leaf.offset : leaf.offset + leaf.size])
+            for leaf in case.theirs.leaves()
         }
-        ours = {leaf.path for leaf in lay_out(case.ours, case.profile.rules, "T").leaves()}
         read = values(found, message)
-        if any(path not in sent or sent[path] != value for path, value in read.items() if path in ours):
-            return False
-        if len(message) % max(found.layout.size + found.cause.front + found.cause.back, 1):
+        if len(message) % size or any(path in read and read[path] != sent.get(path) for path in ours):
             return False
     return True
 
 
-def _raw(leaf: object, message: bytes) -> bytes:
-    return message[leaf.offset : leaf.offset + leaf.size]  # type: ignore[attr-defined]
-
-
 class DriftTally(NamedTuple):
-    """Cases: all, sure and right, falsely sure, the right reading of the first rank, among the readings."""
+    """Cases: all, sure and right; the seeds of those falsely sure; of those whose right reading is not first."""
 
     cases: int
     sure: int
     false: list[int]
-    first: int
-    late: list[int]  # a right one is among them, not of the first rank
+    late: list[int]
 
     def __str__(self) -> str:
         """Return the figures in one line."""
-        return (
-            f"{self.cases} cases: sure and right {self.sure}, falsely sure {len(self.false)}, "
-            f"first {self.first}, right but later {len(self.late)}"
-        )
+        false, late = len(self.false), len(self.late)
+        return f"{self.cases} cases: sure and right {self.sure}, falsely sure {false}, right but not first {late}"
 
 
 def measure(seeds: Iterable[int], kind: str, most: int) -> DriftTally:
-    """Return the figures of the first `most` cases."""
-    cases = sure = first = 0
+    """Return the figures of the first `most` cases; a reading as good as the first one by its points is first."""
+    cases = sure = 0
     false, late = [], []
     for seed in seeds:
         case = make(seed, kind)
@@ -148,13 +151,12 @@ def measure(seeds: Iterable[int], kind: str, most: int) -> DriftTally:
             continue
         fits = fit(case.ours, case.messages, "T")
         right = [one for one in fits if is_right(case, one)]
-        is_first = any(one.rank == 1 for one in right)
-        cases, first = cases + 1, first + is_first
-        if right and not is_first:
+        best, cases = fits[0], cases + 1
+        if right and right[0].rank > 1:
             late.append(seed)
-        if fits[0].fits_best and fits[0] not in right:
+        if best.fits_best and best not in right:
             false.append(seed)
-        sure += fits[0].fits_best and fits[0] in right
+        sure += best.fits_best and best in right
         if cases == most:
             break
-    return DriftTally(cases, sure, false, first, late)
+    return DriftTally(cases, sure, false, late)

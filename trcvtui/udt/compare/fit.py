@@ -66,7 +66,7 @@ MOST_REASONS: Final = 64
 CLEAR: Final = 5.0  # points ahead of the next other reading
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
-ODD: Final = -2.5  # of one member: its value is none that machines send
+ODD: Final = -3.2  # of one member: its value is none that machines send
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
 MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
@@ -459,6 +459,15 @@ class _Reading:
             members.append((member.start + front, bits, form, *self.plain(member, parts)))
         return size + front + self.cause.back, tuple(members)
 
+    @cached_property
+    def by_path(self) -> dict[str, list[object]]:
+        """Return the values of each member."""
+        layout = self.look.layout
+        return {
+            member.leaf.path: [decode_leaf(layout, member.leaf, part) for part in parts]
+            for member, parts in self.read
+        }
+
     def plain(self, member: _Member, parts: list[bytes]) -> Iterator[object]:
         """Yield what makes the value of a member, as it would be in big-endian."""
         rules = self.look.layout.rules
@@ -564,7 +573,11 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
-        if other.way == best.way and other.cause.kind == best.cause.kind and _is_same(best, other):
+        if other.way == best.way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
+            continue
+        if other.cause.kind in DRIFTS and all(
+            other.by_path.get(path) == has for path, has in best.by_path.items()
+        ):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
         if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
@@ -573,8 +586,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
                 return f"{_called(other)} ({other.score:+.1f}) reads values that are as good"
             return f"{_called(other)} ({other.score:+.1f}) is near"
-        if best.cause.kind is None and (other.cause.of_member or other.cause.of_all):
-            continue  # numbers that are all round, and exchanged words: two rare things at once
+        if best.cause.kind is None and other.cause.kind is not None:
+            continue  # numbers that are all round, and a cause: two rare things at once
         order = best.order if other.way != best.way else 0.0
         if other.fair > (best.score if other.has_plain else best.fair) + order - CLEAR:
             return (

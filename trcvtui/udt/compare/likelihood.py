@@ -64,7 +64,7 @@ NUMBER: Final = (0.12, 0.01, 0.08, 0.5, 0.29)
 NEGATIVE: Final = 0.2
 FEW_BITS: Final = 16
 # REAL: decades from, to, and their share; the share of each count of digits, and of a number of any digits.
-DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.002), (12, 30, 0.002))
+DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.0002), (12, 30, 0.0002))
 REAL_ZERO: Final = 0.08
 DIGITS: Final = {4: (0.12, 6, 0.25), 8: (0.07, 12, 0.12)}  # by size: each count, the most digits, any digits
 REAL_BITS: Final = {4: 23, 8: 52}  # of the mantissa

@@ -14,8 +14,8 @@ from trcvtui.udt.layout.layout import Layout, Profile, lay_out, profiles_for
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import ELEMENTARY, Array, Elementary, Member, StringType, Struct, Type
 
-LEAST_MEMBERS = 4
-MESSAGES = (2, 3, 4, 6)
+LEAST_MEMBERS = 6
+MESSAGES = (3, 4, 6, 8)
 MORE = ("BOOL", "BYTE", "INT", "UINT", "DINT", "REAL", "LREAL")
 WIDER = {
     "BYTE": "WORD", "USINT": "UINT", "SINT": "INT", "INT": "DINT", "UINT": "UDINT", "REAL": "LREAL",
@@ -87,7 +87,9 @@ def drifted_below(type_: Type, kind: str, rng: random.Random) -> Type | None:
 def other_width(member: Member, rng: random.Random) -> Member | None:
     type_ = member.type
     if isinstance(type_, StringType):
-        return replace(member, type=replace(type_, length=(type_.length or 80) + rng.choice([-1, 1, 4, 9])))
+        return replace(
+            member, type=replace(type_, length=max((type_.length or 80) + rng.choice([-1, 1, 4, 9]), 1))
+        )
     if isinstance(type_, Elementary) and type_.name in WIDTHS:
         return replace(member, type=ELEMENTARY[WIDTHS[type_.name]])
     return None
@@ -113,16 +115,17 @@ def values(found: Fit, message: bytes) -> dict[str, object]:
 
 
 def is_right(case: DriftCase, found: Fit) -> bool:
-    """Return whether a reading finds what was sent in every member of ours, of every message."""
+    """Return whether a reading finds what was sent in every member that both have, of every message."""
     size = found.layout.size + found.cause.front + found.cause.back
-    ours = [leaf.path for leaf in lay_out(case.ours, case.profile.rules, "T").leaves()]
+    ours = {leaf.path for leaf in lay_out(case.ours, case.profile.rules, "T").leaves()}
+    shared = ours & {leaf.path for leaf in case.theirs.leaves()}
     for message in case.messages:
         sent = {
             leaf.path: decode_leaf(case.theirs, leaf, message[leaf.offset : leaf.offset + leaf.size])
             for leaf in case.theirs.leaves()
         }
         read = values(found, message)
-        if len(message) % size or any(path in read and read[path] != sent.get(path) for path in ours):
+        if len(message) % size or any(path in read and read[path] != sent[path] for path in shared):
             return False
     return True
 

@@ -42,7 +42,7 @@ MOST_LEAVES: Final = 1024
 MOST_DRIFTS: Final = 24  # that are returned
 MOST_MORE: Final = 256  # bytes of a member more
 SLACK: Final = 7  # bytes that gaps can take or give
-COST, WIDTH_COST = -6.0, -7.0  # points of a drift
+COST: Final = -8.0  # points of a drift
 UNKNOWN: Final = "?"  # the name of a member that our type does not have
 FILLERS: Final = tuple(ELEMENTARY[name] for name in ("BOOL", "BYTE", "WORD", "DWORD", "LWORD"))
 FAMILIES: Final = (
@@ -155,7 +155,7 @@ class _Drifts:
                 drifts: list[_Drift] = []
                 for other in _widths(type_, spare):
                     about = f"here it is {type_text(type_)}"
-                    cause = FitCause(WIDTH, 0, 0, 0, WIDTH_COST, about, member=path, theirs=type_text(other))
+                    cause = FitCause(WIDTH, 0, 0, 0, COST, about, member=path, theirs=type_text(other))
                     with suppress(UserError):  # a text that this layout cannot hold
                         drifts.append(_Drift(cause, other, self.placing.place(other, path), ((other, 0),)))
                 yield from drifts

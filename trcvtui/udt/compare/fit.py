@@ -46,7 +46,7 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, StringType, Type, ValueKind
+from trcvtui.udt.types import Elementary, Enumeration, StringType, Subrange, Type, ValueKind
 
 MOST_LEAVES: Final = 256  # that are looked at
 MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
@@ -350,8 +350,9 @@ class _Reading:
         if not told:
             return
         self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
-        worst, raw = min(told, key=lambda one: one[0].points)
-        if worst.points < ODD and not self.odd:
+        worst = min((found for found, _ in told), key=lambda found: found.points)
+        is_bounded = worst.fair == worst.points or isinstance(member.leaf.type, Enumeration | Subrange)
+        if worst.points < ODD and is_bounded and not self.odd:  # a plain number can be any
             self.odd = f"{self.path(member)}: {worst.why}"
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
@@ -458,6 +459,11 @@ class _Reading:
             form = stored_form(member.leaf.type, rules)
             members.append((member.start + front, bits, form, *self.plain(member, parts)))
         return size + front + self.cause.back, tuple(members)
+
+    @property
+    def widest(self) -> int:
+        """Return the size of the largest number: up to 2, words exchanged are nothing, bytes the order."""
+        return max((member.leaf.size for member, _ in self.read if _is_number(member)), default=0)
 
     @cached_property
     def by_path(self) -> dict[str, list[object]]:
@@ -573,7 +579,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
-        if other.way == best.way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
+        is_one_way = other.way == best.way or (best.cause.kind is None and best.widest <= 2)
+        if is_one_way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
             continue
         if other.cause.kind in DRIFTS and all(
             other.by_path.get(path) == has for path, has in best.by_path.items()

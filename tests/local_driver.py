@@ -1,11 +1,31 @@
-"""The bench of a screen without an engine's process."""
+"""The bench of a screen without an engine's process, and what waits for a picture of an engine."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.engine.controller import Controller, fresh_bench
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+
+MOST_PICTURES: Final = 3000
+
+
+def wait_for(driver: ProcessDriver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
+    """Pull pictures, as the screen does, until one shows it."""
+    request = UpdateRequest()
+    for _ in range(MOST_PICTURES):
+        driver.request(request)
+        driver.wait(1.0)
+        picture = driver.picture()
+        if picture is not None:
+            if seen(picture):
+                return picture
+            request = UpdateRequest(bench=picture.bench, project=picture.project_number)
+    raise AssertionError("never seen")
 
 
 class LocalDriver:
@@ -58,6 +78,12 @@ class LocalDriver:
 
     def picture(self) -> BenchUpdate | None:
         picture, self._picture = self._picture, None
+        return picture
+
+    def shown(self, request: UpdateRequest | None = None) -> BenchUpdate:
+        self.request(request or UpdateRequest())
+        picture = self.picture()
+        assert picture is not None
         return picture
 
     def restart(self) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
 
 from msgspec import Struct
 
@@ -52,6 +54,14 @@ class UserError(Exception):
 
 def mistake(where: str, found: object, expected: str, kind: str = "value") -> UserError:
     return UserError(Problem(where, str(found), expected, kind))
+
+
+def need(module: str, extra: str, where: str, found: str) -> Any:
+    """Return a module of an extra; raise UserError where that is not installed."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise mistake(where, found, f"it: pip install 'trcvtui[{extra}]'") from None
 
 
 @contextmanager

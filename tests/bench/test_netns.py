@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 import trcvtui.net.os.network as os_namespace
-from tests.engine.test_driver import wait_for
+from tests.local_driver import wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.cli.options import KERNELS
 from trcvtui.commands.words import Link
-from trcvtui.engine.driver import start_engine
+from trcvtui.engine.driver import EngineDriver
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.scenario.scenario import load_bench
 
@@ -137,7 +137,7 @@ def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
 @pytest.mark.slow
 def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
     run_alone("-c", "from trcvtui.bench.bench import enter_own_network as enter; enter('live')")
-    driver = start_engine(Path(PASSIVE), "live", netns=True)
+    driver = EngineDriver(Path(PASSIVE), "live", netns=True)
     try:
         driver.submit("link C1 down")
         picture = wait_for(driver, lambda p: bool(p.answers))

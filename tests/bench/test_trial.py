@@ -11,7 +11,6 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.split_test import trial_text
 from trcvtui.commands.snapshots import TrialSnapshot
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.file import load_project
 
 TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
@@ -29,20 +28,13 @@ def driver() -> Iterator[LocalDriver]:
     driver.close()
 
 
-def picture(driver: LocalDriver) -> BenchUpdate:
-    driver.request(UpdateRequest())
-    found = driver.picture()
-    assert found is not None
-    return found
-
-
 def say(driver: LocalDriver, line: str) -> str:
     number = driver.submit(line)
-    return next(answer.error for answer in picture(driver).answers if answer.number == number)
+    return next(answer.error for answer in driver.shown().answers if answer.number == number)
 
 
 def tried(driver: LocalDriver) -> TrialSnapshot:
-    trial = picture(driver).trial
+    trial = driver.shown().trial
     assert trial is not None
     return trial
 
@@ -81,14 +73,14 @@ def test_scans_go_on_while_it_runs_and_it_can_be_cancelled(driver: LocalDriver) 
     driver.scan(10)
     assert tried(driver).state == "running"
     assert "a trial is running" in say(driver, TRY)
-    before = picture(driver).snapshot.scan
+    before = driver.shown().snapshot.scan
     assert say(driver, "peer P1 try-splits stop") == ""
     driver.scan(10)
     trial = tried(driver)
     assert trial.state == "cancelled" and 0 < trial.runs < 8
-    assert picture(driver).snapshot.scan == before + 10
+    assert driver.shown().snapshot.scan == before + 10
     say(driver, "peer P1 try-splits stop")
-    assert picture(driver).trial is None
+    assert driver.shown().trial is None
 
 
 def test_a_held_bench_waits_with_it(driver: LocalDriver) -> None:
@@ -140,9 +132,9 @@ def test_a_fresh_bench_forgets_the_table(driver: LocalDriver) -> None:
     driver.scan(80)
     story = CONFIGS / "scenarios" / "stories" / "every-split.toml"
     assert say(driver, f"scenario load {story} sim") == ""
-    assert picture(driver).trial is None
+    assert driver.shown().trial is None
     say(driver, "scenario run")
     driver.scan(400)
-    trial, player = tried(driver), picture(driver).player
+    trial, player = tried(driver), driver.shown().player
     assert player is not None and not player.failed and player.finished
     assert (trial.state, trial.differing) == ("finished", 7)

@@ -130,9 +130,7 @@ class Told:
     def picture(self, instance: str, most_lines: int = 20_000) -> BenchUpdate:
         """Return a picture, and keep its news."""
         since = self.lines[-1].seq if self.lines else 0
-        self.driver.request(UpdateRequest(since, (), (instance,), most_lines))
-        picture = self.driver.picture()
-        assert picture is not None
+        picture = self.driver.shown(UpdateRequest(since, (), (instance,), most_lines))
         assert [answer.error for answer in picture.answers if answer.error] == []
         self.lines += picture.lines
         return picture

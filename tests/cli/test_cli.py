@@ -261,7 +261,7 @@ os.isatty = lambda number: True
 def started(path, kernel, netns=False, read_only=False, record=None):
     print(path.name, kernel, "textual" in sys.modules)
     raise KeyboardInterrupt
-driver.start_engine = started
+driver.EngineDriver = started
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -67,7 +67,7 @@ def ranked(run: Run, *argv: str) -> tuple[int, list[dict[str, object]]]:
     return code, json.loads(out)
 
 
-KEYS = ["rank", "layout", "byte_order", "cause", "n", "points", "fits_best", "reasons"]
+KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "member", "points", "fits_best", "reasons"]
 
 
 @pytest.mark.parametrize(
@@ -88,10 +88,24 @@ def test_fit_names_the_layout_and_the_cause(content: str, cause: str | None, n: 
     ranks = [one["rank"] for one in found]
     assert ranks == [ranks.index(rank) + 1 for rank in ranks]  # 1, 2, 2, 4
     assert ranks.count(1) == 1
-    best, is_sure = found[0], (cause, n) not in [("header", 3), ("long", 1)]  # what these bytes mean is not known
+    best, is_sure = (
+        found[0],
+        (cause, n) not in [("header", 3), ("long", 1)],
+    )  # what these bytes mean is not known
     assert (best["layout"], best["byte_order"]) == ("natural8", "little")
     assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, is_sure, not is_sure)
+    assert best["text"] is None and best["member"] is None
     assert [one["fits_best"] for one in found[1:]] == [False] * (len(found) - 1)
+
+
+def test_fit_names_the_form_of_string(run: Run) -> None:
+    for content, form in (
+        ("04 02 41 42 00 00", "s7"),
+        ("41 42 00 00 00 00", "cstr"),
+        ("41 42 43 44 00", "nul"),
+    ):
+        _, out, _ = run("udt", "fit", "text.st", "07 00 00 00", *content.split(), "--format", "json")
+        assert json.loads(out)[0]["text"] == form
 
 
 def test_fit_names_exchanged_words_and_bytes(run: Run) -> None:

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver, sender, udp_receiver
 from tests.scenario.scenarios import CONFIGS
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.doctor_requests import BenchDoctor, found
 from trcvtui.cli.main import main
-from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.errors import mistake
@@ -153,8 +153,7 @@ def after_ten_seconds(
         recorder.begin(bench, project_file, (), is_scenario=False)
         for wait, line in lines:
             _pass(bench, recorder, wait)
-            command = parse_line(line, bench.project, "test")
-            assert command is not None and bench.do(command) == ""
+            do(bench, line)
         _pass(bench, recorder, scans - bench.runtime.scans)
         recorder.close()  # as a box has it: the run goes on
         bench.close()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.snapshots import EngineTiming
 from trcvtui.commands.table import parse_line
@@ -62,13 +63,6 @@ def bench_on(folder: Path, port: str = "/dev/ttyUSB0", timeout: str = "T#0s", ta
     return fresh_bench(load_project(file), "sim")
 
 
-def do(bench: Bench, line: str) -> None:
-    """Carry a line out and let a scan pass."""
-    command = parse_line(line, bench.project, "test")
-    assert command is not None and bench.do(command) == ""
-    bench.step()
-
-
 def why(bench: Bench, name: str) -> Advice:
     """Return what is told about an instance."""
     picture = Controller(bench).picture(UpdateRequest(), EngineTiming(), 0)
@@ -83,7 +77,7 @@ def warned(bench: Bench) -> tuple[str, ...]:
 
 def test_a_port_that_may_not_be_opened_is_told_with_its_call_and_its_errno(tmp_path: Path) -> None:
     bench = bench_on(tmp_path)
-    do(bench, "fault open EACCES on RX times=forever")
+    do(bench, "fault open EACCES on RX times=forever", scans=1)
     told = why(bench, "RD")
     assert told.why == "injected fault: port /dev/ttyUSB0 of RX is not there: open gave EACCES"
     assert "dialout" in told.checks[0]
@@ -93,7 +87,7 @@ def test_a_port_that_may_not_be_opened_is_told_with_its_call_and_its_errno(tmp_p
 
 def test_a_sender_is_told_of_the_port_that_its_bytes_go_out_over(tmp_path: Path) -> None:
     bench = bench_on(tmp_path)
-    do(bench, "fault open ENOENT on RX times=forever")
+    do(bench, "fault open ENOENT on RX times=forever", scans=1)
     (told,) = why(bench, "SB").checks
     assert told.startswith(
         "injected fault: port /dev/ttyUSB0 of TX is not there: open gave ENOENT: there is no"
@@ -107,7 +101,7 @@ def test_a_port_that_is_pulled_and_comes_back_is_told_as_long_as_it_is_away(tmp_
     bench = bench_on(tmp_path)
     bench.step()
     assert not warned(bench)[0].startswith("port") and why(bench, "RD").why == "no frame has begun"
-    do(bench, "fault read EIO on RX")
+    do(bench, "fault read EIO on RX", scans=1)
     assert why(bench, "RD").why == "injected fault: port /dev/ttyUSB0 of RX is not there: read gave EIO"
     for _ in range(101):
         bench.step()
@@ -120,7 +114,7 @@ def test_a_port_that_is_pulled_and_comes_back_is_told_as_long_as_it_is_away(tmp_
 def test_nothing_is_told_of_a_port_that_nobody_has_tried(tmp_path: Path, stopped: bool) -> None:
     bench = bench_on(tmp_path)
     if stopped:
-        do(bench, "plc stop")
+        do(bench, "plc stop", scans=1)
     assert port_away(bench.runtime.snapshot().combuffers[0]) == ""
     bench.close()
 
@@ -167,7 +161,7 @@ def test_what_cannot_be_fed_is_told_with_what_can(line: str, said: str, tmp_path
 
 def test_a_scenario_that_waits_in_vain_for_a_port_says_so(tmp_path: Path) -> None:
     bench = bench_on(tmp_path)
-    do(bench, "fault open EACCES on RX times=forever")
+    do(bench, "fault open EACCES on RX times=forever", scans=1)
     command = parse_line("wait RD DataReceived=1 within T#100ms", bench.project, "test")
     assert command is not None
     step = Step(1, "wait", command)

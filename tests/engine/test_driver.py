@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.local_driver import LocalDriver
+from tests.local_driver import LocalDriver, wait_for
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
+from trcvtui.engine.driver import EngineDriver, EngineStopped
 from trcvtui.errors import UserError
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.paths import demo_path
@@ -20,7 +20,6 @@ from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
 
 PASSIVE = CONFIGS / "passive.toml"
-MOST_PICTURES = 3000
 S7_PROJECTS = ("s7-receiver", "s7-iso-passive", "s7-single-passive", "s7-udp", "s7-legacy-receiver")
 
 
@@ -31,13 +30,6 @@ def local() -> Iterator[LocalDriver]:
     driver.close()
 
 
-def picture_of(driver: LocalDriver, request: UpdateRequest | None = None) -> BenchUpdate:
-    driver.request(request or UpdateRequest())
-    picture = driver.picture()
-    assert picture is not None
-    return picture
-
-
 def statuses(picture: BenchUpdate) -> list[str]:
     return [f"{i.outputs.status:04X}" for i in picture.snapshot.instances]
 
@@ -45,16 +37,16 @@ def statuses(picture: BenchUpdate) -> list[str]:
 def test_a_line_acts_in_the_next_scan_and_is_answered(local: LocalDriver) -> None:
     number = local.submit("set TRCV_C_1 CONT=1 EN_R=1")
     local.scan(3)
-    picture = picture_of(local)
+    picture = local.shown()
     assert statuses(picture) == ["7002"]
     assert [(a.number, a.error) for a in picture.answers] == [(number, "")]
-    assert picture_of(local).answers == ()
+    assert local.shown().answers == ()
 
 
 def test_a_wrong_line_is_answered_with_one_line_and_changes_nothing(local: LocalDriver) -> None:
     local.submit("set TRCV_C_1 CUNT=1")
     local.scan()
-    picture = picture_of(local)
+    picture = local.shown()
     assert statuses(picture) == ["7000"]
     (answer,) = picture.answers
     assert "CUNT" in answer.error and "CONT" in answer.error and "\n" not in answer.error
@@ -64,23 +56,23 @@ def test_hold_stops_the_scans_and_run_lets_single_ones_pass(local: LocalDriver) 
     local.submit("set TRCV_C_1 CONT=1")
     local.submit("hold")
     local.scan(5)
-    assert picture_of(local).snapshot.scan == 0
+    assert local.shown().snapshot.scan == 0
     local.submit("run 1")
     local.scan(5)
-    assert statuses(picture_of(local)) == ["0001"]
+    assert statuses(local.shown()) == ["0001"]
     local.submit("run 2")
     local.scan(5)
-    assert statuses(picture_of(local)) == ["7002"]
+    assert statuses(local.shown()) == ["7002"]
     local.submit("go")
     local.scan(5)
-    assert picture_of(local).snapshot.scan == 8
+    assert local.shown().snapshot.scan == 8
 
 
 def test_an_expectation_on_the_prompt_says_what_was_found(local: LocalDriver) -> None:
     local.scan()
     local.submit("expect TRCV_C_1 STATUS=7004")
     local.submit("expect TRCV_C_1 STATUS=7000")
-    first, second = picture_of(local).answers
+    first, second = local.shown().answers
     assert first.error == "found STATUS=7000"
     assert second.error == ""
 
@@ -92,7 +84,7 @@ def test_a_picture_holds_the_bytes_of_data_and_of_the_running_job(local: LocalDr
     local.scan(3)
     local.submit("peer P1 send hex 01 02 03")
     local.scan(1)
-    picture = picture_of(local, UpdateRequest(data=("rx",), partial_of=("TRCV_C_1",)))
+    picture = local.shown(UpdateRequest(data=("rx",), partial_of=("TRCV_C_1",)))
     assert picture.data == (("rx", bytes(8)),)
     assert picture.partial == (("TRCV_C_1", b"\x01\x02\x03"),)
     (instance,) = picture.snapshot.instances
@@ -101,10 +93,10 @@ def test_a_picture_holds_the_bytes_of_data_and_of_the_running_job(local: LocalDr
 
 def test_a_picture_brings_only_what_is_new_in_the_ledger(local: LocalDriver) -> None:
     local.scan(3)
-    first = picture_of(local)
+    first = local.shown()
     assert first.lines
     local.scan(3)
-    second = picture_of(local, UpdateRequest(since_seq=first.snapshot.ledger_seq))
+    second = local.shown(UpdateRequest(since_seq=first.snapshot.ledger_seq))
     assert second.lines == () and second.lines_skipped == 0
 
 
@@ -112,7 +104,7 @@ def test_too_much_news_is_counted_and_the_newest_is_kept(local: LocalDriver) -> 
     for value in (1, 0) * 20:
         local.submit(f"set TRCV_C_1 ADHOC={value}")
         local.scan()
-    picture = picture_of(local, UpdateRequest(most_lines=10))
+    picture = local.shown(UpdateRequest(most_lines=10))
     assert len(picture.lines) == 10
     assert picture.lines[-1].seq == picture.snapshot.ledger_seq
     assert picture.lines_skipped == picture.snapshot.ledger_seq - 10
@@ -123,21 +115,9 @@ def test_too_much_news_is_counted_and_the_newest_is_kept(local: LocalDriver) -> 
 
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
-    driver = start_engine(PASSIVE, "live")
+    driver = EngineDriver(PASSIVE, "live")
     yield driver
     driver.close()
-
-
-def wait_for(driver: Driver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
-    """Pull pictures, as the screen does, until one shows it."""
-    for _ in range(MOST_PICTURES):
-        driver.request(UpdateRequest())
-        assert isinstance(driver, EngineDriver)
-        driver.wait(1.0)
-        picture = driver.picture()
-        if picture is not None and seen(picture):
-            return picture
-    raise AssertionError("never seen")
 
 
 @pytest.mark.slow
@@ -155,7 +135,7 @@ def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("name", S7_PROJECTS)
 def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
-    driver = start_engine(CONFIGS / f"{name}.toml", "live")
+    driver = EngineDriver(CONFIGS / f"{name}.toml", "live")
     try:
         expected = [each.name for each in load_project(CONFIGS / f"{name}.toml").instances]
         assert [each.name for each in driver.project().instances] == expected
@@ -167,7 +147,7 @@ def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_demo_is_alive_by_itself() -> None:
-    driver = start_engine(demo_path(), "live")
+    driver = EngineDriver(demo_path(), "live")
     try:
         picture = wait_for(driver, lambda p: all(i.jobs_done >= 2 for i in p.snapshot.instances))
         assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C", "TSEND_C"]
@@ -178,7 +158,7 @@ def test_the_demo_is_alive_by_itself() -> None:
 
 @pytest.mark.slow
 def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
-    driver = start_engine(demo_path(), "live")
+    driver = EngineDriver(demo_path(), "live")
     try:
         names = [each.name for each in driver.project().instances]
         first = driver.pid
@@ -216,7 +196,7 @@ def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Pat
     )
     with pytest.raises(UserError) as expected:
         load_bench(file)
-    driver = start_engine(file, "sim")
+    driver = EngineDriver(file, "sim")
     with pytest.raises(UserError) as caught:
         driver.project()
     driver.close()

@@ -13,7 +13,7 @@ import pytest
 from tests.local_driver import LocalDriver
 from tests.scenario.scenarios import CONFIGS, failures, play
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.history.bench_update import BenchUpdate
 from trcvtui.paths import demo_path
 from trcvtui.project.file import load_project
 from trcvtui.scenario.scenario import load_bench
@@ -52,10 +52,7 @@ def say(driver: LocalDriver, *lines: str) -> BenchUpdate:
     for line in lines:
         driver.submit(line)
         driver.scan()
-    driver.request(UpdateRequest())
-    picture = driver.picture()
-    assert picture is not None
-    return picture
+    return driver.shown()
 
 
 def answer(driver: LocalDriver, *lines: str) -> str:

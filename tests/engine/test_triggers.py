@@ -62,9 +62,7 @@ class Desk:
     def do(self, *lines: str) -> BenchUpdate:
         """Carry out lines, `run` lets scans pass; return the picture after them."""
         self.driver.play(*lines)
-        self.driver.request(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
-        picture = self.driver.picture()
-        assert picture is not None
+        picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
         assert [answer.error for answer in picture.answers if answer.error] == []
         self.told = next((answer.told for answer in picture.answers if answer.told), "")
         self.seq = picture.lines[-1].seq if picture.lines else self.seq

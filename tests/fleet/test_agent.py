@@ -30,6 +30,7 @@ from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, read, topic_of
 from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.net.os.forwarder import say_at_once
 from trcvtui.net.os.service_manager import notify
 from trcvtui.recording.files import RecordTo
 from trcvtui.scenario.scenario import load_bench
@@ -50,9 +51,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
     for line in ("set TRCV_C_1 EN_R=1 CONT=1", "peer P1 rst", "peer P1 rst", "peer P1 rst"):
         driver.submit(line)
         driver.scan(2000)
-    driver.request(UpdateRequest(most_lines=20_000))
-    update = driver.picture()
-    assert update is not None
+    update = driver.shown(UpdateRequest(most_lines=20_000))
     errors = update.snapshot.instances[0].errors
     changed, events, moved = seen.take(update, 1000.0)
     told = [event for _, event in events]
@@ -76,11 +75,8 @@ class IdleAgent:
         project = load_bench(PROJECT)
         driver = LocalDriver(fresh_bench(project, "sim"))
         driver.scan(100)
-        driver.request(UpdateRequest())
-        update = driver.picture()
-        assert update is not None
         self.seen = SeenBench("b", project.dialect.label)
-        self.seen.take(update, 1.0)
+        self.seen.take(driver.shown(), 1.0)
 
 
 def page() -> str:
@@ -278,11 +274,11 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
     record = RecordTo(tmp_path / "runs")
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
     agent = Agent(settings, load_bench(PROJECT))
-    queue = DiskQueue(tmp_path / "queue.sqlite", fleet_agent.say)
+    queue = DiskQueue(tmp_path / "queue.sqlite", say_at_once)
     queue._base.close()  # every call of it is an error from now on
     connection = DeadEnd(Broker("127.0.0.1", 1, False), "x")
     connection._append(Connected())
-    agent._publisher = Publisher(connection, queue, fleet_agent.say)
+    agent._publisher = Publisher(connection, queue, say_at_once)
     with ExitStack() as opened, monkeypatch.context() as broken:
         opened.callback(agent._end_engine)
         broken.setattr(fleet_agent, "EngineDriver", fails)

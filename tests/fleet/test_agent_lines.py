@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.diagnosis.truth.cases import plc, receiver
-from tests.local_driver import LocalDriver
-from tests.waiting import until
+from tests.local_driver import LocalDriver, wait_for
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import DoctorSnapshot, FindingSnapshot
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import ProcessDriver
+from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import SeenBench
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.line.live_screen import CaptureDriver
+from trcvtui.line.live_screen import capture_main
 from trcvtui.scenario.scenario import load_bench
 
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
@@ -46,11 +44,8 @@ def found(cause: str, instance: str = "", connect: str = "C1") -> FindingSnapsho
 def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) -> None:
     project = load_bench(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
-    driver.request(UpdateRequest())
-    update = driver.picture()
-    assert update is not None
     seen = SeenBench("b00", project.dialect.label)
-    seen.take(update, 1000.0)
+    seen.take(driver.shown(), 1000.0)
 
     def told(looks: int, *findings: FindingSnapshot, with_payload: bool = False) -> list[dict[str, object]]:
         some = seen.findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
@@ -70,11 +65,11 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
 def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) -> None:
     project = load_bench(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
-    driver.request(UpdateRequest())
-    update = driver.picture()
-    assert update is not None
+    watched = load_bench(written(tmp_path, LINE + WATCH + WATCH.replace("press", "mill"), "watch.toml"))
+    of_rows = Agent(AgentSettings(tmp_path, "sim", "s", "n", None, None, None), watched).seen
+    assert of_rows._names == {"C1": "press, mill"}  # one CONNECT is one line
     seen = SeenBench("b00", project.dialect.label, names={"C1": "press"})
-    seen.take(update, 1000.0)
+    seen.take(driver.shown(), 1000.0)
     assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"
     [(instance, _)] = seen.findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
     assert instance.line == "press" and instance.finding == "loss"
@@ -100,32 +95,17 @@ def recording(folder: Path) -> Path:
     return path
 
 
-def pictures(driver: EngineDriver, wanted: Callable[[BenchUpdate], bool]) -> BenchUpdate:
-    """Ask for pictures until one is wanted."""
-    last: list[BenchUpdate] = []
-
-    def comes() -> bool:
-        driver.request(UpdateRequest())
-        driver.wait(0.05)
-        picture = driver.picture()
-        last[:] = [picture] if picture is not None else last
-        return bool(last) and wanted(last[0])
-
-    until(comes)
-    return last[0]
-
-
 @pytest.mark.live
 def test_shadows_show_what_a_capture_program_writes_and_say_when_it_has_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capture = recording(tmp_path)
     copy = f"import shutil, sys; shutil.copyfileobj(open({str(capture)!r}, 'rb'), sys.stdout.buffer)"
-    driver = CaptureDriver(
-        [sys.executable, "-c", copy], (written(tmp_path, LINE + WATCH, "w.toml"), None, None)
+    driver = ProcessDriver(
+        capture_main, [sys.executable, "-c", copy], (written(tmp_path, LINE + WATCH, "w.toml"), None, None)
     )
     try:
-        last = pictures(driver, lambda picture: bool(picture.over))
+        last = wait_for(driver, lambda picture: bool(picture.over))
         assert last.snapshot.instances[0].jobs_done == 3
         assert last.over == "the packets have ended"
     finally:

@@ -215,6 +215,21 @@ def test_a_file_that_is_damaged_while_it_is_used_ends_nothing(tmp_path: Path) ->
     queue.after(0, 9)
     queue.put(EVENT, "e", b"1")
     assert queue.put(EVENT, "e", b"2") and any("damaged" in line for line in said)
+    assert [payload for _, _, payload in queue.after(200, 9)][-1] == b"2"  # after all that was sent before
+    queue.close()
+
+
+def test_what_a_full_disk_does_not_delete_waits_no_more_when_there_is_room_again(tmp_path: Path) -> None:
+    queue = DiskQueue(tmp_path / "queue.sqlite", print)
+    for payload in (b"1", b"2"):
+        queue.put(EVENT, "e", payload)
+    first, last = [number for number, _, _ in queue.after(0, 9)]
+    queue._base.execute("PRAGMA query_only=1")  # as a full disk answers
+    queue.take(first)
+    assert queue.size == 2
+    queue._base.execute("PRAGMA query_only=0")
+    queue.take(last)
+    assert queue.size == 0 and queue.after(0, 9) == []
     queue.close()
 
 

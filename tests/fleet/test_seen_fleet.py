@@ -193,12 +193,14 @@ def test_a_clock_that_is_wrong_hides_no_error_keeps_none_for_ever_and_is_told(wr
     assert seen.ordered(NOW + 7300)[0].errors_hour == 0
 
 
-def test_an_agent_that_is_offline_makes_all_its_lines_offline_at_once() -> None:
+def test_an_agent_has_a_row_without_lines_and_offline_it_makes_all_of_them_offline_at_once() -> None:
     fleet = Fleet()
+    fleet.tell("s/a", ONLINE)
+    assert [(line.name, line.shows) for line in fleet.seen.ordered(NOW)] == [("", AWAY)]
     for number in range(50):
         fleet.line(f"s/a/L{number}")
     fleet.tell("s/a", OFF)
-    assert {line.shows for line in fleet.seen.ordered(NOW)} == {OFFLINE}
+    assert [line.shows for line in fleet.seen.ordered(NOW)] == [OFFLINE] * 50
     fleet.tell("s/a", ONLINE)
     assert {line.shows for line in fleet.seen.ordered(NOW)} == {GOOD}
 

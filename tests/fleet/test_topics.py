@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from trcvtui.errors import UserError
 from trcvtui.fleet.metrics import METRICS
 from trcvtui.fleet.topics import (
+    MESSAGES,
     EventMessage,
     FiguresMessage,
     FleetMessage,
@@ -21,7 +23,6 @@ from trcvtui.fleet.topics import (
     StatusMessage,
     Topic,
     read,
-    schemas,
     topic_of,
 )
 
@@ -132,6 +133,7 @@ def test_an_empty_payload_clears_a_topic() -> None:
 def test_the_page_has_the_schema_of_each_kind_and_each_metric() -> None:
     page = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text()
     [shown] = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
-    assert json.loads(shown)["$defs"] == schemas()
+    _, schemas = msgspec.json.schema_components(MESSAGES.values(), ref_template="#/$defs/{name}")
+    assert json.loads(shown)["$defs"] == schemas
     for metric in METRICS:
         assert f"| `{metric.name}{'_total' * (metric.kind == 'counter')}` | " in page

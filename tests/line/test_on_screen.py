@@ -10,8 +10,9 @@ import pytest
 from tests.line.test_watch import Watch, project, stream, watch
 from tests.recording.wire import ACK, FIN, NS, RST, answer, handshake, tcp
 from trcvtui import clock
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.history.bench_update import UpdateRequest
-from trcvtui.line.on_screen import WatchDriver, _played
+from trcvtui.line.on_screen import _played, watch_main
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.replay.time_line import TimeLine
 from trcvtui.replay.what_if import WhatIf
@@ -149,7 +150,7 @@ def test_nothing_is_left_in_the_folder_for_such_while_a_capture_is_shown(
     (tmp_path / "tmp").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     monkeypatch.setattr("tempfile.tempdir", None)
-    driver = WatchDriver([str(watch.path)], (None, None, None))
+    driver = ProcessDriver(watch_main, [str(watch.path)], (None, None, None))
     assert driver.project().instances
     assert not [*(tmp_path / "tmp").iterdir()]
     driver.close()
@@ -161,7 +162,7 @@ def shown(path: Path, bench: Path) -> TimeLine:
 
 def test_what_is_no_capture_is_told_before_there_is_a_screen(tmp_path: Path) -> None:
     (tmp_path / "no.pcapng").write_bytes(b"no capture at all")
-    driver = WatchDriver([str(tmp_path / "no.pcapng")], (None, None, None))
+    driver = ProcessDriver(watch_main, [str(tmp_path / "no.pcapng")], (None, None, None))
     with pytest.raises(Exception, match="a capture"):
         driver.project()
     driver.close()

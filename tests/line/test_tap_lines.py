@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,6 @@ from trcvtui.cli.main import main
 from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import Intervene
 from trcvtui.errors import UserError
-from trcvtui.line import tap_command as command
-from trcvtui.line.tap_command import ObserverSettings, forward
 from trcvtui.line.tap_observer import TapObserver, TapPlan
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, TapOrder, order_of, place_of, route_of
@@ -141,20 +138,9 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     assert "? missing in the capture" in text.split("from byte 4")[1]
 
 
-def test_what_is_held_from_the_beginning_needs_a_screen(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(command, "NO_SCREEN_NS", 1_000_000)
-    before = [(each, signal.getsignal(each)) for each in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)]
-    route = route_of("T", "127.0.0.1:0", "127.0.0.1:1", ("", ""))
-    looks = ObserverSettings(None, None, None, None, False, has_screen=False, holds=True)
-    try:
-        assert forward([route], looks, None) == 2
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
-    told = "--hold: found no screen within 5 s, expected one that lets go what is held"
-    assert capsys.readouterr().err.splitlines()[-1] == told
+def test_what_is_held_from_the_beginning_needs_a_screen(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tap", "127.0.0.1:0", "127.0.0.1:1", "--hold"]) == 2
+    assert capsys.readouterr().err == "--hold: found no screen, expected one that lets go what is held\n"
 
 
 ROW = '[[tap]]\nname = "T"\nlisten = "{}"\nto = "{}"\nconnect = "{}"\n'

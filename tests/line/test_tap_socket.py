@@ -12,24 +12,29 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
-from tests.fleet.test_agent import children_of, is_alive
-from tests.fleet.test_agent_lines import LINE, TAP, pictures, written
+from tests.fleet.test_agent import SECOND, children_of, is_alive
+from tests.fleet.test_agent_lines import LINE, TAP, written
+from tests.local_driver import wait_for
 from tests.waiting import until
 from trcvtui.capture.pcap import USER0, CaptureReader, Packet
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.errors import UserError
+from trcvtui.fleet import agent as fleet_agent
+from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.history.bench_update import UpdateRequest
+from trcvtui.line import live_screen
 from trcvtui.line.live_screen import TapSocketDriver
 from trcvtui.line.tap_socket import connection_to, socket_of
 from trcvtui.net.os.observers import MOST_NAME, listening
 from trcvtui.net.tap import TO, TapOrder
+from trcvtui.scenario.scenario import load_bench
 
 ROOT = Path(__file__).parents[2]
 MEGABYTES = 10
@@ -74,9 +79,7 @@ class TapService:
 
     def observer(self) -> socket.socket:
         """Return an observer that is told all from now on."""
-        made = socket.socket(fileno=connection_to(self.project))
-        made.recv(1, socket.MSG_PEEK)
-        return made
+        return socket.socket(fileno=connection_to(self.project))
 
     def close(self) -> None:
         if self.process.poll() is None:
@@ -284,6 +287,40 @@ def test_observers_are_served_again_when_their_process_is_gone(tap: TapService, 
         end.close()
 
 
+def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
+    tap: TapService, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(live_screen, "SILENT_NS", 3 * SECOND)
+    monkeypatch.setattr(fleet_agent, "MOST_PAUSE_NS", SECOND)
+    agent = Agent(AgentSettings(tap.project, "sim", "s", "n", None, None, None), load_bench(tap.project))
+    device, plc = tap.connect()
+    [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
+    with ExitStack() as opened:
+        opened.callback(agent._end_engine)
+        opened.callback(os.kill, server, signal.SIGCONT)
+
+        def turned() -> bool:
+            agent._turn(opened)
+            return agent.is_running and bool(agent.seen.instances)
+
+        def sees_bytes() -> bool:
+            device.sendall(bytes(4))
+            return turned()
+
+        until(sees_bytes)
+        first = agent._scan
+        until(lambda: turned() and agent._scan > first + 300)  # nothing passes: signs of life are its time
+        assert agent.restarts == 0
+        os.kill(server, signal.SIGSTOP)
+        until(lambda: not turned() and agent.is_stale)
+        said = capsys.readouterr().err
+        assert "found nothing for 3 s" in said and "found a tap that tells nothing" in said
+        os.kill(server, signal.SIGCONT)
+        until(lambda: sees_bytes() and not agent.is_stale)
+    for end in (device, plc):
+        end.close()
+
+
 def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(tap: TapService) -> None:
     driver = TapSocketDriver(tap.project)
     try:
@@ -300,7 +337,7 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
         for end in (device, plc):
             end.close()
         tap.close()
-        assert pictures(driver, lambda picture: bool(picture.over)).over == "the packets have ended"
+        assert wait_for(driver, lambda picture: bool(picture.over)).over == "the packets have ended"
     finally:
         driver.close()
     with pytest.raises(UserError, match="found no tap, expected `trcvtui tap --project"):

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import trcvtui.net.layers.iso_on_tcp as cotp
+from tests.bench.bench_lines import do
 from tests.certificates import NEEDS_OPENSSL
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, ScanBudget
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES, Code, Connect, Data, encode
@@ -74,10 +74,7 @@ class Works:
         self.dones = 0
 
     def say(self, *lines: str) -> None:
-        for line in lines:
-            command = parse_line(line, self.bench.project, "w")
-            assert command is not None
-            assert self.bench.do(command) == "", line
+        do(self.bench, *lines)
 
     def run(self, scans: int, each: Callable[[], None] = lambda: None) -> None:
         for _ in range(scans):

@@ -7,9 +7,9 @@ import socket
 
 import pytest
 
+from tests.bench.bench_lines import do
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.project.file import load_project
 
@@ -19,11 +19,7 @@ def connected(kernel: str, seconds: int) -> Bench:
         load_project(CONFIGS / "passive.toml", (f"connect.C1.KeepAliveTimeInterval={seconds}",)), kernel
     )
     for line in ("set TRCV_C_1 CONT=1", "peer P1 connect"):
-        command = parse_line(line, bench.project, "test")
-        assert command is not None
-        assert bench.do(command) == ""
-        for _ in range(4):
-            bench.step()
+        do(bench, line, scans=4)
     assert bench.runtime.outputs("TRCV_C_1").status == 0x7004
     return bench
 

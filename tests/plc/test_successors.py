@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.net.events import BytesDropped, ConnectionChanged, EventKind
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.project.file import read_project
@@ -60,10 +60,7 @@ class Line:
                 self.do(f"set {name} EN_R=1")
 
     def do(self, *lines: str) -> None:
-        for line in lines:
-            command = parse_line(line, self.bench.project, "test")
-            assert command is not None
-            assert self.bench.do(command) == "", line
+        do(self.bench, *lines)
 
     def run(self, scans: int) -> None:
         for _ in range(scans):

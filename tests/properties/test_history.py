@@ -13,8 +13,8 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.bench.bench_lines import do
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.table import parse_line
 from trcvtui.history.reader import HistoryReader
 from trcvtui.history.received import JobHistory
 from trcvtui.history.records import HistoryRequest, HistoryWindow, JobSpan
@@ -51,9 +51,7 @@ class Generator:
 
     def do(self, line: str) -> None:
         """Carry out a bench command."""
-        command = parse_line(line, self.bench.project, "test")
-        assert command is not None
-        assert self.bench.do(command) == ""
+        do(self.bench, line)
 
     def scan(self, times: int = 1) -> None:
         """Let scans pass; note what each of them has delivered or dropped."""

@@ -18,7 +18,7 @@ from trcvtui.history.pin_waveform import WaveformCache, with_changes
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, Answered, EntriesLost, Entry
 from trcvtui.replay.command import check
-from trcvtui.replay.driver import SLICE_NS, ReplayDriver, opened
+from trcvtui.replay.driver import SLICE_NS, opened, replay_driver
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import FIRST, PIECES, read_at
 from trcvtui.replay.time_line import TimeLine
@@ -202,7 +202,7 @@ def test_where_to_open_is_judged_before_anything_starts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(UserError, match="--at: found 'soon'"):
-        ReplayDriver(LINK_DOWN, "soon")
+        replay_driver(LINK_DOWN, "soon")
     file = tmp_path / "R.pcapng"
     assert main(["scenario", str(LINK_DOWN), "--record", str(file)]) == 0
     for at in ("395", "T#3s931ms", "0"):

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.local_driver import LocalDriver
+from tests.local_driver import LocalDriver, wait_for
 from tests.scenario.scenarios import CONFIGS, PASSIVE
 from trcvtui.commands.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.engine.driver import EngineDriver, start_engine
-from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.engine.driver import EngineDriver
+from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
 from trcvtui.scenario.scenario import load_bench
@@ -28,7 +28,6 @@ STEPS = (
     "run 5",
     "expect TRCV_C_1 trace 0001 7001 7002{6}",
 )
-MOST_PICTURES = 3000
 
 
 def scenario(folder: Path, *steps: str, start: str = "", name: str = "story.toml") -> Path:
@@ -41,22 +40,15 @@ def scenario(folder: Path, *steps: str, start: str = "", name: str = "story.toml
     return file
 
 
-def picture_of(driver: LocalDriver, request: UpdateRequest | None = None) -> BenchUpdate:
-    driver.request(request or UpdateRequest())
-    picture = driver.picture()
-    assert picture is not None
-    return picture
-
-
 def player_of(driver: LocalDriver) -> PlayerSnapshot:
-    player = picture_of(driver).player
+    player = driver.shown().player
     assert player is not None
     return player
 
 
 def answer_to(driver: LocalDriver, line: str) -> str:
     number = driver.submit(line)
-    (answer,) = [answer for answer in picture_of(driver).answers if answer.number == number]
+    (answer,) = [answer for answer in driver.shown().answers if answer.number == number]
     assert isinstance(answer, Answer)
     return answer.error
 
@@ -76,12 +68,12 @@ def test_each_step_waits_to_be_asked_for_and_asks_for_its_scans(driver: LocalDri
     assert [step.line for step in player.steps] == [step for step in STEPS if step and step[0] != "#"]
     assert [step.number for step in player.steps] == [1, 2, 3, 4, 5]
     assert states(player) == [TO_COME] * 5
-    assert picture_of(driver).snapshot.scan == 0, "no step, no scan"
+    assert driver.shown().snapshot.scan == 0, "no step, no scan"
 
     driver.submit("scenario step")
     driver.scan(10)
     assert states(player_of(driver)) == [DONE, *[TO_COME] * 4]
-    assert picture_of(driver).snapshot.scan == 0, "`set` lets no scan pass"
+    assert driver.shown().snapshot.scan == 0, "`set` lets no scan pass"
 
     driver.submit("scenario step")
     driver.scan(1)
@@ -105,7 +97,7 @@ def test_steps_asked_for_while_one_is_under_way_come_after_it(driver: LocalDrive
     assert states(player_of(driver)) == [DONE, NOW, TO_COME, TO_COME, TO_COME]
     driver.scan(20)
     assert states(player_of(driver)) == [DONE, HELD, FAILED, DONE, TO_COME]
-    assert picture_of(driver).snapshot.scan == 8, "after the fourth step no scan passes"
+    assert driver.shown().snapshot.scan == 8, "after the fourth step no scan passes"
 
 
 def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path) -> None:
@@ -119,7 +111,7 @@ def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path
     assert [step.number for step in player.failed] == [3]
     assert answer_to(driver, "scenario step") == "the scenario is over; loading it again begins anew"
     driver.scan(5)
-    assert picture_of(driver).snapshot.scan == 8, "no scan passes after the last step"
+    assert driver.shown().snapshot.scan == 8, "no scan passes after the last step"
 
 
 def test_a_step_asked_for_during_a_run_stops_it_after_the_running_one(
@@ -142,7 +134,7 @@ def test_a_failed_wait_ends_the_scenario(driver: LocalDriver, tmp_path: Path) ->
     assert states(player) == [FAILED, TO_COME]
     assert player.finished
     assert player.steps[0].found == "STATUS=7000"
-    assert picture_of(driver).snapshot.scan == 3
+    assert driver.shown().snapshot.scan == 3
 
 
 def test_the_commands_of_start_are_taken_when_the_scenario_is_loaded(
@@ -161,29 +153,29 @@ def test_the_commands_of_start_are_taken_when_the_scenario_is_loaded(
 def test_a_scenario_has_a_bench_and_a_project_of_its_own(driver: LocalDriver, tmp_path: Path) -> None:
     driver.submit("set TRCV_C_1 CONT=1")
     driver.scan(20)
-    home = picture_of(driver)
+    home = driver.shown()
     assert home.project is None, "the screen has read it itself"
     driver.submit(f"scenario load {CONFIGS / 'scenarios' / 'baosky' / 'shared-close.toml'} sim")
-    away = picture_of(driver, UpdateRequest(since_seq=10_000, bench=home.bench, project=home.project_number))
+    away = driver.shown(UpdateRequest(since_seq=10_000, bench=home.bench, project=home.project_number))
     assert away.bench != home.bench
     assert away.project is not None
     assert [decl.name for decl in away.project.instances] == ["TRCV_C_1", "TRCV_C_2"]
     assert (away.snapshot.scan, away.holding, away.kernel) == (0, True, "sim")
     known = UpdateRequest(bench=away.bench, project=away.project_number)
-    assert picture_of(driver, known).project is None
+    assert driver.shown(known).project is None
 
 
 def test_leaving_brings_the_opened_project_back_fresh(driver: LocalDriver, tmp_path: Path) -> None:
     driver.scan(20)
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
-    away = picture_of(driver)
+    away = driver.shown()
     driver.submit("scenario stop")
-    picture = picture_of(driver, UpdateRequest(bench=away.bench, project=away.project_number))
+    picture = driver.shown(UpdateRequest(bench=away.bench, project=away.project_number))
     assert picture.player is None
     assert picture.project is not None and picture.project.path == PASSIVE
     assert (picture.snapshot.scan, picture.holding) == (0, False)
     driver.scan(3)
-    assert picture_of(driver).snapshot.scan == 3
+    assert driver.shown().snapshot.scan == 3
     assert answer_to(driver, "scenario step").startswith("no scenario is loaded")
 
 
@@ -194,7 +186,7 @@ def test_the_commands_of_start_act_again_when_the_project_comes_back(tmp_path: P
     driver.submit(f"scenario load {FIN} sim")
     driver.submit("scenario stop")
     driver.scan(1)
-    assert picture_of(driver).snapshot.instances[0].pin("CONT") is True
+    assert driver.shown().snapshot.instances[0].pin("CONT") is True
     driver.close()
 
 
@@ -213,7 +205,7 @@ def test_a_wrong_file_is_one_line_and_the_present_bench_stays(
     driver.scan(4)
     error = answer_to(driver, f"scenario load {scenario(tmp_path, *steps)} {kernel}")
     assert found in error and "\n" not in error
-    picture = picture_of(driver)
+    picture = driver.shown()
     assert (picture.snapshot.scan, picture.player, picture.bench) == (4, None, 0)
 
 
@@ -226,7 +218,7 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
         peer = '[[peer]]\nname = "P2"\nactive = false\nlocal = "127.0.0.1:{}"\n\n[scenario]'
         free.write_text(text.replace("[scenario]", peer.format(0)), encoding="utf-8")
         first.take(1, f"scenario load {free} live")
-        taken = first.bench.peers["P2"].last_port
+        taken = first.bench.peers["P2"].transport.last_port
         free.write_text(text.replace("[scenario]", peer.format(taken)), encoding="utf-8")
         second.take(1, f"scenario load {free} live")
         (answer,) = second.picture(UpdateRequest(), EngineTiming(), 10).answers
@@ -259,23 +251,9 @@ def test_a_bench_that_is_left_after_keeps_no_socket() -> None:
 
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
-    driver = start_engine(PASSIVE, "live")
+    driver = EngineDriver(PASSIVE, "live")
     yield driver
     driver.close()
-
-
-def wait_for(driver: EngineDriver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
-    """Pull pictures, as the screen does, until one shows it."""
-    request = UpdateRequest()
-    for _ in range(MOST_PICTURES):
-        driver.request(request)
-        driver.wait(1.0)
-        picture = driver.picture()
-        if picture is not None:
-            if seen(picture):
-                return picture
-            request = UpdateRequest(bench=picture.bench, project=picture.project_number)
-    raise AssertionError("never seen")
 
 
 @pytest.mark.slow

@@ -19,7 +19,6 @@ from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.commands.snapshots import Answer
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.history.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario import recorded_session as kept
 from trcvtui.scenario.recorded_session import Seen
@@ -33,10 +32,7 @@ def say(driver: LocalDriver, *lines: str | int) -> Answer:
             driver.scan(line)
         else:
             driver.submit(line)
-    driver.request(UpdateRequest())
-    picture = driver.picture()
-    assert picture is not None
-    return picture.answers[-1]
+    return driver.shown().answers[-1]
 
 
 def steps_of(file: Path) -> list[str]:

@@ -53,7 +53,7 @@ def make(seed: int, kind: str) -> DriftCase | None:
 
 
 def drifted(ours: Struct, kind: str, rng: random.Random) -> Struct | None:
-    """Return the type with one change, in it or in a STRUCT that a member is or has; None where it has none."""
+    """Return the type with one change, in it or in a STRUCT below it; None where it has none."""
     at, members = rng.randrange(len(ours.members)), list(ours.members)
     below = drifted_below(members[at].type, kind, rng)
     if below is not None:
@@ -125,13 +125,14 @@ def is_right(case: DriftCase, found: Fit) -> bool:
             for leaf in case.theirs.leaves()
         }
         read = values(found, message)
-        if len(message) % size or any(path in read and read[path] != sent[path] for path in shared):
+        differs = any(path in read and read[path] != sent[path] for path in shared)
+        if len(message) % size or differs:
             return False
     return True
 
 
 class DriftTally(NamedTuple):
-    """Cases: all, sure and right; the seeds of those falsely sure; of those whose right reading is not first."""
+    """Cases: all, sure and right; seeds of those falsely sure, of those with the right reading not first."""
 
     cases: int
     sure: int
@@ -140,12 +141,12 @@ class DriftTally(NamedTuple):
 
     def __str__(self) -> str:
         """Return the figures in one line."""
-        false, late = len(self.false), len(self.late)
-        return f"{self.cases} cases: sure and right {self.sure}, falsely sure {false}, right but not first {late}"
+        late = f"right but not first {len(self.late)}"
+        return f"{self.cases} cases: sure and right {self.sure}, falsely sure {len(self.false)}, {late}"
 
 
 def measure(seeds: Iterable[int], kind: str, most: int) -> DriftTally:
-    """Return the figures of the first `most` cases; a reading as good as the first one by its points is first."""
+    """Return the figures of the first `most` cases."""
     cases = sure = 0
     false, late = [], []
     for seed in seeds:

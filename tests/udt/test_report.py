@@ -86,6 +86,7 @@ def test_decode_as_json_is_the_contract() -> None:
             "c": "X",
             "wait": "T#1s500ms",
         },
+        "marks": {"ok": "16#05"},
     }
 
 

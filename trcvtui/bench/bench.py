@@ -342,7 +342,7 @@ class Bench:
 
     def _peer_port(self, name: str) -> int | None:
         peer = self.peers.get(name)
-        return peer.last_port if peer else None
+        return peer.transport.last_port if peer else None
 
     @property
     def network(self) -> SimKernel:

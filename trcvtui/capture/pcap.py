@@ -268,6 +268,9 @@ class CaptureReader:
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
                 elif kind == STATISTICS:
                     self._see_drops(buffer[at + 8 : after - 4], order)
+                    if USER0 in self.link_types and interface < len(clocks):  # time of a tap of ours
+                        numerator, denominator, offset = clocks[interface]
+                        ns = max(ns, (high << 32 | low) * numerator // denominator + offset)
                 at = after
                 continue
             if length < kept:

@@ -147,9 +147,9 @@ def _replay(args: Args) -> int:
 
         return what_if_file(args.file, args.check, args.format, args.set, args.dialect)
     if not args.check and args.format is None and has_terminal():
-        from trcvtui.replay.driver import ReplayDriver
+        from trcvtui.replay.driver import replay_driver
 
-        return show(lambda: ReplayDriver(args.file, args.at), is_replay=True)
+        return show(lambda: replay_driver(args.file, args.at), is_replay=True)
     from trcvtui.replay.command import replay_file
 
     return replay_file(args.file, args.check, args.format)

@@ -18,7 +18,7 @@ from trcvtui.cli.options import (
     load_bench,
 )
 from trcvtui.cli.screen import has_terminal
-from trcvtui.errors import mistake
+from trcvtui.errors import mistake, need
 
 BROKER = "the broker; user and password: TRCVTUI_MQTT_.."
 
@@ -51,8 +51,8 @@ def _agent(args: Args) -> int:
     import shlex
 
     from trcvtui.fleet.agent import AgentSettings, default_name, run_agent
-    from trcvtui.fleet.broker import broker_of, need_paho
-    from trcvtui.fleet.metrics import need_prometheus, place_of_page
+    from trcvtui.fleet.broker import broker_of
+    from trcvtui.fleet.metrics import place_of_page
     from trcvtui.recording.files import RecordTo
     from trcvtui.scenario.record import limits_of
 
@@ -64,11 +64,11 @@ def _agent(args: Args) -> int:
             raise mistake(option, "an empty one", "a name, it is a level of each topic")
     page = None if args.metrics is None else place_of_page(args.metrics)
     if page is not None:
-        need_prometheus()
+        need("prometheus_client", "metrics", "--metrics", "no prometheus-client")
     broker = None
     if args.mqtt is not None:
         broker = broker_of(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
-        need_paho()
+        need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     record = None
     if args.record is not None:
         from trcvtui.files import make_folder
@@ -98,10 +98,10 @@ def add_fleet(parser: CommandParser) -> None:
 
 def _fleet(args: Args) -> int:
     from trcvtui.clock import wall_ns
-    from trcvtui.fleet.broker import OPEN_TO_ALL, broker_of, need_paho
+    from trcvtui.fleet.broker import OPEN_TO_ALL, broker_of
 
     broker = broker_of(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
-    need_paho()
+    need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
     if not has_terminal():
         raise mistake("trcvtui fleet", "no terminal", "a terminal; scripts read the broker: docs/fleet.md")
     if not broker.has_tls:

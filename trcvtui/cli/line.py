@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from trcvtui.cli.options import (
     GOOD,
@@ -25,6 +25,7 @@ from trcvtui.cli.options import (
 )
 from trcvtui.cli.screen import has_terminal, show
 from trcvtui.errors import UserError, mistake
+from trcvtui.files import create
 from trcvtui.paths import given_path
 
 if TYPE_CHECKING:
@@ -57,10 +58,11 @@ def _watch(args: Args) -> int:
     if "-" in args.files:
         return _watch_stdin(args, shadows)
     if args.format is None and has_terminal():
-        from trcvtui.line.on_screen import WatchDriver
+        from trcvtui.engine.driver import ProcessDriver
+        from trcvtui.line.on_screen import watch_main
 
         sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
-        return show(lambda: WatchDriver(args.files, shadows), is_replay=True)
+        return show(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
     from trcvtui.line.watch_command import watch
 
     watch(args.files, *shadows, args.format)
@@ -73,10 +75,10 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
     if sys.stdin.isatty():
         raise mistake("stdin", "a terminal", "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
     if args.format is None and sys.stdout.isatty():
-        from trcvtui.line.live_screen import LiveDriver
+        from trcvtui.line.live_screen import live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return show(lambda: LiveDriver(shadows))
+        return show(lambda: live_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)
@@ -136,7 +138,7 @@ def _tap(args: Args) -> int:
         args.armed,
         args.allow_orders,
     )
-    return forward(routes, looks, _tap_record(args.record))
+    return forward(routes, looks, None if args.record is None else create(args.record, "--record"))
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
@@ -160,15 +162,6 @@ def _taps_of(project: Path | None) -> list[Route]:
     from trcvtui.line.tap_observer import routes_of
 
     return routes_of(taps)
-
-
-def _tap_record(path: str | None) -> IO[bytes] | None:
-    """Return the file of a recording; raise UserError for one that is refused."""
-    if path is None:
-        return None
-    from trcvtui.files import create
-
-    return create(path, "--record")
 
 
 # -- conversations, doctor, report ----------------------------------------------------------------------

@@ -16,7 +16,7 @@ from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench
 from trcvtui.errors import mistake
 
 if TYPE_CHECKING:
-    from trcvtui.engine.driver import EngineDriver
+    from trcvtui.engine.driver import ProcessDriver
     from trcvtui.recording.files import RecordTo
 
 
@@ -41,13 +41,13 @@ def open_screen(
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _is_there(path):
         return WRONG_INPUT
-    from trcvtui.engine.driver import start_engine
+    from trcvtui.engine.driver import EngineDriver
 
-    return show(lambda: start_engine(path, kernel, netns, read_only, record), theme, read_only)
+    return show(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only)
 
 
 def show(
-    start: Callable[[], EngineDriver],
+    start: Callable[[], ProcessDriver],
     theme: str | None = None,
     read_only: bool = False,
     is_replay: bool = False,

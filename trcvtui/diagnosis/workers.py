@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 import msgspec
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake, need
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
@@ -73,15 +73,13 @@ def answers_of_cluster(
 
     What no worker can open is read here. `form`: the type of an Answer. Raise UserError: no such scheduler.
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        expected = "it: pip install 'trcvtui[cluster]'"
-        raise mistake("--scheduler", "no Dask", expected) from None
+    dask = need("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
     with _building_nothing():
         try:
-            client = Client(scheduler, timeout=CONNECT_S, set_as_default=False, deserializers=["msgpack"])
+            client = dask.Client(
+                scheduler, timeout=CONNECT_S, set_as_default=False, deserializers=["msgpack"]
+            )
         except Exception as failed:  # whatever a URL, a name, a door, another version bring
             expected = "tcp://HOST:8786 of a Dask scheduler"
             raise mistake("--scheduler", f"{scheduler} ({failed})", expected) from None

@@ -120,9 +120,7 @@ def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> s
 
 MOST_ANSWERS: Final = 64
 EDITS: Final = (*words.MENDS, words.Create, words.Delete, words.Resize)
-MOST_DATA: Final = (
-    65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
-)
+MOST_DATA: Final = 65_536  # of one variable in a picture: as much as a job writes; more would block the pipe
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"

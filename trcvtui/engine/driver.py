@@ -99,19 +99,13 @@ class MessageReader:
             os.set_blocking(descriptor, True)
 
 
-class EngineDriver:
-    """The bench in a process of its own; start it before the screen library is imported."""
+class ProcessDriver:
+    """What is shown, in a process of its own that runs `main`: start it before the screen library comes."""
 
-    def __init__(
-        self,
-        path: Path,
-        kernel: str,
-        netns: bool = False,
-        read_only: bool = False,
-        record: RecordTo | None = None,
-    ) -> None:
-        self._asked = path, kernel, netns, read_only
-        self._record = record
+    _record: RecordTo | None = None
+
+    def __init__(self, main: Callable[..., None], *asked: Any) -> None:
+        self._main, self._asked = main, asked
         self._number = 0
         self._start()
 
@@ -119,18 +113,15 @@ class EngineDriver:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        main, asked = self._program()
-        self._process = context.Process(target=main, args=(theirs, *asked), daemon=True)
+        self._process = context.Process(target=self._main, args=(theirs, *self._arguments()), daemon=True)
         self._process.start()
         theirs.close()
         self._arriving = MessageReader(self._channel)
         self._outstanding = False
         self._project: Project | None = None
 
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        from trcvtui.engine.engine import engine_main
-
-        return engine_main, (*self._asked, self._record)
+    def _arguments(self) -> tuple[Any, ...]:
+        return self._asked
 
     def restart(self) -> None:
         self.close()
@@ -233,12 +224,25 @@ class EngineDriver:
             self._process.join()
 
 
-def start_engine(
-    path: Path, kernel: str, netns: bool = False, read_only: bool = False, record: RecordTo | None = None
-) -> EngineDriver:
-    """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
+class EngineDriver(ProcessDriver):
+    """The bench.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
     it opens no file but those of the project.
     """
-    return EngineDriver(path, kernel, netns=netns, read_only=read_only, record=record)
+
+    def __init__(
+        self,
+        path: Path,
+        kernel: str,
+        netns: bool = False,
+        read_only: bool = False,
+        record: RecordTo | None = None,
+    ) -> None:
+        from trcvtui.engine.engine import engine_main
+
+        self._record = record
+        super().__init__(engine_main, path, kernel, netns, read_only)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return *self._asked, self._record

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import platform
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
-from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from trcvtui import __version__, clock, paths
-from trcvtui.engine.driver import EngineDriver, EngineStopped
+from trcvtui.engine.driver import EngineDriver, EngineStopped, ProcessDriver
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import OPEN_TO_ALL, Broker, BrokerConnection, LastWill
@@ -23,6 +21,7 @@ from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, topic_of
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.net.os.forwarder import say_at_once
 from trcvtui.net.os.service_manager import notify
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
@@ -77,7 +76,7 @@ def queue_path(site: str, name: str) -> Path | None:
             if not each.is_dir():
                 make_folder(each, "the folder of the queue")
     except UserError as refused:
-        say(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
+        say_at_once(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
         return None
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
@@ -88,11 +87,14 @@ class Agent:
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings
         rows: tuple[WatchDecl | TapDecl, ...] = (*project.watches, *project.taps)
-        names = {row.connect: row.name for row in rows}
-        names |= {row.back: f"{row.name} back" for row in rows if row.back}
+        names: dict[str, str] = {}
+        for row in rows:
+            for connect, name in ((row.connect, row.name), (row.back, f"{row.name} back")):
+                names[connect] = f"{names[connect]}, {name}" if connect in names else name
+        names.pop("", None)
         boot = f"{clock.wall_ns():x}"
         self.seen = SeenBench(boot, project.dialect.label, self._recorded_in, names)
-        self._engine: EngineDriver | None = None
+        self._engine: ProcessDriver | None = None
         self._has_taps = bool(project.taps)
         self._has_shadows = self._has_taps or bool(settings.packets)
         self._has_asked = False  # the engine for a picture
@@ -141,8 +143,11 @@ class Agent:
     # -- the loop ----------------------------------------------------------------------------------------
 
     def run(self) -> int:
+        ended: list[int] = []
+        for name in ("SIGTERM", "SIGINT", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), lambda number, _: ended.append(number))
         with ExitStack() as opened:
-            ended = opened.enter_context(_signals())
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
             opened.callback(self._end_engine)
@@ -156,14 +161,14 @@ class Agent:
 
     def _connect(self, broker: Broker, opened: ExitStack) -> None:
         if not broker.has_tls:
-            say(OPEN_TO_ALL)
+            say_at_once(OPEN_TO_ALL)
         topic = self._topic("state")
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
         connection = BrokerConnection(broker, client_id, LastWill(topic, self._state_message("offline")))
-        queue = DiskQueue(queue_path(settings.site, settings.name), say)
+        queue = DiskQueue(queue_path(settings.site, settings.name), say_at_once)
         opened.callback(queue.close)
-        self._publisher = Publisher(connection, queue, say)
+        self._publisher = Publisher(connection, queue, say_at_once)
         self._tell_state()
         connection.open()
         opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
@@ -195,7 +200,7 @@ class Agent:
             line = f"publishing has failed: {type(failed).__name__} {failed}; the bench goes on"
             if line != self._failure:
                 self._failure = line
-                say(line)
+                say_at_once(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
         """Open the page; where its place is taken try again later: that is no reason to end a bench."""
@@ -205,7 +210,8 @@ class Agent:
             server = serve_page(address, port, self)
         except OSError as failed:
             if not self._page_at:
-                say(f"--metrics: {failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s")
+                why = f"{failed.strerror} at {address}:{port}; tried again each {PAGE_NS // NS} s"
+                say_at_once(f"--metrics: {why}")
             self._page_at = now + PAGE_NS
             return
         self._page_at = -1
@@ -217,19 +223,19 @@ class Agent:
         self._scan = -1
         self._engine = self._new_engine()
         if self._has_taps:
-            say("the tap is there")
+            say_at_once("the tap is there")
         self.seen.begin_run()
         self._has_asked = False
 
-    def _new_engine(self) -> EngineDriver:
+    def _new_engine(self) -> ProcessDriver:
         settings = self._settings
         if not self._has_shadows:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.line.live_screen import CaptureDriver, TapSocketDriver
+        from trcvtui.line.live_screen import TapSocketDriver, capture_main
 
         if self._has_taps:
             return TapSocketDriver(settings.project)
-        return CaptureDriver(settings.packets, (settings.project, None, None))
+        return ProcessDriver(capture_main, settings.packets, (settings.project, None, None))
 
     def _failed(self, stopped: Exception, now: int) -> None:
         self._end_engine()
@@ -240,7 +246,7 @@ class Agent:
             from trcvtui.bench.error_report import write_report
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
-        say(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
+        say_at_once(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
         with self._going_on():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
@@ -254,7 +260,7 @@ class Agent:
         if engine is not None:
             engine.close()
 
-    def _look(self, engine: EngineDriver, now: int) -> None:
+    def _look(self, engine: ProcessDriver, now: int) -> None:
         if not self._has_asked and (self._has_shadows or engine.has_begun()):
             self._has_asked, self._started_at = True, now
             # Not before: with a request unread its last words would be lost.
@@ -357,7 +363,7 @@ class Agent:
             self._state = state
             self._publisher.retain(self._topic("state"), self._state_message(state))
             if state == "stale":
-                say(f"no scan for {self._patience // NS} s: what is shown is old")
+                say_at_once(f"no scan for {self._patience // NS} s: what is shown is old")
 
     def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()
@@ -381,30 +387,5 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
     return Agent(settings, project).run()
 
 
-def say(line: str) -> None:
-    """Tell the user, in the journal of a service: one line."""
-    try:
-        sys.stderr.write(f"{one_line(line)}\n")
-        sys.stderr.flush()
-    except OSError:
-        return  # nobody reads it: the line goes on
-
-
 def _wall() -> float:
     return round(clock.wall_ns() / NS, 3)
-
-
-@contextmanager
-def _signals() -> Iterator[list[int]]:
-    came: list[int] = []
-
-    def note(number: int, _: FrameType | None) -> None:
-        came.append(number)
-
-    names = [each for each in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, each)]
-    before: dict[str, Any] = {each: signal.signal(getattr(signal, each), note) for each in names}
-    try:
-        yield came
-    finally:
-        for each, handler in before.items():
-            signal.signal(getattr(signal, each), handler)

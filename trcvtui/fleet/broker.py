@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from urllib.parse import urlsplit
 
 from trcvtui import clock
-from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.errors import UserError, mistake, need, one_line
 from trcvtui.fleet.topics import MOST_BYTES
 
 if TYPE_CHECKING:
@@ -180,21 +180,13 @@ def _context(broker: Broker) -> ssl.SSLContext:
     return made
 
 
-def need_paho() -> None:
-    """Raise UserError where the extra is not installed."""
-    try:
-        import paho.mqtt.client as _  # noqa: F401
-    except ImportError:
-        raise mistake("--mqtt", "no paho-mqtt", "pip install 'trcvtui[fleet]'") from None
-
-
 class BrokerConnection:
     """A connection to a broker that comes back by itself; `news` tells what happened, in order."""
 
     def __init__(
         self, broker: Broker, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
     ) -> None:
-        need_paho()
+        need("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
         self._news: deque[News] = deque()
         self._waiting_bytes = 0

@@ -21,12 +21,15 @@ EVENT, FIGURES = 0, 1  # what stands in the queue
 MEMORY: Final = ":memory:"
 BESIDE: Final = ("", "-wal", "-shm")  # files of one queue
 DAMAGED: Final = frozenset((sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB))
-# No number comes twice, also after the queue was empty: what has been sent is known by its number.
+# No number comes twice, also after the queue was empty or its file was damaged: what has been sent is known
+# by its number.
 _TABLES: Final = (
     "CREATE TABLE IF NOT EXISTS queue "
     "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)",
     "CREATE INDEX IF NOT EXISTS oldest ON queue (kind DESC, n)",
     "CREATE TABLE IF NOT EXISTS retained (topic TEXT PRIMARY KEY)",
+    "INSERT INTO sqlite_sequence SELECT 'queue', 1000 * strftime('%s', 'now') "
+    "WHERE NOT EXISTS (SELECT 1 FROM sqlite_sequence)",
 )
 
 
@@ -65,6 +68,7 @@ class DiskQueue:
             for table in _TABLES:
                 base.execute(table)
             [(self.size,)] = base.execute("SELECT count(*) FROM queue")
+            self._taken: list[int] = []  # numbers that the disk has refused to delete
         except sqlite3.Error:
             base.close()
             raise
@@ -128,8 +132,10 @@ class DiskQueue:
         )
 
     def take(self, number: int) -> None:
-        deleted = self._do("DELETE FROM queue WHERE n = ?", (number,))
-        self.size -= 0 if deleted is None else deleted.rowcount
+        self._taken.append(number)
+        while self._taken and (deleted := self._do("DELETE FROM queue WHERE n = ?", self._taken[-1:])):
+            self._taken.pop()
+            self.size -= deleted.rowcount
 
     # -- topics that the broker keeps, also when we are gone ---------------------------------------------
 

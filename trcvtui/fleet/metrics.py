@@ -80,14 +80,6 @@ class MetricsPage:
             yield family
 
 
-def need_prometheus() -> None:
-    """Raise UserError where the extra is not installed."""
-    try:
-        import prometheus_client as _  # noqa: F401
-    except ImportError:
-        raise mistake("--metrics", "no prometheus-client", "pip install 'trcvtui[metrics]'") from None
-
-
 def serve_page(address: str, port: int, agent: Any) -> Any:
     """Return the server of the page; raise OSError where the place cannot be had."""
     from prometheus_client import start_http_server

@@ -59,11 +59,11 @@ class FleetAgent:
         self.state: StateMessage | None = None
         self.since = 0.0  # a last will tells the time when it was left
         self.lines: dict[str, FleetLine] = {}
+        self.without_lines = FleetLine(self, "")  # stands for it as long as none has come
         self.has_begun = False  # all that the broker has retained of its events has come
         self.is_heard = True  # its state has come on this connection
-        self._delays: deque[tuple[int, float]] = deque(
-            maxlen=2
-        )  # the least of each bucket: ours less its time
+        # The least of each bucket: ours less its time.
+        self._delays: deque[tuple[int, float]] = deque(maxlen=2)
 
     def hear(self, t: float, wall: float) -> None:
         """Take that a message that was made when it was sent, at `t`, has come just now."""
@@ -199,7 +199,7 @@ class FleetLine:
             return FINDING
         if any(self.stuck_s(each, wall) >= STUCK_S for each in self.instances.values()):
             return STUCK
-        if self.figures is not None and self.figures.state not in UP:
+        if not self.name or (self.figures is not None and self.figures.state not in UP):
             return AWAY
         return HAD if self.errors_hour else GOOD
 
@@ -331,7 +331,8 @@ class SeenFleet:
 
     @property
     def lines(self) -> list[FleetLine]:
-        return [line for agent in self.agents.values() for line in agent.lines.values()]
+        agents = self.agents.values()
+        return [line for each in agents for line in each.lines.values() or (each.without_lines,)]
 
     def ordered(self, wall: float) -> list[FleetLine]:
         """Return the lines, the worst first."""

@@ -179,11 +179,6 @@ MESSAGES: Final[Mapping[str, type[AnyMessage]]] = {
 }
 
 
-def schemas() -> dict[str, Any]:
-    """Return the JSON schema of each kind by the name of its class."""
-    return msgspec.json.schema_components(MESSAGES.values(), ref_template="#/$defs/{name}")[1]
-
-
 def read(topic: Topic, payload: bytes) -> AnyMessage | None:
     """Return the message of a topic, None: the topic is cleared; raise UserError for what is no message."""
     if not payload:

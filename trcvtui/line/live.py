@@ -34,7 +34,7 @@ from trcvtui.capture.reassembly import (
     Conversations,
     SegmentKind,
 )
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.files import unnamed
 from trcvtui.line.capture_player import CapturePlayer, planned
 from trcvtui.line.shadows import Part, ShadowPlan, begins_late, plan_ad_hoc
@@ -400,6 +400,7 @@ class PacketStream:
     """The packets of a pipe, taken by `live`; `say` gets lines for the user.
 
     `came` is called when something was played, at least each 50 ms; `kept` keeps the newest packets.
+    Raise UserError where nothing comes for longer than `most_idle_ns`, 0: it may be silent for ever.
     """
 
     def __init__(
@@ -409,8 +410,9 @@ class PacketStream:
         say: Callable[[str], object],
         came: Callable[[], object] = int,
         kept: KeptPackets | None = None,
+        most_idle_ns: int = 0,
     ) -> None:
-        self._kept = kept
+        self._kept, self._most_idle_ns = kept, most_idle_ns
         self.pipe = PacketPipe(fd, self._wait)
         self._live, self._say, self._came = live, say, came
         self._reader: CaptureReader | None = None
@@ -419,6 +421,8 @@ class PacketStream:
         self._failed: Exception | None = None
 
     def _wait(self, idle_ns: int) -> None:
+        if 0 < self._most_idle_ns < idle_ns:
+            raise mistake("the tap", f"nothing for {idle_ns // 10**9} s", "a sign of life each second")
         self._play(lambda: self._live.idle(idle_ns))
 
     def _read(self, most: int) -> bytes:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from trcvtui import clock
 from trcvtui.commands.snapshots import EngineTiming
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import mistake
 from trcvtui.history.bench_update import UpdateRequest
@@ -28,51 +28,36 @@ if TYPE_CHECKING:
 
 SLICE_NS: Final = 2_000_000  # for a picture, between two looks at the pipe
 MOST_LINES: Final = 2000  # of the ledger in a picture
+SILENT_NS: Final = 5_000_000_000  # a tap gives a sign of life each second
 
 
-class LiveDriver(EngineDriver):
-    """Shadows of a pipe in a process of its own; stdin is the keyboard from now on."""
-
-    def __init__(self, asked: ShadowChoice) -> None:
-        self._asked_of = asked
-        self._packets = Channel(take_stdin(with_keyboard=True), writable=False)
-        super().__init__(Path("-"), "capture")
-
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return live_main, (self._packets, self._asked_of)
+def live_driver(asked: ShadowChoice) -> ProcessDriver:
+    """Return shadows of the packets of stdin; that is the keyboard from now on."""
+    return ProcessDriver(live_main, Channel(take_stdin(with_keyboard=True), writable=False), asked)
 
 
-def live_main(channel: Channel, packets: Channel, asked: ShadowChoice) -> None:
+def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
     """Serve the screen with what comes; the last words say what is wrong."""
     from trcvtui.line.live import LivePlan
 
-    serve_until_gone(channel, lambda: _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno()))
+    def run() -> None:
+        _PipeServed(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
+
+    serve_until_gone(channel, run)
 
 
-class CaptureDriver(EngineDriver):
-    """Shadows of what a capture program writes; the process that plays them has started it."""
-
-    def __init__(self, command: Sequence[str], asked: ShadowChoice) -> None:
-        self._command, self._asked_of = tuple(command), asked
-        super().__init__(Path("-"), "capture")
-
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return capture_main, (self._command, self._asked_of)
-
-
-class TapSocketDriver(EngineDriver):
+class TapSocketDriver(ProcessDriver):
     """Shadows of what passes the tap of a project, which is a program of its own."""
 
     def __init__(self, project: Path) -> None:
         """Raise UserError where that tap does not run."""
-        self._of = project
-        super().__init__(Path("-"), "capture")
+        super().__init__(live_main, (project, None, None), SILENT_NS)
 
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+    def _arguments(self) -> tuple[Any, ...]:
         from trcvtui.line.tap_socket import connection_to
 
-        self._tap = Channel(connection_to(self._of))
-        return live_main, (self._tap, (self._of, None, None))
+        self._tap = Channel(connection_to(self._asked[0][0]))
+        return self._tap, *self._asked
 
     def _start(self) -> None:
         super()._start()
@@ -80,7 +65,7 @@ class TapSocketDriver(EngineDriver):
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
-    """Serve with what the program writes; it ends when we do."""
+    """Serve with what a capture program writes, which this process starts; it ends when we do."""
     serve_until_gone(channel, lambda: _capture(channel, command, asked))
 
 
@@ -186,14 +171,14 @@ class _PipeServed(ServedShadows):
         self._project, self._plc, _ = asked
         self._live: LiveWatch | None = None
 
-    def run(self, fd: int) -> NoReturn:
+    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
         from trcvtui.line.live import KeptPackets, LiveWatch, PacketStream
         from trcvtui.recording.worker_process import FilesJudge
 
         live = self._live = LiveWatch(self._plan, self._begin, self._leave)
         kept = KeptPackets()
         self.judge = FilesJudge(kept.files, self._plc, self._project, looks_again=True)
-        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept)
+        stream = PacketStream(fd, live, lambda line: self.tell("stdin", line), self.serve, kept, most_idle_ns)
         said = stream.take()
         live.finish()
         for line in said:

@@ -13,13 +13,12 @@ from contextlib import suppress
 from itertools import islice
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.capture.command import capture_notes
-from trcvtui.engine.driver import EngineDriver
 from trcvtui.line.capture_player import MISSING, CaptureOutcome, CapturePlayer, plan_capture, planned
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.project import Project
@@ -76,18 +75,8 @@ class _Progress:
             sys.stderr.write("\n")
 
 
-class WatchDriver(EngineDriver):
-    """Shadows of a capture in a process of its own."""
-
-    def __init__(self, paths: Sequence[str], asked: ShadowChoice) -> None:
-        self._capture = tuple(paths), asked
-        super().__init__(Path(paths[0]), "capture")
-
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return watch_main, self._capture
-
-
 def watch_main(channel: Channel, paths: Sequence[str], asked: ShadowChoice) -> None:
+    """Show the shadows of a capture, in a process of its own."""
     with tempfile.TemporaryDirectory(prefix="trcvtui-") as folder:
         serve_screen(channel, lambda: _played(paths, asked, Path(folder) / "shadows.pcapng"))
 

@@ -17,7 +17,7 @@ from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import mistake
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
 from trcvtui.net.os.tap_ways import EventPipes
-from trcvtui.net.tap import Route, end_text
+from trcvtui.net.tap import Route, TapEventKind, end_text
 
 RECORDS: Final = "from trcvtui.line.tapped import record_tap; record_tap()"
 LOOKS_ON: Final = "import sys; from trcvtui.line.tap_observer import look_on; look_on(sys.argv[1])"
@@ -26,7 +26,6 @@ SERVES: Final = (
     "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
 MOST_SAID: Final = 100  # lines that wait for the end of the screen
-NO_SCREEN_NS: Final = 5_000_000_000
 FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before observers are served anew
 # Of a terminal whose screen was killed: no mouse, the usual picture, a cursor.
 LEAVE_SCREEN: Final = "\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?2004l\x1b[?1049l\x1b[?25h"
@@ -57,6 +56,8 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
     """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
+    if looks.holds and not looks.has_screen:
+        raise mistake("--hold", "no screen", "one that lets go what is held")
     raise_limit()
     voice = _Voice()
     loop = Forwarder(voice.say)
@@ -76,18 +77,14 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
         if screen is not None:
             if not screen.open(routes, looks):
                 return screen.wait()
-        elif looks.holds:
-            loop.stop_after(NO_SCREEN_NS)
         elif not _look_on(loop, routes, looks, started):
             return WRONG_INPUT
         _say_where(voice.say, loop, routes)
         if looks.project is not None and os.name == "posix":
             observers = _Observers(loop, voice, looks.project, looks.may_order)
             observers.start()
+            loop.beat()
         loop.run()
-        if looks.holds and screen is None:
-            say_at_once("--hold: found no screen within 5 s, expected one that lets go what is held")
-            return WRONG_INPUT
     finally:
         loop.close()
         if observers is not None:
@@ -132,7 +129,7 @@ def _look_on(
             with suppress(OSError):
                 data = os.read(0, TYPED)
             if data:
-                loop.tell_typed(data)
+                loop.tell_ordering(TapEventKind.LINE, data)
             else:
                 loop.forget(0)
                 loop.let_all_go()

@@ -6,14 +6,13 @@ Rule: the tap forwards whatever becomes of these two. All is let go when one of 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.commands.snapshots import TAP
-from trcvtui.engine.driver import EngineDriver, EngineStopped
+from trcvtui.engine.driver import EngineStopped, ProcessDriver
 from trcvtui.line.live_screen import ServedShadows
 from trcvtui.net.os.tap_ways import ask_for_way
 from trcvtui.replay.driver import serve_until_gone
@@ -33,19 +32,19 @@ class TapEnded(EngineStopped):
     ends_screen = True
 
 
-class TapDriver(EngineDriver):
+class TapDriver(ProcessDriver):
     """Shadows of a tap in a process of its own; each time it starts, the tap hands over a way for events.
 
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
 
     def __init__(self, tap: int, asked: TapChoice, kernel: str = TAP) -> None:
-        self._tap, self._asked_of, self._kernel = tap, asked, kernel
-        super().__init__(Path("tap"), "tap")
+        self._tap = tap
+        super().__init__(tap_main, asked, kernel)
 
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+    def _arguments(self) -> tuple[Any, ...]:
         self._events = Channel(ask_for_way(self._tap))
-        return tap_main, (self._events, self._asked_of, self._kernel)
+        return self._events, *self._asked
 
     def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived; raise TapEnded."""

@@ -8,14 +8,14 @@ statistics.
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import suppress
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
 from trcvtui import paths
-from trcvtui.errors import UserError, one_line
+from trcvtui.errors import UserError
 from trcvtui.line.tapped import TapCapture
+from trcvtui.net.os.forwarder import say_at_once
 from trcvtui.net.os.observers import ObserverServer, connected
 from trcvtui.signals import OF_A_GROUP, leave
 
@@ -37,16 +37,9 @@ def serve_observers(asks: str, path: str, may_order: str) -> None:
     leave(OF_A_GROUP)  # they end the tap, and its end ends us
     try:
         Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        server = ObserverServer(
-            Path(path), int(asks), may_order == "1", lambda: TapCapture("what passes a tap", True), _say
-        )
+        capture = partial(TapCapture, "what passes a tap", True)
+        server = ObserverServer(Path(path), int(asks), may_order == "1", capture, say_at_once)
     except (UserError, OSError) as refused:
-        _say(f"no observers: {refused}")
+        say_at_once(f"no observers: {refused}")
         return
     server.run_until(0)
-
-
-def _say(line: str) -> None:
-    with suppress(OSError):
-        sys.stderr.write(f"{one_line(line)}\n")
-        sys.stderr.flush()

@@ -218,7 +218,8 @@ def _sum(data: bytes) -> int:
 class TapCapture:
     """What passes a tap as pcapng, whole blocks at a time.
 
-    `with_notes`: what the tap does and leaves out are packets, too: JSON on an interface of their own.
+    `with_notes`: what the tap does and leaves out are packets, too: JSON on an interface of their own; a
+    block of statistics tells the time where nothing else does.
     """
 
     def __init__(self, title: str, with_notes: bool = False) -> None:
@@ -247,15 +248,15 @@ class TapCapture:
             yield pcap.packet_block(interface, ns, data, comments)
 
     def _note(self, event: TapEvent) -> Iterator[bytes]:
+        if event.kind in (TapEventKind.LOST, TapEventKind.NOW):
+            self._lost += LOSS.unpack_from(event.data)[0] if event.data else 0
+            yield pcap.statistics_block(WIRE, event.ns, self._lost)
         name = NOTED.get(event.kind)
         if name is None:
             return
         told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
         if event.kind == TapEventKind.LOST:
-            lost, size = LOSS.unpack_from(event.data)
-            self._lost += lost
-            told |= {"events": lost, "bytes": size}
-            yield pcap.statistics_block(WIRE, event.ns, self._lost)
+            told |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
         elif event.kind == TapEventKind.HELD:
             told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
         else:

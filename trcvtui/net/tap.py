@@ -99,8 +99,8 @@ class TapEventKind(IntEnum):
     OVER = 6  # nothing more comes of it
     OURS = 7  # an intervention, in words
     REFUSED = 8  # an order that cannot be done: why
-    LINE = 10  # what the user has typed, as it comes: to who gives orders alone, as NOW is
-    NOW = 11  # time passes
+    LINE = 10  # what the user has typed, as it comes: to who gives orders alone
+    NOW = 11  # time passes: to who gives orders, and to guests each second
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
     FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
     LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live

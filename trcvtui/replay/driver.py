@@ -7,10 +7,10 @@ from collections.abc import Callable
 from contextlib import closing, suppress
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui import clock
-from trcvtui.engine.driver import EngineDriver
+from trcvtui.engine.driver import ProcessDriver
 from trcvtui.engine.update_pipe import UpdatePipe
 from trcvtui.errors import UserError, mistake
 from trcvtui.history.bench_update import UpdateRequest
@@ -26,17 +26,11 @@ SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
 PLAY_S: Final = 0.02  # between two looks at the clock while it plays
 
 
-class ReplayDriver(EngineDriver):
-    """The replay of a recording in a process of its own; `at` says where it opens, None: the first to see."""
-
-    def __init__(self, path: Path, at: str | None) -> None:
-        if at is not None:
-            read_at(at, "--at")  # found out here, where there is no screen yet
-        self._recording = path, at
-        super().__init__(path, "replay")
-
-    def _program(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return replay_main, self._recording
+def replay_driver(path: Path, at: str | None) -> ProcessDriver:
+    """Return the replay of a recording; `at` says where it opens, None: the first to see."""
+    if at is not None:
+        read_at(at, "--at")  # found out here, where there is no screen yet
+    return ProcessDriver(replay_main, path, at)
 
 
 def replay_main(channel: Channel, path: Path, at: str | None) -> None:

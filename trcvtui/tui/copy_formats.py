@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
@@ -16,8 +15,7 @@ from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
-from trcvtui.udt.layout.values import decode_leaves
-from trcvtui.udt.report import csv_lines, json_value, member_rows
+from trcvtui.udt.report import csv_lines, decode_json, member_rows
 from trcvtui.wording import count, in_columns, stamp
 
 if TYPE_CHECKING:
@@ -111,12 +109,7 @@ def _csv(of: Subject) -> str:
 def _json(of: Subject) -> str:
     if of.declared is None or not of.content:
         return ""
-    layout = of.declared.layout
-    stop = min(layout.leaf_count, MOST_MEMBERS)
-    pairs = zip(layout.leaves(0, stop), decode_leaves(layout, of.content, 0, stop), strict=False)
-    values = {leaf.path or of.declared.name: json_value(value) for leaf, value in pairs}
-    head = {"type": layout.name, "size": layout.size, "complete": len(of.content) >= layout.size}
-    return json.dumps({**head, "values": values}, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
+    return decode_json(of.declared.layout, of.content, of.declared.name, MOST_MEMBERS)
 
 
 FORMATS: Final = (

@@ -12,8 +12,8 @@ from trcvtui.errors import one_line
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf
-from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
-from trcvtui.udt.layout.values import decode, decode_leaves, encode
+from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
+from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
 from trcvtui.wording import in_columns
 
@@ -64,12 +64,23 @@ def place_text(leaf: Leaf) -> str:
     return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
-def decode_json(layout: Layout, data: Data) -> str:
-    """Return the object of `udt decode`: values by path, null where the bytes ended."""
-    pairs = zip(layout.leaves(), decode(layout, data), strict=True)
-    values = {leaf.path: json_value(value) for leaf, value in pairs}
-    is_complete = len(data) >= layout.size
-    return json_lines({"type": layout.name, "size": layout.size, "complete": is_complete, "values": values})
+def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
+    """Return the object of `udt decode`: values by path, null where the bytes ended; odd bytes as `marks`.
+
+    It has the first `most` members; `name` is the path of a lone value.
+    """
+    leaves = layout.leaves(0, most)
+    pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
+    values = {leaf.path or name: json_value(value) for leaf, value in pairs}
+    markable = (leaf for leaf in leaves if leaf.coding.odd)
+    told = ((leaf.path or name, mark_text(leaf, _own_bytes(leaf, data))) for leaf in markable)
+    marks = {path: mark for path, mark in told if mark}
+    head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
+    return json_lines({**head, "values": values, **({"marks": marks} if marks else {})})
+
+
+def _own_bytes(leaf: Leaf, data: Data) -> bytes:
+    return bytes(data[leaf.offset : leaf.offset + leaf.size])
 
 
 def decode_text(layout: Layout, data: Data) -> str:
@@ -86,8 +97,7 @@ def member_rows(
     """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
     leaves = layout.leaves(0, most)
     for leaf, value in zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True):
-        raw = bytes(data[leaf.offset : leaf.offset + leaf.size])
-        shown = missing if value is None else value_text(leaf, value, raw)
+        shown = missing if value is None else value_text(leaf, value, _own_bytes(leaf, data))
         yield place_text(leaf), leaf_type_text(layout, leaf), leaf.path or name, shown
 
 

@@ -54,8 +54,8 @@ class Air(Wire):
         return peer
 
     def tell(self, peer: Peer, data: bytes, sender: Handle | None = None) -> None:
-        assert peer.last_port is not None
-        to = Endpoint("127.0.0.1", peer.last_port)
+        assert peer.transport.last_port is not None
+        to = Endpoint("127.0.0.1", peer.transport.last_port)
         handle = self.plc if sender is None else sender
         assert self.kernel.send_to(handle, memoryview(data), to) == len(data)
 
@@ -199,14 +199,14 @@ def test_a_flood_costs_bounded_work_in_one_step() -> None:
 
 def test_a_closed_peer_hears_and_says_nothing_and_keeps_its_port(air: Air) -> None:
     peer = air.listening(air.end(air.plc))
-    port = peer.last_port
+    port = peer.transport.last_port
     assert peer.is_in("listening") and not peer.is_in("closed")
     peer.send(PeerSend("P1", b"ab", (1,), gap_ns=500 * MS), air.now)
     peer.close()
     assert peer.is_in("closed") and air.notes()[-2:] == ["stopped listening", "not sent"]
     assert peer.send(PeerSend("P1", b"x"), air.now) == "P1 is closed"
     air.tell(peer, b"lost")
-    assert (peer.listen(), peer.last_port) == ("", port)
+    assert (peer.listen(), peer.transport.last_port) == ("", port)
     assert peer.listen() == "", "an open socket stays"
     air.tell(peer, b"new")
     air.until(lambda: peer.has_received(b"new"))

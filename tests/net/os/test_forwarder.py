@@ -12,8 +12,8 @@ from contextlib import suppress
 import pytest
 
 from trcvtui.net.os import forwarder, tapped_ends, tapped_lane
-from trcvtui.net.os.forwarder import Forwarder, PollOfSelect
-from trcvtui.net.os.system_calls import RESET_ON_CLOSE
+from trcvtui.net.os.forwarder import Forwarder
+from trcvtui.net.os.system_calls import RESET_ON_CLOSE, PollList
 from trcvtui.net.tap import BACK, TO, TapEvent, TapEventKind, TapOrder, events_of, place_of, route_of
 
 pytestmark = pytest.mark.live
@@ -116,7 +116,7 @@ class Stand:
             sock.close()
 
 
-@pytest.fixture(params=[None, PollOfSelect])
+@pytest.fixture(params=[None, PollList])
 def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
     made = Stand(request.param and request.param())
     yield made
@@ -282,11 +282,12 @@ def test_all_is_let_go_when_who_gives_the_orders_is_gone(stand: Stand) -> None:
     assert stand.said == ["who looks on has ended: bytes still go on"]
 
 
-def test_who_looks_on_and_does_not_read_delays_nothing_and_is_told_what_he_missed(
+def test_an_observer_that_does_not_read_delays_nothing_and_is_told_what_it_missed_and_what_ended(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(forwarder, "MOST_UNTOLD", 1 << 20)
     near, far = stand.talk()
+    ending = stand.talk()
     size = 0
     for _ in range(400):
         with suppress(BlockingIOError):
@@ -296,6 +297,9 @@ def test_who_looks_on_and_does_not_read_delays_nothing_and_is_told_what_he_misse
             while part := far.recv(1 << 20):
                 size -= len(part)
     stand.read(far, size)
+    for end in (*ending, *stand.talk()):
+        end.close()
+    stand.until(lambda: [*stand.loop.routes[0].talks] == [1])
     told: list[TapEvent] = []
     whole = bytearray()
 
@@ -305,11 +309,14 @@ def test_who_looks_on_and_does_not_read_delays_nothing_and_is_told_what_he_misse
                 whole.extend(part)
         parts = iter([bytes(whole), b""])
         told[:] = [event for found in events_of(lambda _: next(parts)) for event in found]
-        return told[-1].kind == TapEventKind.OPEN and told[-2].kind == TapEventKind.LOST
+        return told[-1].kind == TapEventKind.OPEN and told[-1].at == 1
 
     stand.until(is_told)
     got = sum(len(event.data) for event in told if event.kind == TapEventKind.BYTES)
-    lost_bytes = int.from_bytes(told[-2].data[8:16], "little")
+    [lost] = [n for n, event in enumerate(told) if event.kind == TapEventKind.LOST]
+    ends = [(event.kind, event.number) for event in told[lost + 1 : -1]]
+    assert ends == [(kind, 2) for kind in (TapEventKind.FIN, TapEventKind.FIN, TapEventKind.OVER)]
+    lost_bytes = int.from_bytes(told[lost].data[8:16], "little")
     assert (lost_bytes > 0, got + lost_bytes) == (True, stand.loop.routes[0].talks[1].lanes[TO].at)
     assert (told[-1].number, told[-1].at) == (1, 1)
 
@@ -481,12 +488,12 @@ def test_a_loop_that_is_ended_by_its_timer_waits_for_nothing_more() -> None:
 
     waited: list[float] = []
 
-    class Poll(PollOfSelect):
-        def poll(self, seconds: float) -> list[tuple[int, int]]:
-            waited.append(seconds)
+    class Poll(PollList):
+        def poll(self, timeout: float, maxevents: int = -1) -> list[tuple[int, int]]:
+            waited.append(timeout)
             return []
 
     loop = Forwarder(lambda _: None, Poll())
-    loop.stop_after(0)
+    loop.after(0, loop.stop)
     loop.turn(-1)
     assert waited == [0]

@@ -66,15 +66,6 @@ class Peer:
         return self.transport.can_send
 
     @property
-    def listening_port(self) -> int | None:
-        """Return the port that a passive peer of TCP listens on, None while it does not."""
-        return self.transport.listening_port
-
-    @property
-    def last_port(self) -> int | None:
-        return self.transport.last_port
-
-    @property
     def inbox(self) -> Inbox:
         return self.queues.inbox
 

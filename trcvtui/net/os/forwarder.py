@@ -12,13 +12,13 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import Any, Final
 
 from trcvtui.errors import one_line
-from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures
+from trcvtui.net.os.system_calls import ERR, HAS_POLL, HUP, IN, OUT, end_figures, new_poll_set
 from trcvtui.net.os.tapped_ends import SerialTalk, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import TapLane, TapLoop, in_words, intervene, refusal
 from trcvtui.net.tap import (
@@ -37,43 +37,14 @@ from trcvtui.net.tap import (
 MOST_SAID: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
 TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
+BEAT_NS: Final = 1_000_000_000  # between two signs of life for guests
 FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
 MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
 MOST_UNTOLD: Final = 64 << 20  # bytes of events that wait for one who looks on
 MOST_OF_GUEST: Final = 8 << 20  # for one at the socket
+ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
 EVENT_BYTES: Final = 200  # that an event takes beside its own
 MOST_LINE: Final = 4 << 20  # bytes of an order
-
-
-class PollOfSelect:
-    """What select.epoll offers, on a system without it; there an RST of who is not read shows late."""
-
-    def __init__(self) -> None:
-        self._wanted: dict[int, int] = {}
-
-    def register(self, fd: int, mask: int) -> None:
-        """Take fd in, or change what is wanted of it."""
-        self._wanted[fd] = mask
-
-    modify = register
-
-    def unregister(self, fd: int) -> None:
-        del self._wanted[fd]
-
-    def poll(self, timeout: float) -> list[tuple[int, int]]:
-        """Wait so many seconds at most, -1: for ever; return (descriptor, events)."""
-        if HAS_POLL:
-            poller = select.poll()
-            for fd, mask in self._wanted.items():
-                poller.register(fd, mask)
-            return poller.poll(None if timeout < 0 else timeout * 1000)
-        readers = [fd for fd, mask in self._wanted.items() if mask & IN]
-        writers = [fd for fd, mask in self._wanted.items() if mask & OUT]
-        if not readers and not writers:
-            time.sleep(0.05 if timeout < 0 else timeout)
-            return []
-        ready = select.select(readers, writers, writers, None if timeout < 0 else timeout)
-        return [(fd, mask) for fds, mask in zip(ready, (IN, OUT, OUT), strict=True) for fd in fds]
 
 
 class Observer:
@@ -89,12 +60,14 @@ class Observer:
         is_guest: bool,
     ) -> None:
         self.lost = self.lost_bytes = 0
+        self._newest = 0  # conversation that it was told of
+        self._ends: list[bytes] = []  # of those, while events are left out: they are told afterwards
         self.wants_bytes = wants_bytes
         self.what, self.gives_orders = what, gives_orders
         self.has_ordered = gives_orders and not is_guest  # what it holds goes on when it leaves
         self._loop, self._sock = loop, sock
         self._waiting: deque[memoryview] = deque()
-        self._size, self._is_guest = 0, is_guest  # bytes that wait
+        self._size, self.is_guest = 0, is_guest  # bytes that wait
         self._orders = b""
         self.is_gone = False
         sock.setblocking(False)
@@ -103,13 +76,19 @@ class Observer:
         loop.hear(sock.fileno(), IN, self._ready)
 
     def take(self, head: bytes, data: bytes | memoryview) -> None:
-        """Hand an event over, or let it wait; leave it out where too much waits."""
+        """Hand an event over, or let it wait; leave it out where too much waits, but for ends."""
         if self.is_gone:
             return
-        if self.lost or self._size > (MOST_OF_GUEST if self._is_guest else MOST_UNTOLD):
+        if self.lost or self._size > (MOST_OF_GUEST if self.is_guest else MOST_UNTOLD):
+            kind, _, _, number, *_ = EVENT.unpack(head)
+            if kind in ENDS and number <= self._newest:
+                self._ends.append(head)
+            elif kind == TapEventKind.BYTES:
+                self.lost_bytes += len(data)
             self.lost += 1
-            self.lost_bytes += len(data)
             return
+        if head[0] == TapEventKind.OPEN:
+            self._newest = max(self._newest, EVENT.unpack(head)[3])
         sent = 0
         if not self._waiting:
             try:
@@ -151,8 +130,9 @@ class Observer:
             return
         self._loop.want(self._sock.fileno(), IN)
         if self.lost:
-            lost, size, self.lost, self.lost_bytes = self.lost, self.lost_bytes, 0, 0
-            self._loop.tell_again(self, LOSS.pack(lost, size))
+            lost, size, ends = self.lost - len(self._ends), self.lost_bytes, self._ends
+            self.lost, self.lost_bytes, self._ends = 0, 0, []
+            self._loop.tell_again(self, LOSS.pack(lost, size), ends)
 
     def _hear_orders(self) -> None:
         try:
@@ -196,7 +176,7 @@ class Forwarder(TapLoop):
     """The loop; `say` gets lines for the user."""
 
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
-        super().__init__(say, poll or (select.epoll() if hasattr(select, "epoll") else PollOfSelect()))
+        super().__init__(say, poll or new_poll_set())
         self.routes: list[TcpRoute | UdpRoute | SerialTalk] = []
         self._lookers: tuple[Observer, ...] = ()
         self._ends = False
@@ -234,17 +214,20 @@ class Forwarder(TapLoop):
         self._lookers += (looker,)
         self._tell_all(looker)
 
-    def tell_typed(self, data: bytes) -> None:
-        """Hand on what the user has typed, to who gives orders."""
-        self._tell_ordering(TapEventKind.LINE, data)
-
     def tell_time(self) -> None:
         """Let who gives orders know the time, again and again."""
-        self._tell_ordering(TapEventKind.NOW, b"")
+        self.tell_ordering(TapEventKind.NOW, b"")
         self._ticks = (self._ticks + 1) % FIGURES_TICKS
         if not self._ticks:
             self._tell_figures()
         self.after(TICK_NS, self.tell_time)
+
+    def beat(self) -> None:
+        """Let guests know the time, again and again: where it stops, we hang or what stands between."""
+        for looker in self._lookers:
+            if looker.is_guest and not looker.lost:
+                self._tell_one(looker, TapEventKind.NOW, 0, 0, 0, b"")
+        self.after(BEAT_NS, self.beat)
 
     def _tell_figures(self) -> None:
         for route in self.routes:
@@ -255,11 +238,12 @@ class Forwarder(TapLoop):
                     if found is not None and found != lane.figures:
                         lane.figures = found
                         told = FIGURES.pack(*found)
-                        self._tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
+                        self.tell_ordering(TapEventKind.FIGURES, told, lane.way, route.place, number)
 
-    def _tell_ordering(
+    def tell_ordering(
         self, kind: TapEventKind, data: bytes, way: int = TO, place: int = 0, number: int = 0
     ) -> None:
+        """Tell those that give orders."""
         for looker in self._lookers:
             if looker.gives_orders and not (looker.lost and kind is not TapEventKind.LINE):
                 self._tell_one(looker, kind, place, number, 0, data, way)
@@ -290,10 +274,13 @@ class Forwarder(TapLoop):
                 if looker.wants_bytes or kind is not TapEventKind.BYTES:
                     looker.take(head, data)
 
-    def tell_again(self, looker: Observer, loss: bytes) -> None:
-        """Tell one who has missed something how much that is, and what there is now."""
-        numbers = b"".join([number.to_bytes(4, "little") for route in self.routes for number in route.talks])
-        self._tell_one(looker, TapEventKind.LOST, 0, 0, 0, loss + numbers)
+    def tell_again(self, looker: Observer, loss: bytes, ends: Sequence[bytes]) -> None:
+        """Tell one who has missed something how much that is, what has ended, and what there is now."""
+        numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
+        numbers += [head[4:8] for head in ends]
+        self._tell_one(looker, TapEventKind.LOST, 0, 0, 0, loss + b"".join(numbers))
+        for head in ends:
+            looker.take(head, b"")
         self._tell_all(looker)
 
     def _tell_all(self, looker: Observer) -> None:
@@ -353,10 +340,6 @@ class Forwarder(TapLoop):
     def stop(self) -> None:
         """End the loop after this turn."""
         self._ends = True
-
-    def stop_after(self, ns: int) -> None:
-        """End the loop when so much time has passed."""
-        self.after(ns, self.stop)
 
     def close(self) -> None:
         """Listen no more, end both ends of all, let those who look on have what waits."""

@@ -25,7 +25,7 @@ MOST_NAME: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
 READ: Final = 1 << 16  # bytes of orders that are read at once
 LAST_S: Final = 1.0  # for observers to read what is left
-TRY_S: Final = 1.0  # for a tap to take a connection
+TRY_S: Final = 1.0  # for a tap to take a connection, and to tell something
 LOOK_S: Final = 5.0  # between two looks at whether the socket is still there
 MOST_LINE: Final = 4 << 20  # bytes of an order
 
@@ -42,13 +42,17 @@ def _checked(path: Path) -> str:
 def connected(path: Path, expected: str) -> int:
     """Return the descriptor of a connection to the tap that listens there; raise UserError without one."""
     name, made = _checked(path), socket.socket(socket.AF_UNIX)
-    made.settimeout(TRY_S)  # a process that hangs takes no connection
+    made.settimeout(TRY_S)
+    found = "no tap"
     try:
         made.connect(name)
+        found = "a tap that tells nothing"  # the system connects us to a process that hangs, too
+        if not made.recv(1, socket.MSG_PEEK):
+            raise ConnectionResetError
         made.setblocking(True)
     except OSError:
         made.close()
-        raise mistake(str(path), "no tap", expected) from None
+        raise mistake(str(path), found, expected) from None
     return made.detach()
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, Final
 
-from trcvtui.errors import mistake
+from trcvtui.errors import need
 from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, LineErrors, Opening, SerialSettings
@@ -122,13 +122,8 @@ class OsSerialPort:
     """One real port."""
 
     def __init__(self, settings: SerialSettings) -> None:
-        try:
-            import serial  # type: ignore[import-untyped]
-        except ImportError:
-            expected = "it: pip install 'trcvtui[serial]'"
-            raise mistake(settings.port, "a serial port, but no pyserial", expected) from None
+        self._serial = need("serial", "serial", settings.port, "a serial port, but no pyserial")
         self._settings = settings
-        self._serial = serial
         self._port: Any = None
         self._attempt: OpenAttempt | None = None
         self._is_given_up = False  # the attempt that still runs

@@ -38,7 +38,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll."""
+    """The poll set of a system without epoll; there an RST of who is not read may show late."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}
@@ -52,8 +52,11 @@ class PollList:
         if self._wanted.pop(fd, None) is None:
             raise OSError(errno.ENOENT, "not in the poll set")
 
-    def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]:
-        return look_at(self._wanted) if self._wanted else []
+    def modify(self, fd: int, mask: int) -> None:
+        self._wanted[fd] = mask
+
+    def poll(self, timeout: float, maxevents: int = -1) -> list[tuple[int, int]]:
+        return look_at(self._wanted, timeout) if self._wanted else []
 
     def close(self) -> None:
         self._wanted.clear()
@@ -64,21 +67,21 @@ def new_poll_set() -> PollSet:
     return select.epoll() if hasattr(select, "epoll") else PollList()
 
 
-def look_at(wanted: dict[int, int]) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of those that are ready now, without waiting."""
+def look_at(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
+    """Return (descriptor, events) of those that are ready within so many seconds, -1: waiting for ever."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
             poller.register(fd, mask)
-        return poller.poll(0)
-    return _select(wanted)
+        return poller.poll(None if timeout < 0 else timeout * 1000)
+    return _select(wanted, None if timeout < 0 else timeout)
 
 
-def _select(wanted: dict[int, int]) -> list[tuple[int, int]]:
+def _select(wanted: dict[int, int], timeout: float | None) -> list[tuple[int, int]]:
     readers = [fd for fd, mask in wanted.items() if mask & IN]
     writers = [fd for fd, mask in wanted.items() if mask & OUT]
     seen: dict[int, int] = {}
-    for fds, mask in zip(select.select(readers, writers, list(wanted), 0), (IN, OUT, ERR), strict=True):
+    for fds, mask in zip(select.select(readers, writers, list(wanted), timeout), (IN, OUT, ERR), strict=True):
         for fd in fds:
             seen[fd] = seen.get(fd, 0) | mask
     return list(seen.items())

@@ -14,9 +14,8 @@ ASKED: Final = b"+"
 class EventPipes:
     """The tap's end. `fd` is readable when a way is asked for, and when nobody is there who could ask."""
 
-    def __init__(self, fd: int | None = None) -> None:
-        """Make both ends, or take ours: `fd`, whose other end another process holds."""
-        self._asks, self.theirs = Forwarder.pair() if fd is None else (socket.socket(fileno=fd),) * 2
+    def __init__(self) -> None:
+        self._asks, self.theirs = Forwarder.pair()
         self.fd = self._asks.fileno()
 
     def is_asked(self) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
-from trcvtui.errors import mistake
+from trcvtui.errors import mistake, need
 from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, unread_bytes
 from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
@@ -400,12 +400,8 @@ def _port(place: TapPlace) -> Any:
     from trcvtui.net.os.serial import PARITIES, fault_of
 
     assert place.line is not None
-    try:
-        import serial  # type: ignore[import-untyped]
-    except ImportError:
-        expected = "it: pip install 'trcvtui[serial]'"
-        raise mistake(place.line.port, "a serial port, but no pyserial", expected) from None
     s = place.line
+    serial = need("serial", "serial", s.port, "a serial port, but no pyserial")
     try:
         port = serial.Serial(s.port, s.baud, s.data_bits, PARITIES[s.parity], s.stop_bits, timeout=0)
         os.set_blocking(port.fileno(), False)

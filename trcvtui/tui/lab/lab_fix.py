@@ -60,6 +60,10 @@ def _type(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
     name = plain(wanted.name)
     reached = "as it lies under" if found.is_possible else "as far as it can be as under"
     comments = [f"{name} for {own.rules.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
+    if found.layout.size > wanted.size > 0:  # LEN 0 is the whole
+        block, act = ("receiving", "waits for") if kind == RECEIVER else ("sending", "sends")
+        without = f"without LEN it {act} {found.layout.size} bytes"
+        comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
     comments += [plain(line) for line in told(found)]
     if ours.rules.byte_order != theirs.rules.byte_order:
         comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")

@@ -136,7 +136,7 @@ def fit(
     own = own or LAYOUTS[DEFAULT_LAYOUT]
     asked = tuple(sorted(asked, key=lambda one: _strangeness(one, own)))
     lengths = set(map(len, seen))
-    known: _Known = {}
+    known: _EvidenceCache = {}
     layouts = same_layouts(type_, asked, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
@@ -147,7 +147,7 @@ def fit(
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
     for same, layout, causes in tried:
-        look = _Look(layout, known)
+        look = _LayoutView(layout, known)
         readings = (_Reading.of(same, look, cause, seen, framed) for cause in causes)
         found += [reading for reading in readings if reading is not None]
     if framed and len(messages) > len(seen):
@@ -197,7 +197,7 @@ def _apart(one: Fit, other: Fit) -> str:
 
 # -- a layout, ready to be held against bytes ----------------------------------------------------------------
 
-_Known = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
+_EvidenceCache = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
 
 
 class _Member(NamedTuple):
@@ -208,10 +208,10 @@ class _Member(NamedTuple):
     bits: int  # BOOLs in this byte, at the last of them
 
 
-class _Look:
+class _LayoutView:
     """The leaves and the gaps of a layout that are looked at, what is known of bytes shared with others."""
 
-    def __init__(self, layout: Layout, known: _Known) -> None:
+    def __init__(self, layout: Layout, known: _EvidenceCache) -> None:
         self.layout, self.members = layout, []
         self.stop = min(layout.leaf_count, MOST_LEAVES)
         self.gaps = layout.padding()[:MOST_GAPS]
@@ -238,8 +238,8 @@ class _Look:
         return member.known[raw]
 
 
-class _Says(NamedTuple):
-    """What one member says, with its bytes that are nearest to it."""
+class _MemberPoints(NamedTuple):
+    """What one member says, with its bytes that say the nearest to it."""
 
     member: _Member
     points: float
@@ -255,10 +255,12 @@ class _Says(NamedTuple):
 class _Reading:
     """A layout and a cause held against the bytes."""
 
-    def __init__(self, profiles: tuple[Profile, ...], look: _Look, cause: FitCause, cutting: Cutting) -> None:
+    def __init__(
+        self, profiles: tuple[Profile, ...], look: _LayoutView, cause: FitCause, cutting: Cutting
+    ) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
         self.others: list[Reason] = []  # all reasons but the members'
-        self.said: list[_Says] = []
+        self.said: list[_MemberPoints] = []
         self.steps: list[Reason] = []
         self.read: list[tuple[_Member, list[bytes]]] = []  # each member, its bytes as the reading has them
         self.has_length = True
@@ -270,7 +272,7 @@ class _Reading:
     def of(
         cls,
         profiles: tuple[Profile, ...],
-        look: _Look,
+        look: _LayoutView,
         cause: FitCause,
         messages: Sequence[bytes],
         framed: bool,
@@ -358,7 +360,7 @@ class _Reading:
         points = sum(found.points for found, _ in told)
         nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
         self.said.append(
-            _Says(
+            _MemberPoints(
                 member,
                 points * share,
                 sum(found.fair for found, _ in told) * share,
@@ -484,7 +486,7 @@ class _Reading:
             said = spoken(member.leaf, part, rules)
             yield said[::-1] if is_little and _is_number(member) else said
 
-    def is_negative(self, one: _Says) -> bool:
+    def is_negative(self, one: _MemberPoints) -> bool:
         type_ = one.member.leaf.type
         if not isinstance(type_, Elementary) or type_.kind is not ValueKind.DURATION:
             return False
@@ -497,7 +499,9 @@ class _Reading:
 
     def reasons(self) -> tuple[Reason, ...]:
         look = self.look
-        said: list[tuple[float, Reason | _Says]] = [(one.points, one) for one in self.others + self.steps]
+        said: list[tuple[float, Reason | _MemberPoints]] = [
+            (one.points, one) for one in self.others + self.steps
+        ]
         said += [(one.points, one) for one in self.said]
         said.sort(key=lambda one: -abs(one[0]))
         shown = [self.worded(one) for _, one in said[:MOST_REASONS]]
@@ -507,7 +511,7 @@ class _Reading:
             )
         return tuple(reason for reason in shown if reason.points or not reason.path)
 
-    def worded(self, one: Reason | _Says) -> Reason:
+    def worded(self, one: Reason | _MemberPoints) -> Reason:
         if isinstance(one, Reason):
             return one
         leaf, path = one.member.leaf, self.path(one.member)
@@ -621,8 +625,10 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
             "rank": found.rank,
             "layout": found.profile.layout,
             "byte_order": found.profile.byte_order,
+            "text": found.profile.text or None,
             "cause": found.cause.kind,
             "n": found.cause.n,
+            "member": found.cause.member or None,
             "points": found.score,
             "fits_best": found.fits_best,
             "reasons": list(reason_lines(found)),

@@ -2,18 +2,19 @@
 
 Gaps become members of their own, and what is stored in another way bit strings of its size. What cannot be
 reached becomes raw bytes, and is told with the reason; the result is laid out again and every member
-compared, so that what is called possible is proved.
+compared, so that what is called possible is proved. The whole may be longer than is sent: LEN ends it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
-from trcvtui.udt.layout.placing import Filling, Placing, Unreachable
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedMember, PlacedStruct
+from trcvtui.udt.layout.placing import Filling, Placing, Unreachable, free_name
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -21,6 +22,7 @@ from trcvtui.udt.types import (
     Array,
     Enumeration,
     LeafType,
+    Member,
     StringType,
     Struct,
     Type,
@@ -91,8 +93,8 @@ RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
 def prove(wanted: Node, found: Node, raw: Collection[RawMember]) -> None:
-    """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (of a bit: anything)."""
-    if found.size != wanted.size:
+    """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
+    if found.size < wanted.size:
         raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
     _Proof(raw).node(wanted, found, "")
 
@@ -124,7 +126,7 @@ class _Proof:
         for name, offset, bit, node, _ in wanted.flat():
             below = f"{path}.{name}" if path else name
             is_raw = (id(wanted), name) in self.raw
-            if is_raw and (bit is not None or not node.size):
+            if is_raw and (bit is not None or name.casefold() not in own):
                 continue
             at, own_bit, lies = own.get(name.casefold(), (-1, None, node))
             if at != offset or (is_raw and lies.size != node.size):
@@ -150,7 +152,10 @@ class UnreachedMember(NamedTuple):
 
 
 class PaddedType(NamedTuple):
-    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion."""
+    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion.
+
+    It may be longer than is wanted: then LEN of the block is the wanted size.
+    """
 
     type: Type
     layout: Layout
@@ -159,7 +164,7 @@ class PaddedType(NamedTuple):
 
     @property
     def is_possible(self) -> bool:
-        """Return whether every member lies at the wanted place, and the size is the wanted one."""
+        """Return whether every member lies at the wanted place."""
         return not self.unreached
 
 
@@ -167,14 +172,48 @@ def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
     """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    other way round.
+    other way round. Of a STRUCT in it that cannot be, the members stand in its place.
     """
-    tries = [_corrected(wanted, rules, pack) for pack in ((None, 1) if rules.takes_pack else (None,))]
+    found, apart = _nearest(wanted, rules), []
+    while parts := _taken_apart(wanted, {one.path for one in found.unreached}):
+        wanted, notes = parts
+        apart += notes
+        found = _nearest(wanted, rules)
+    return found._replace(notes=(*apart, *found.notes))
+
+
+def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
+    """Return the layout with the members of the STRUCTs of these names in their place; None without one."""
+    type_, root = wanted.type, wanted.root
+    if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_TOLD:
+        return None
+    taken = {one.name.casefold() for one in root.flat()}
+    members: list[Member] = []
+    placed: list[PlacedMember] = []
+    notes: list[MemberNote] = []
+    for name, offset, bit, node, inner in _members(type_, root):
+        parts = [("", 0, bit, node, inner)]
+        if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
+            parts = list(_members(inner, node))
+            notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
+        for below, at, own_bit, part, part_type in parts:
+            own = free_name(f"{name}_{below}", taken) if below else name
+            members.append(Member(own, part_type))
+            placed.append(PlacedMember(own, offset + at, part, own_bit or 0))
+    if not notes:
+        return None
+    flat = Struct(type_.name and f"{wanted.name}_flat", tuple(members), None, type_.pack)
+    return Layout(wanted.name, flat, wanted.rules, PlacedStruct(placed, root.size, root.align)), notes
+
+
+def _nearest(wanted: Layout, rules: LayoutRules) -> PaddedType:
+    packs = (None, 1) if rules.takes_pack else (None,)
+    tries = [_corrected(wanted, rules, pack, is_longer) for is_longer in (False, True) for pack in packs]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
-def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> PaddedType:
-    rebuild = _Rebuild(wanted, rules, pack)
+def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> PaddedType:
+    rebuild = _Rebuild(wanted, rules, pack, is_longer)
     try:
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
@@ -221,8 +260,9 @@ class _Built(NamedTuple):
 class _Rebuild:
     """One rebuilding of a declaration; each STRUCT is rebuilt once, however many members have its type."""
 
-    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None) -> None:
+    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> None:
         self.theirs, self.rules, self.pack = wanted.rules, rules, pack
+        self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
         self.name = wanted.name
         self.suffix = _suffix(wanted)
         self.placing = Placing(rules)
@@ -284,8 +324,9 @@ class _Rebuild:
         return found
 
     def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
-        limit = node.size & -node.size or 1  # no multiple of more is the size: no member may be aligned to it
-        fill = self.filling(type_, node, max(limit, self.rules.struct_floor))
+        # No multiple of more is the size: no member may be aligned to it.
+        limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
+        fill = self.filling(type_, node, limit)
         for name, offset, bit, child, inner in _members(type_, node):
             mark = len(self.unreached), len(self.notes)
             try:
@@ -294,16 +335,20 @@ class _Rebuild:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
                 self.unreached.append(_Raw(name, failed.path[len(name) :], failed.why))
                 self.raw.add((id(node), name))
-                fill.put_raw(name, offset, child.size, bit is not None, name)
-        fill.finish(node.size, "")
+                with suppress(Unreachable):  # where no bytes can begin either, padding covers it
+                    fill.put_raw(name, offset, child.size, bit is not None, name)
+        fill.finish(self.size(node, fill), "")
         return fill
 
     def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
         for name, _, bit, child, inner in _members(type_, node):
             fill.overlay(name, self.type(inner, child, name), bit, name)
-        fill.cover(node.size, "")
+        fill.cover(self.size(node, fill), "")
         return fill
+
+    def size(self, node: PlacedStruct, fill: Filling) -> int:
+        return fill.least(node.size) if node is self.longer else node.size
 
     def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
         cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)

@@ -38,7 +38,7 @@ class Refused(Exception):
 class Coding(NamedTuple):
     """How one leaf is stored: `struct` code without byte order, and both changes (None: as it is).
 
-    `odd` says what is strange about the bytes of the leaf, such as ` (16#05)` of a BOOL; "" is nothing.
+    `odd` says what is strange about the bytes of the leaf, such as `16#05` of a BOOL; "" is nothing.
     """
 
     code: str
@@ -100,8 +100,8 @@ def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     def odd(raw: bytes) -> str:
         own, actual = lengths.unpack_from(raw)
         if actual > longest:
-            return f" (length {actual} of {longest})"
-        return f" (longest {own}, not {longest})" if own != longest else ""
+            return f"length {actual} of {longest}"
+        return f"longest {own}, not {longest}" if own != longest else ""
 
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
 
@@ -117,7 +117,7 @@ def _ended(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     def odd(raw: bytes) -> str:
         end = _end(raw, unit)
         if end > longest * unit:
-            return " (no NUL)" if end == len(raw) else f" (length {end // unit} of {longest})"
+            return "no NUL" if end == len(raw) else f"length {end // unit} of {longest}"
         return ""
 
     to_raw = _checked(type_, longest, charset, has_nul=False)
@@ -159,7 +159,7 @@ def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Ca
 
 FIRST_BCD_YEAR, LAST_BCD_YEAR = 1990, 2089
 HOUR, MINUTE = 3600 * SECOND, 60 * SECOND
-NO_DATE = " (no date)"
+NO_DATE = "no date"
 
 
 def _weekday(ns: int) -> int:
@@ -225,7 +225,7 @@ def _bcd(ns: int) -> bytes:
 
 
 def _odd_weekday(found: int, ns: int) -> str:
-    return "" if found == _weekday(ns) else f" (weekday {found}, not {_weekday(ns)})"
+    return "" if found == _weekday(ns) else f"weekday {found}, not {_weekday(ns)}"
 
 
 # -- DTL -----------------------------------------------------------------------------------------------------
@@ -301,7 +301,7 @@ def s5time_coding(rules: LayoutRules) -> Coding:
 
     def odd(raw: bytes) -> str:
         (word,) = struct.unpack(order + "H", raw)
-        return " (no S5TIME)" if _s5_ms(word) is None else ""
+        return "no S5TIME" if _s5_ms(word) is None else ""
 
     return Coding("H", to_value, to_raw, odd)
 
@@ -347,7 +347,7 @@ def _bool(row: Elementary, rules: LayoutRules) -> Coding:
         raise Refused("true or false")
 
     def odd(raw: bytes) -> str:
-        return f" ({hex_text(raw)})" if raw[0] > 1 else ""
+        return hex_text(raw) if raw[0] > 1 else ""
 
     return Coding(row.code, None, to_raw, None if row.name in rules.bits else odd)
 

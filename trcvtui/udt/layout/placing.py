@@ -207,12 +207,15 @@ class Filling:
         """Put a member at an offset; raise Unreachable, with nothing changed."""
         node = self.placing.place(type_, path)
         step = max(min(node.align, self.cap), self.rules.member_floor)
-        if isinstance(node, PlacedLeaf) and node.is_bit and bit:
+        is_bit = isinstance(node, PlacedLeaf) and node.is_bit
+        if is_bit and bit:
             if (self.bits, self.end) != (bit, offset + 1):
                 raise Unreachable(path, f"bit {bit} of byte {offset} does not follow a bit")
             self._add(name, type_, offset, self.end)
             self.bits += 1
             return
+        if is_bit and 0 < self.bits < 8 and offset == self.end:
+            raise Unreachable(path, f"bit 0 of byte {offset}: it would be bit {self.bits} of the byte before")
         if offset % step:
             layout, what = self.rules.name, type_text(type_)
             raise Unreachable(path, f"{what} at byte {offset}: under {layout} only at a multiple of {step}")
@@ -222,7 +225,7 @@ class Filling:
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
         self._add(name, type_, offset, _up(offset + node.size, self.placing.end_floor(type_)))
-        self.bits = int(isinstance(node, PlacedLeaf) and node.is_bit)
+        self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
         """Put bytes in place of a member; those of a bit stand for all bits of the byte."""
@@ -233,15 +236,16 @@ class Filling:
         elif size:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
+    def least(self, size: int) -> int:
+        """Return the least size of this or more that the type can have."""
+        return _up(max(size, self.end), self.align)
+
     def finish(self, size: int, path: str) -> None:
         """Pad to the size; raise Unreachable when the type cannot have it."""
         if size % self.align:
             layout = self.rules.name
             raise Unreachable(path, f"{size} bytes: under {layout} the size is a multiple of {self.align}")
-        if _up(self.end, self.align) != size:
-            self._fill_to(size, 1, path)
-        if _up(self.end, self.align) != size:
-            raise Unreachable(path, f"{size} bytes cannot be reached under {self.rules.name}")
+        self._fill_to(size, self.align, path)
 
     def overlay(self, name: str, type_: Type, bit: int | None, path: str) -> None:
         """Put a member of a UNION at its begin."""
@@ -299,7 +303,12 @@ class Filling:
         return self._free(f"_pad{self._pads}")
 
     def _free(self, name: str) -> str:
-        while name.casefold() in self.taken:
-            name += "_"
-        self.taken.add(name.casefold())
-        return name
+        return free_name(name, self.taken)
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Return the name, or one like it that is not taken; it is taken then."""
+    while name.casefold() in taken:
+        name += "_"
+    taken.add(name.casefold())
+    return name

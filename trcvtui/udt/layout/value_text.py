@@ -68,8 +68,13 @@ def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
     """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
     if value is None:
         return NO_DATA
-    text, odd = _plain_text(leaf.type, leaf.size, value), leaf.coding.odd
-    return text + odd(raw) if odd is not None and len(raw) == leaf.size else text
+    text, mark = _plain_text(leaf.type, leaf.size, value), mark_text(leaf, raw)
+    return f"{text} ({mark})" if mark else text
+
+
+def mark_text(leaf: Leaf, raw: bytes) -> str:
+    """Return what is odd about the leaf's own bytes, such as `no NUL`; "" is nothing."""
+    return leaf.coding.odd(raw) if leaf.coding.odd is not None and len(raw) == leaf.size else ""
 
 
 def _plain_text(type_: LeafType, size: int, value: Value) -> str:

@@ -88,10 +88,8 @@ def test_fit_names_the_layout_and_the_cause(content: str, cause: str | None, n: 
     ranks = [one["rank"] for one in found]
     assert ranks == [ranks.index(rank) + 1 for rank in ranks]  # 1, 2, 2, 4
     assert ranks.count(1) == 1
-    best, is_sure = (
-        found[0],
-        (cause, n) not in [("header", 3), ("long", 1)],
-    )  # what these bytes mean is not known
+    best = found[0]
+    is_sure = (cause, n) not in [("header", 3), ("long", 1)]  # what these bytes mean is not known
     assert (best["layout"], best["byte_order"]) == ("natural8", "little")
     assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, is_sure, not is_sure)
     assert best["text"] is None and best["member"] is None

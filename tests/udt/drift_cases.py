@@ -14,8 +14,8 @@ from trcvtui.udt.layout.layout import Layout, Profile, lay_out, profiles_for
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import ELEMENTARY, Array, Elementary, Member, StringType, Struct, Type
 
-LEAST_MEMBERS = 6
-MESSAGES = (3, 4, 6, 8)
+LEAST_MEMBERS = 8
+MESSAGES = (4, 6, 8, 12)
 MORE = ("BOOL", "BYTE", "INT", "UINT", "DINT", "REAL", "LREAL")
 WIDER = {
     "BYTE": "WORD", "USINT": "UINT", "SINT": "INT", "INT": "DINT", "UINT": "UDINT", "REAL": "LREAL",

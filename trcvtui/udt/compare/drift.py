@@ -79,7 +79,8 @@ def drifted_layouts(
     known: dict[LayoutRules, list[_Drift]] = {}  # of one byte order: the drifts are the same in both
     found: dict[object, tuple[float, int, Profile, _Drift]] = {}
     for profile, layout in asked:
-        if not 0 < layout.leaf_count <= MOST_LEAVES:
+        is_several = size > layout.size and not size % max(layout.size, 1)  # messages in one
+        if is_several or not 0 < layout.leaf_count <= MOST_LEAVES:
             continue
         rules = beside(profile.rules, own)
         in_order = replace(rules, byte_order="big")
@@ -170,7 +171,9 @@ class _Drifts:
             now = [*parts[:at], *new, *parts[stop:]]
             offsets, size, align = self.placing.spots(type_, now)
             if at < first:
-                other = replace(type_, base=new[0][1])
+                base = new[0][1]
+                assert isinstance(base, Struct)
+                other = replace(type_, base=base)
             else:
                 members = (Member(name, inner) for name, inner, _ in new)
                 other = replace(

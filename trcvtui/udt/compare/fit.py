@@ -64,6 +64,7 @@ MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
+CLEAR_OF_DRIFT: Final = 7.2  # of one that reads the same but for a member or two: padding may hide them
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
 ODD: Final = -3.2  # of one member: its value is none that machines send
@@ -140,8 +141,8 @@ def fit(
     layouts = same_layouts(type_, asked, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
-        causes = [cause for cause in CAUSES if cause is NONE or cause.can_fit(layout.size, framed, lengths)]
-        tried.append((same, layout, causes))
+        fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(layout.size, framed, lengths)]
+        tried.append((same, layout, fitting))
     if framed and seen:
         drifted = drifted_layouts(layouts, seen, own)
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
@@ -591,7 +592,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         ):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
-        if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
+        clear = CLEAR_OF_DRIFT if other.cause.kind in DRIFTS else CLEAR
+        if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
                 return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:

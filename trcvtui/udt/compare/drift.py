@@ -43,6 +43,7 @@ MOST_DRIFTS: Final = 24  # that are returned
 MOST_MORE: Final = 256  # bytes of a member more
 SLACK: Final = 7  # bytes that gaps can take or give
 COST: Final = -8.0  # points of a drift
+EACH_BYTE: Final = -0.4  # of a member more, up to 8
 UNKNOWN: Final = "?"  # the name of a member that our type does not have
 FILLERS: Final = tuple(ELEMENTARY[name] for name in ("BOOL", "BYTE", "WORD", "DWORD", "LWORD"))
 FAMILIES: Final = (
@@ -205,7 +206,8 @@ class _Drifts:
                 seen.add((drift.span, shift))
                 place = paths[at] if at < len(parts) else f"the end of {path}" if path else "the end"
                 about = "the sender may have them"
-                yield drift._replace(cause=FitCause(MORE, shift, cost=COST, about=about, member=place))
+                cost = COST + EACH_BYTE * min(max(shift, 0), 8)
+                yield drift._replace(cause=FitCause(MORE, shift, cost=cost, about=about, member=place))
 
 
 def _fillers(spare: int) -> Iterator[Type]:

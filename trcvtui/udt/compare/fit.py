@@ -64,7 +64,7 @@ MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
-CLEAR_OF_DRIFT: Final = 7.2  # of one that reads the same but for a member or two: padding may hide them
+CLEAR_OF_DRIFT: Final = 7.5  # of one that reads the same but for a member or two: padding may hide them
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
 ODD: Final = -3.2  # of one member: its value is none that machines send
@@ -86,7 +86,8 @@ class Fit:
     """One way to read the bytes: all profiles that mean it, the cause beside them, the points and why.
 
     `members` are the members' own points, part of `score`. `reasons` have the weightiest first. `fits_best`
-    is said of one reading at most; `doubt` says why it is not said of the first one. `same` are the readings
+    is said of one reading at most; `doubt` says why it is not said of the first one, which `is_ahead` where
+    one odd value is all that speaks against it. `same` are the readings
     that find the same value at the same place for every member: they share one `rank` (1, 1, 3), for no
     byte speaks for one of them, and differ at most in how rare their causes are.
     """
@@ -98,6 +99,7 @@ class Fit:
     cause: FitCause = NONE
     members: float = 0.0
     fits_best: bool = False
+    is_ahead: bool = False
     doubt: str = ""
     rank: int = 1
     same: tuple[str, ...] = ()
@@ -160,15 +162,21 @@ def fit(
 
 
 def _strangeness(profile: Profile, own: LayoutRules) -> int:
-    """Return 0 for our own profile, 1 for a byte order that a vendor has, 2 for another one."""
-    if (profile.layout, profile.byte_order) == (own.name, own.byte_order):
-        return 0
-    return 1 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 2
+    """Return the lower the usual: our own profile, our own layout, a vendor's byte order, others."""
+    if profile.layout == own.name:
+        return int(profile.byte_order != own.byte_order)
+    return 2 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 3
 
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return the best one and those that are tied with it by their points."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE)
+
+
+def without_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the readings, but the drifts only where they are clearly ahead: of many some are, by chance."""
+    ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
+    return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 
 
 def verdict(fits: Sequence[Fit]) -> str:
@@ -539,6 +547,7 @@ def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
     rows = list(merged.values())[:MOST_FITS]
     rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR]
     doubt = _doubt([row[0] for row in rows], messages)
+    odd = f"machines seldom send such a value: {rows[0][0].odd}" if rows and rows[0][0].odd else ""
     number = 0
     for together in _shared(rows) if messages else [rows]:
         rank = number + 1
@@ -547,7 +556,8 @@ def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
             profiles = tuple(dict.fromkeys(profile for one in row for profile in one.profiles))
             yield Fit(
                 profiles, first.look.layout, first.score, first.reasons(), first.cause,
-                round(first.own_points, 2), number == 1 and not doubt, doubt if number == 1 else "",
+                round(first.own_points, 2), number == 1 and not (doubt or odd), number == 1 and not doubt,
+                (doubt or odd) if number == 1 else "",
                 rank, tuple(_called(other[0]) for other in together if other is not row),
             )  # fmt: skip
 
@@ -577,8 +587,6 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         return "that the sender's type differs, and where, is a guess"
     if not best.has_meaning:
         return "what the bytes beside the members mean is not known"
-    if best.odd:
-        return f"machines seldom send such a value: {best.odd}"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
@@ -592,7 +600,7 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         ):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
-        clear = CLEAR_OF_DRIFT if other.cause.kind in DRIFTS else CLEAR
+        clear = CLEAR_OF_DRIFT - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
         if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
                 return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"

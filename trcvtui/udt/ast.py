@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import StringType
@@ -131,6 +131,17 @@ class Constant(NamedTuple):
     where: str = ""
 
 
+class SenderLayout(NamedTuple):
+    """The layout that a sender of a source's types has, where the source tells no more than its format."""
+
+    source: str = ""  # such as TwinCAT
+    layout: str = ""
+    is_documented: bool = False  # by the vendor, as the default
+
+
+NO_SENDER: Final = SenderLayout()
+
+
 class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
@@ -141,3 +152,4 @@ class Declarations(NamedTuple):
     problems: tuple[Problem, ...] = ()
     constants: tuple[Constant, ...] = ()
     layout: str = ""
+    sender: SenderLayout = NO_SENDER

@@ -120,17 +120,20 @@ def fit(
     framed: bool = True,
     profiles: Iterable[Profile] | None = None,
     own: LayoutRules | None = None,
+    sender: str = "",
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
     `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
     `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
-    are the rules of our own side: it is named first where several mean the same.
+    are the rules of our own side: it is named first where several mean the same, after the layout that the
+    source of the type is likely to have, `sender`.
     """
     seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    asked = tuple(sorted(asked, key=lambda one: (one.layout, one.byte_order) != (own.name, own.byte_order)))
+    ours = own.name, own.byte_order
+    asked = tuple(sorted(asked, key=lambda one: (one.layout != sender, (one.layout, one.byte_order) != ours)))
     known: _Known = {}
     found = []
     for same, layout in same_layouts(type_, asked, name, own):
@@ -141,7 +144,9 @@ def fit(
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
         for reading in found:
             reading.others.append(said)
-    found.sort(key=lambda one: (-one.score, one.profiles[0].byte_order != own.byte_order))
+    found.sort(
+        key=lambda one: (-one.score, one.profiles[0].layout != sender, one.profiles[0].byte_order != ours[1])
+    )
     return tuple(_ranked(found, seen))
 
 

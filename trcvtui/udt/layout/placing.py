@@ -72,7 +72,9 @@ class Placing:
         if isinstance(type_, StringType):
             form = self.rules.text
             if form.length(type_) > form.most(type_):
-                raise mistake(where, type_text(type_), f"at most {form.most(type_)} characters")
+                expected = f"at most {form.most(type_)} characters"
+                expected += ", or a layout without a header: codesys-8" if form.header else ""
+                raise mistake(where, type_text(type_), expected)
             align = max(2 if type_.wide else 1, self.rules.text_floor)
             return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)
         row = self.rules.stored(type_)

@@ -71,11 +71,12 @@ class ArraySpec(NamedTuple):
 
 
 class MemberSpec(NamedTuple):
-    """One member of a STRUCT or UNION."""
+    """One member of a STRUCT or UNION; `width` is that of a bit-field of C, which is no member."""
 
     name: str
     spec: Spec
     where: str
+    width: int | None = None
 
 
 class StructSpec(NamedTuple):

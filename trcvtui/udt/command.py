@@ -18,7 +18,7 @@ from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import read_file, read_files
+from trcvtui.udt.sources import read_file, read_files, read_headers_with
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, parts_of
 
@@ -34,7 +34,7 @@ def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list
 
 
 def _empty(type_: Struct | Union | Enumeration) -> Iterator[str]:
-    if not isinstance(type_, Enumeration) and not type_.members and type_.base is None:
+    if not isinstance(type_, Enumeration) and not (type_.members or type_.base or type_.bit_fields):
         word = "UNION" if isinstance(type_, Union) else "STRUCT"
         yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
 
@@ -214,6 +214,7 @@ def tell(notes: Iterable[str]) -> None:
 
 def types_of(args: SimpleNamespace) -> TypeSet:
     """Return the types of FILE and of every `--with`."""
+    read_headers_with((args.file, *args.others), args.long_size)
     return read_files((args.file, *args.others), constants_of(args.constant))
 
 

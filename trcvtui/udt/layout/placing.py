@@ -106,8 +106,9 @@ class Placing:
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)
         placed: list[PlacedMember] = []
-        end, align, bit = 0, rules.struct_floor if parts else 1, 0
-        for name, inner, node in parts:
+        end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
+        for at, (name, inner, node) in enumerate(parts):
+            end, align = self.after_bits(type_, at, end, align)
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -121,12 +122,33 @@ class Placing:
             placed.append(PlacedMember(name, offset, node))
             end = _up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
+        end, align = self.after_bits(type_, len(parts), end, align)
         return _checked(PlacedStruct(placed, _up(end, align), align), where)
+
+    def after_bits(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
+        """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
+
+        One does not cross the bounds of its type; under any `#pragma pack` it does. One of no bits goes on
+        to the next bound.
+        """
+        cap, place = self.cap(type_), 8 * end
+        is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
+        for one in type_.bit_fields:
+            if one.at != at:
+                continue
+            unit = 8 * one.size
+            if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
+                place = _up(place, unit)
+            place += one.width
+            align = max(align, min(one.size, cap)) if one.is_named else align
+        return _up(place, 8) // 8, align
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
-        align = self.rules.struct_floor if parts else 1
-        end = 0
+        align = self.rules.struct_floor if parts or type_.bit_fields else 1
+        end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
+        for at in range(len(parts) + 1):
+            align = self.after_bits(type_, at, 0, align)[1]
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
             end = max(end, _up(node.size, self.end_floor(inner)))

@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from trcvtui.errors import all_problems, mistake, noting
+from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
@@ -189,6 +189,18 @@ def read_files(
             with noting(problems):
                 files.append(_declarations(path))
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
+
+
+def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
+    """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
+    from trcvtui.udt.sources.c_source import C_CONTEXT, CContext
+
+    headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
+    texts: list[str] = []
+    for path in headers if len(headers) > 1 else ():
+        with suppress(UserError):  # told when it is read for its types
+            texts.append(decode_text(_content(path)))
+    C_CONTEXT.set(CContext(long_size, "\n".join(texts)))
 
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:

@@ -16,7 +16,7 @@ from tests.udt.oracle_gcc import Case, Measured, cases, header, measured, measur
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import PlacedStruct
 from trcvtui.udt.sources.c_header import read_c
-from trcvtui.udt.sources.c_source import C_CONTEXT, CContext
+from trcvtui.udt.sources.c_source import LONG_SIZE
 from trcvtui.udt.type_set import join
 
 COUNT = int(os.environ.get("TRCVTUI_ORACLE", "300"))
@@ -46,9 +46,9 @@ def test_random_types_lie_where_gcc_puts_them(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: nothing to compare with")
 def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_path: Path) -> None:
     given = header(COUNT, SEED)
-    before = C_CONTEXT.set(CContext(long_size=8))
+    before = LONG_SIZE.set(8)
     types = join([read_c(given.text, "H")], "H")
-    C_CONTEXT.reset(before)
+    LONG_SIZE.reset(before)
     assert [str(problem) for problem in types.problems] == []
     for (name, members), theirs in zip(given.members.items(), measured_header(given, tmp_path), strict=True):
         root = lay_out(types.named(name), rules_for("c"), name).root

@@ -135,9 +135,8 @@ class Constant(NamedTuple):
 class SenderLayout(NamedTuple):
     """The layout that a sender of a source's types has, where the source tells no more than its format."""
 
-    source: str = ""  # such as TwinCAT
     layout: str = ""
-    is_documented: bool = False  # by the vendor, as the default
+    source: str = ""  # such as TwinCAT
 
 
 NO_SENDER: Final = SenderLayout()

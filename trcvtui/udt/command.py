@@ -200,8 +200,8 @@ def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRul
         return choice.rules(), []
     if own:
         return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
-    shown, word = choice.rules(), "is" if sender.is_documented else "is probably"
-    text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout {word}"
+    shown = choice.rules()
+    text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
     return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
 

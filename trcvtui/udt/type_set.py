@@ -58,7 +58,7 @@ class TypeSet:
     def sender(self, name: str) -> SenderLayout:
         """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
         found = (self.senders.get(key) for key in _keys(name) if key in self.types)
-        return next(filter(None, found), SenderLayout(layout=self.layout(name)))
+        return next(filter(None, found), SenderLayout(self.layout(name)))
 
     def only(self) -> str:
         """Return the name of the only type; raise UserError when there are none, several or bad ones."""

@@ -37,7 +37,7 @@ class TypeFormat(NamedTuple):
 
     `read` gets the text, or of a format with `root` the XML element of that name, and the name of the file.
     `needs`: what has to be installed. `refused`: files of these extensions hold no types. `sender`: the
-    layout of a device that such files come from, `is_documented` by its vendor as the default.
+    layout that most devices have of which such files are.
     """
 
     name: str
@@ -47,12 +47,9 @@ class TypeFormat(NamedTuple):
     needs: str = ""
     refused: bool = False
     sender: str = ""
-    is_documented: bool = False
 
     def declarations(self, content: Any, name: str) -> Declarations:
-        found = self.read(content, name)
-        sender = SenderLayout(self.name.removesuffix(" header"), self.sender, self.is_documented)
-        return found._replace(sender=sender) if self.sender else found
+        return self.read(content, name)._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
@@ -107,11 +104,7 @@ FORMATS: Final = {
         TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
-        TypeFormat(
-            *("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, "TcPlcObject"),
-            sender=NATURAL,
-            is_documented=True,
-        ),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, "TcPlcObject", sender=NATURAL),
         TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _read_openness, root="Document"),
         TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
@@ -193,14 +186,15 @@ def read_files(
 
 def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
     """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
-    from trcvtui.udt.sources.c_source import C_CONTEXT, CContext
+    from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
     headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
     texts: list[str] = []
     for path in headers if len(headers) > 1 else ():
         with suppress(UserError):  # told when it is read for its types
             texts.append(decode_text(_content(path)))
-    C_CONTEXT.set(CContext(long_size, "\n".join(texts)))
+    LONG_SIZE.set(long_size)
+    OTHER_HEADERS.set("\n".join(texts))
 
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:

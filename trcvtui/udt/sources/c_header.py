@@ -22,7 +22,7 @@ from trcvtui.udt.sources.c_parse import (
     formula,
     parsed,
 )
-from trcvtui.udt.sources.c_source import C_CONTEXT, CSource
+from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS, CSource
 from trcvtui.udt.types import ELEMENTARY
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
@@ -34,7 +34,7 @@ def read_c(text: str, name: str) -> ast.Declarations:
         from pycparser.c_parser import CParser  # type: ignore[import-untyped]
     except ImportError:
         raise mistake(name, "a C header, but no pycparser", "it: pip install 'trcvtui[c]'") from None
-    source = CSource(text, name, evaluate, C_CONTEXT.get().others)
+    source = CSource(text, name, evaluate, OTHER_HEADERS.get())
     reader = _Reader(source)
     for node in parsed(CParser, source):
         reader.outer(node)
@@ -54,7 +54,7 @@ class _Reader:
         self.tags: dict[str, str] = {}
         self.aliases: dict[str, ast.Reference] = {}
         self.macros = Macros(source)
-        self.long_size = C_CONTEXT.get().long_size
+        self.long_size = LONG_SIZE.get()
         self.constants: dict[str, ast.Number] = {}
         for name in source.numbers:
             value = None if name in source.given else self.macros.macro(name)
@@ -84,7 +84,7 @@ class _Reader:
             inner = node.type
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
-            self.tagged(inner, node.name)
+            self.tagged(inner, node.name or "")
             value = fold(node.init, self.look_up) if node.init is not None and "const" in node.quals else None
             if node.name and value is not None:
                 self.constants[node.name] = value
@@ -96,13 +96,13 @@ class _Reader:
             self.tags[tag] = node.name
         elif tag == node.name:
             return  # typedef struct T T;
-        spec = self.declare(node.name, node, lambda: self.spec(node.type, 0), tag)
+        spec = self.declare(node.name, node, lambda: self.spec(node.type, 0), tag or "")
         if isinstance(spec, ast.Reference) and spec.name.upper() in ELEMENTARY:
             self.aliases[node.name] = spec
         if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
             self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
 
-    def tagged(self, node: Any, variable: str | None) -> None:
+    def tagged(self, node: Any, variable: str) -> None:
         if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
             return
         if node.name:
@@ -111,14 +111,10 @@ class _Reader:
         elif type(node).__name__ == "Enum":
             self.enum(node)
 
-    def declare(
-        self, name: str, node: Any, read: Callable[[], ast.Spec], word: str | None
-    ) -> ast.Spec | None:
+    def declare(self, name: str, node: Any, read: Callable[[], ast.Spec], word: str) -> ast.Spec | None:
         self.problems, self.notes = [], {}
-        if word and word.isupper() and "PACK" in word and word != name:
-            self.notes[f"{word} is read as a name: if it is a macro, --with the header that defines it"] = (
-                None
-            )
+        if word.isupper() and "PACK" in word and word != name:
+            self.notes[f"{word} is read as a name: a macro needs --with its header"] = None
         spec: ast.Spec | None = None
         with noting(self.problems):
             spec = read()

@@ -212,7 +212,10 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
             )
             depth += 1
             continue
-        depth = max(0, depth - 1) if found.group() == "}" else depth
+        if depth == 0 and found.group() == "}":
+            begin = _begin(text, found.end())  # of a `namespace {`
+            continue
+        depth -= found.group() == "}"
         if depth == 0 and (found.group() == ";" or is_function):
             if not is_function:
                 yield begin, found.end()

@@ -10,7 +10,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable
 from contextvars import ContextVar
-from typing import NamedTuple
+from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
 
@@ -31,6 +31,7 @@ HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct",
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
+_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]*|extern\s*"C"\s*)\{')  # of C++: what is in it counts
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -40,15 +41,9 @@ _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
-class CContext(NamedTuple):
-    """What no header says itself: the bytes of `long`, and the text of the headers that are read with it."""
-
-    long_size: int | None = None
-    others: str = ""
-
-
-NO_CONTEXT = CContext()
-C_CONTEXT = ContextVar("C_CONTEXT", default=NO_CONTEXT)
+# What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
+LONG_SIZE: ContextVar[int | None] = ContextVar("LONG_SIZE", default=None)
+OTHER_HEADERS = ContextVar("OTHER_HEADERS", default="")
 
 
 class CSource:
@@ -67,8 +62,11 @@ class CSource:
         self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
         self.words: dict[str, str] = {}
         self.calls: dict[str, tuple[list[str], str]] = {}
+        self._macros: tuple[dict[str, Any], ...] = self.numbers, self.words, self.calls
         if others:
-            self._take_over(CSource(others, name, evaluate), set(re.findall(r"#\s*define\s+(\w+)", text)))
+            own = set(re.findall(r"#\s*define\s+(\w+)", text))
+            for number, known in enumerate(CSource(others, name, evaluate)._macros):
+                self._macros[number].update({one: known[one] for one in known.keys() - own})
         self.given = frozenset(self.numbers)
         self.includes: list[str] = []
         self.packs: list[tuple[int, int | None]] = [(0, None)]
@@ -76,7 +74,8 @@ class CSource:
         self._stack: list[int | None] = []
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
-        ready = "\n".join(self._lines(self._without_comments(text)))
+        without_comments = self._without_comments(text)
+        ready = "\n".join(self._lines(_SCOPE.sub(_blank, without_comments)))
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
         self.text = self._attributes(ready)
 
@@ -115,11 +114,6 @@ class CSource:
     def _refuse_move(self, line: int, found: str, expected: str) -> None:
         self.moved.append((line, Problem(f"{self.name}:{line}", found, expected)))
 
-    def _take_over(self, others: CSource, own: set[str]) -> None:
-        self.numbers |= {name: body for name, body in others.numbers.items() if name not in own}
-        self.words |= {name: body for name, body in others.words.items() if name not in own}
-        self.calls |= {name: call for name, call in others.calls.items() if name not in own}
-
     # -- comments and lines ------------------------------------------------------------------------------
 
     def _without_comments(self, text: str) -> str:
@@ -132,7 +126,7 @@ class CSource:
                 not found.group().endswith("*/") or len(found.group()) < 4
             ):
                 self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
-            return re.sub(r"[^\n]", " ", found.group())
+            return _blank(found)
 
         return _SKIPPED.sub(blank, text)
 
@@ -156,10 +150,15 @@ class CSource:
                 line += "\n" + lines[at]
                 opened += lines[at].count("(") - lines[at].count(")")
                 at += 1
-            line = self._obeyed(self._expanded(line), first)
+            line = self._expanded(line)
+            pragma = _OPERATOR.fullmatch(line.strip(" \t;"))
+            if pragma:
+                self._direct("pragma", (pragma[1] or pragma[2]).strip(), first)
+                line = ""
+            line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
-            self._depth += line.count("{") - line.count("}")
+            self._depth = max(0, self._depth + line.count("{") - line.count("}"))
         if self._conditions:
             self.refuse(len(lines), "the end of the file", "#endif")
         return ready
@@ -194,19 +193,6 @@ class CSource:
         """Return how many brackets a call of a macro leaves open: it goes on in the next line."""
         found = self._call(line) if self.calls else None
         return 0 if found is None else line.count("(", found.start()) - line.count(")", found.start())
-
-    def _obeyed(self, text: str, line: int) -> str:
-        """Obey `_Pragma("pack(1)")` and `__pragma(pack(1))`, as macros write them."""
-
-        def obey(found: re.Match[str]) -> str:
-            rest = (found[1] or found[2] or "").strip()
-            if rest.startswith("pack") and "{" in text:
-                self._refuse_move(line, f"'{found[0][:60]}' beside a structure", "it in a line of its own")
-            elif rest.startswith("pack"):
-                self._pragma_pack(rest, line)
-            return "\n" * found[0].count("\n")
-
-        return _OPERATOR.sub(obey, text) if "ragma" in text else text
 
     # -- directives --------------------------------------------------------------------------------------
 
@@ -261,10 +247,10 @@ class CSource:
         return bool(value)
 
     def _is_defined(self, name: str) -> bool:
-        return name in self.numbers or name in self.words or name in self.calls
+        return any(name in table for table in self._macros)
 
     def _forget(self, name: str) -> None:
-        for table in (self.numbers, self.words, self.calls):
+        for table in self._macros:
             table.pop(name, None)
 
     def _define(self, rest: str) -> None:
@@ -328,9 +314,13 @@ class CSource:
                 line, _ = self.place(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
-            return re.sub(r"[^\n]", " ", found.group())
+            return _blank(found)
 
         return _ATTRIBUTE.sub(blank, text)
+
+
+def _blank(found: re.Match[str]) -> str:
+    return re.sub(r"[^\n]", " ", found.group())
 
 
 def _arguments(text: str, begin: int) -> tuple[list[str], int]:

@@ -16,13 +16,14 @@ from trcvtui.errors import Problem, UserError, mistake
 
 PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
-MOST_CALLS = 256  # of macros in a line, or in what a call puts into it
+MOST_CALLS = 256  # of macros in a line, and in what they put into it
+MOST_CALLS_IN_ALL = 50_000
 MOST_NESTED = 64
 # A macro with one of these in it is no number.
 _WORDS = """
 struct union enum typedef const volatile static extern inline restrict void char short int long float double
 signed unsigned _Bool bool return if else for while do switch case break goto sizeof __attribute__ __packed
-__declspec _Alignas
+__declspec __pragma _Alignas
 """
 KEYWORDS = frozenset(_WORDS.split())
 # Of all attributes only these change nothing in a layout and may be left out.
@@ -31,7 +32,7 @@ HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct",
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
-_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]*|extern\s*"C"\s*)\{')  # of C++: what is in it counts
+_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -74,6 +75,7 @@ class CSource:
         self._stack: list[int | None] = []
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
+        self._calls_left = MOST_CALLS_IN_ALL
         without_comments = self._without_comments(text)
         ready = "\n".join(self._lines(_SCOPE.sub(_blank, without_comments)))
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
@@ -170,10 +172,11 @@ class CSource:
         if self.words:
             line = _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
         at, most = 0, 2 * len(line) + MOST_CALLS * LONGEST_WORDS
-        for _ in range(MOST_CALLS if self.calls else 0):
+        for _ in range(min(MOST_CALLS, self._calls_left) if self.calls else 0):
             found = self._call(line, at)
             if found is None or len(line) > most:
                 break
+            self._calls_left -= 1
             at = found.start()
             names, body = self.calls[found[1]]
             given, end = _arguments(line, found.end())

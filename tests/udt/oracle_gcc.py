@@ -248,7 +248,9 @@ def _run(head: str, numbers: Sequence[str], folder: Path) -> list[int]:
     main = "int main(void) { return fwrite(numbers, sizeof numbers, 1, stdout) != 1; }\n"
     source, program = folder / "types.c", folder / "types"
     source.write_text(head + table + main)
-    subprocess.run(["gcc", "-std=gnu11", "-w", "-O0", "-o", program, source], check=True)
+    subprocess.run(
+        ["gcc", "-std=gnu11", "-w", "-Wno-packed-bitfield-compat", "-o", program, source], check=True
+    )
     return array.array("I", subprocess.run([program], capture_output=True, check=True).stdout).tolist()
 
 

@@ -214,7 +214,7 @@ def tell(notes: Iterable[str]) -> None:
 
 def types_of(args: SimpleNamespace) -> TypeSet:
     """Return the types of FILE and of every `--with`."""
-    read_headers_with((args.file, *args.others), args.long_size)
+    read_headers_with((args.file, *args.others), getattr(args, "long_size", None))
     return read_files((args.file, *args.others), constants_of(args.constant))
 
 

@@ -133,10 +133,10 @@ class Constant(NamedTuple):
 
 
 class SenderLayout(NamedTuple):
-    """The layout that a sender of a source's types has, where the source tells no more than its format."""
+    """The layout that most senders of a `source` such as TwinCAT have; "": its types are laid out so."""
 
     layout: str = ""
-    source: str = ""  # such as TwinCAT
+    source: str = ""
 
 
 NO_SENDER: Final = SenderLayout()

@@ -143,6 +143,13 @@ def test_fit_names_our_own_layout_first_and_the_equal_ones_in_its_reasons(run: R
     assert "the same for these bytes: natural8, little-endian" in str(found[0]["reasons"])
 
 
+def test_fit_names_the_layout_first_that_the_source_of_the_type_tells(run: Run) -> None:
+    Path("axis.typ").write_text(AXIS)
+    code, out, err = run("udt", "fit", "axis.typ", NATURAL)
+    assert (code, out.partition(" (")[0]) == (0, "Axis, 24 bytes: codesys-8, little-endian")
+    assert "the same for these bytes: natural8" in out and "usually codesys-8" in err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("members", "size"), [(1 << 17, 1 << 19), (1, 8 << 20)])
 def test_the_largest_type_and_the_longest_bytes_are_judged_by_a_part_that_is_named(

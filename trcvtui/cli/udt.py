@@ -40,6 +40,8 @@ def _add_type(
     parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
     about = "whether a STRING of odd size takes one byte more"
     parser.add_argument("--string-even", metavar="yes|no", help=about, **one)
+    about = "bytes of long in a C header; without it a type that has one is refused"
+    parser.add_argument("--long-size", type=int, choices=(4, 8), help=about)
     many: dict[str, Any] = {"action": "append", "default": []}
     parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
     about = "a file of types and constants that FILE uses; repeatable"

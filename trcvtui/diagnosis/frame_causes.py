@@ -486,7 +486,7 @@ def _read(
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
             return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
-    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules))
+    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
     best = fits[0] if fits else None
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):

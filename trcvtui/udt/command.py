@@ -13,11 +13,12 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from trcvtui.errors import Problem, UserError, all_problems, mistake, one_line
+from trcvtui.udt.ast import SenderLayout
 from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import read_file, read_files
+from trcvtui.udt.sources import read_file, read_files, read_headers_with
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, parts_of
 
@@ -33,7 +34,7 @@ def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list
 
 
 def _empty(type_: Struct | Union | Enumeration) -> Iterator[str]:
-    if not isinstance(type_, Enumeration) and not type_.members and type_.base is None:
+    if not isinstance(type_, Enumeration) and not (type_.members or type_.base or type_.bit_fields):
         word = "UNION" if isinstance(type_, Union) else "STRUCT"
         yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
 
@@ -117,9 +118,9 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.compare.fit import fit as ranked
     from trcvtui.udt.compare.fit import fit_json, fit_text
 
-    ours = layout_of(args)
+    ours, sender = _layout_and_sender(args)
     messages = given_messages(" ".join(args.hex))
-    fits = ranked(ours.type, messages, ours.name, own=ours.rules)
+    fits = ranked(ours.type, messages, ours.name, own=ours.rules, sender=sender.layout)
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
         from trcvtui.udt.report import json_lines
@@ -145,6 +146,10 @@ def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[Layout, Layout]:
 
 def layout_of(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
+    return _layout_and_sender(args)[0]
+
+
+def _layout_and_sender(args: SimpleNamespace) -> tuple[Layout, SenderLayout]:
     choice = choice_of_options(args)
     choice.rules()  # the arguments come first
     types = types_of(args)
@@ -152,11 +157,14 @@ def layout_of(args: SimpleNamespace) -> Layout:
     rules, told = rules_of(choice, types, name)
     layout = lay_out(type_, rules, name)
     tell([*told, *notes_of(types, name, type_, rules)])
-    return layout
+    return layout, types.sender(name)
 
 
-def only_layout(path: str) -> Layout:
-    """Return the layout of the only type of a file that no other type holds, as its source lays it out."""
+def only_layout(path: str) -> tuple[Layout, SenderLayout]:
+    """Return the layout of the only type of a file that no other type holds, as its source lays it out.
+
+    With it the layout that a sender is likely to have.
+    """
     types = read_files((path,), {})
     inner = {
         part.name.casefold()
@@ -169,7 +177,7 @@ def only_layout(path: str) -> Layout:
     name = outer[0] if len(outer) == 1 and not types.problems else types.only()
     rules, told = rules_of(LayoutChoice(), types, name)
     tell(told)
-    return lay_out(types.named(name, path), rules, name)
+    return lay_out(types.named(name, path), rules, name), types.sender(name)
 
 
 def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
@@ -187,10 +195,14 @@ def _option(field: str, text: str | None) -> Any:
 
 def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
     """Return the rules for a type, and a note where its source decided on the layout."""
-    own = types.layout(name)
-    if choice.layout is not None or not own:
+    own, sender = types.layout(name), types.sender(name)
+    if choice.layout is not None or not sender.layout:
         return choice.rules(), []
-    return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+    if own:
+        return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+    shown = choice.rules()
+    text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
+    return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
 
 def tell(notes: Iterable[str]) -> None:
@@ -202,6 +214,7 @@ def tell(notes: Iterable[str]) -> None:
 
 def types_of(args: SimpleNamespace) -> TypeSet:
     """Return the types of FILE and of every `--with`."""
+    read_headers_with((args.file, *args.others), getattr(args, "long_size", None))
     return read_files((args.file, *args.others), constants_of(args.constant))
 
 
@@ -252,7 +265,8 @@ def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
         name, type_ = named_type(types, side.type, args)
         rules, told = rules_of(choice, types, name)
         layouts.append(lay_out(type_, rules, name))
-        notes |= dict.fromkeys(told)
+        if types.layout(name) or not any(one.layout for one in choices):
+            notes |= dict.fromkeys(told)
     tell(notes)
     return layouts[0], layouts[1]
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import Declarations, Spec
+from trcvtui.udt.ast import NO_SENDER, Declarations, SenderLayout, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.types import Type
@@ -20,7 +20,7 @@ from trcvtui.udt.types import Type
 class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `twice` by casefolded name.
 
-    `layouts` are those that the sources of types stand for (TIA: s7-standard), by casefolded name, too.
+    `senders` are the layouts that the sources of types tell, by casefolded name, too.
     `problems` are those of all files in order. `unknown_constants` are the names to ask for, `twice` the
     places of a type that is declared more than once, `notes` what is to be shown beside a type.
     """
@@ -32,7 +32,7 @@ class TypeSet:
     unknown_constants: tuple[str, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     twice: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    layouts: Mapping[str, str] = field(default_factory=dict)
+    senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
 
     def names(self) -> list[str]:
@@ -51,7 +51,12 @@ class TypeSet:
 
     def layout(self, name: str) -> str:
         """Return the layout that the source of a type stands for, "" for none."""
-        return next((self.layouts.get(key, "") for key in _keys(name) if key in self.types), "")
+        return "" if self.sender(name).source else self.sender(name).layout
+
+    def sender(self, name: str) -> SenderLayout:
+        """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
+        known = (key for key in _keys(name) if key in self.types)
+        return self.senders.get(next(known, ""), NO_SENDER)
 
     def only(self) -> str:
         """Return the name of the only type; raise UserError when there are none, several or bad ones."""
@@ -92,6 +97,12 @@ def join(
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
+    senders = {
+        key: SenderLayout(file.layout) if file.layout else file.sender
+        for file in files
+        for declared in file.types
+        if resolver.declared[key := declared.name.casefold()] is declared
+    }
     problems = tuple(_once_each(sorted(found, key=_reading_order)))
     return TypeSet(
         where,
@@ -107,12 +118,7 @@ def join(
             if (notes := (*declared.notes, *resolver.notes.get(key, ())))
         },
         twice={key: tuple(places) for key, places in resolver.places.items() if len(places) > 1},
-        layouts={
-            key: file.layout
-            for file in files
-            for declared in (file.types if file.layout else ())
-            if resolver.declared[key := declared.name.casefold()] is declared
-        },
+        senders=senders,
         constants=known,
     )
 

@@ -261,8 +261,9 @@ async def test_a_file_of_any_format_is_opened_by_a_line_of_the_bench(tmp_path: P
         await stage.press()
         await stage.press()
         assert "Report of device.scl" in stage.text
+        assert "s7-standard · e big" in stage.row("p theirs"), "its source tells the sender's layout"
         await stage.say("udt project")
-        assert "Telegram of types.st" in stage.text
+        assert "Telegram of types.st" in stage.text and "natural8" in stage.row("p theirs")
 
 
 async def test_everything_is_in_the_palette(tmp_path: Path) -> None:

@@ -268,8 +268,8 @@ class Lab:
         self._own = self._project_files()
         self._project = view_model.project
         ours = profile_of(view_model.project.layout)
-        guess = FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS
-        self.profiles = {OURS: ours, THEIRS: ours._replace(layout=guess)}
+        self.profiles = {OURS: ours, THEIRS: ours}
+        self._is_guess = True  # theirs: until another is chosen
         self.news = ""  # what has happened to the files
         self.fits: tuple[Fit, ...] = ()
         self._said_first = ""  # when the lab was opened
@@ -318,7 +318,16 @@ class Lab:
         names = self.type_names()
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._type(name) if name else None
+        if self._is_guess:
+            self.profiles[THEIRS] = self._guess()
         self._forget()
+
+    def _guess(self) -> Profile:
+        """Return what a sender is likely to have: what the type's source tells, else what compilers do."""
+        ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
+        if sender not in ("", ours.layout):
+            return profile_of(LAYOUTS[sender])
+        return ours._replace(layout=FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS)
 
     def _type(self, name: str) -> Type:
         declared = self._view_model.declaration
@@ -430,6 +439,7 @@ class Lab:
             return
         kept, fits = self.fitted, self.fits
         self.profiles[side] = profile
+        self._is_guess = self._is_guess and side == OURS
         self._forget()
         self.fits, self.fitted, self.news = fits, kept, ""
 
@@ -475,7 +485,8 @@ class Lab:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
         if self.type is not None and messages:
-            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=self.rules(OURS))
+            own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
+            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
 
     @property
     def judgement(self) -> str:

@@ -151,7 +151,7 @@ class _Drifts:
                     pitch, align = self.placing.pitch(span)
                     whole = replace(type_, element=other)
                     yield _Drift(cause, whole, Span(pitch * count, align), ((whole, 0),))
-            case Struct(members=members) if len(members) <= MOST_MEMBERS:
+            case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.of_struct(type_, spare, path)
             case _:
                 drifts: list[_Drift] = []

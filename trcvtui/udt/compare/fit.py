@@ -127,17 +127,19 @@ def fit(
     framed: bool = True,
     profiles: Iterable[Profile] | None = None,
     own: LayoutRules | None = None,
+    sender: str = "",
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
     `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
     `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
-    are the rules of our own side: it is named first where several mean the same.
+    are the rules of our own side: it is named first where several mean the same, after the layout that the
+    source of the type is likely to have, `sender`.
     """
     seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    asked = tuple(sorted(asked, key=lambda one: _strangeness(one, own)))
+    asked = tuple(sorted(asked, key=lambda one: (one.layout != sender, _strangeness(one, own))))
     lengths = set(map(len, seen))
     known: _EvidenceCache = {}
     layouts = same_layouts(type_, asked, name, own)
@@ -157,7 +159,7 @@ def fit(
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
         for reading in found:
             reading.others.append(said)
-    found.sort(key=lambda one: (not one.has_length, -one.score, one.profiles[0].byte_order != own.byte_order))
+    found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
     return tuple(_ranked(found, seen))
 
 
@@ -427,6 +429,10 @@ class _Reading:
     @property
     def own_points(self) -> float:
         return sum(one.points for one in self.said) + sum(step.points for step in self.steps)
+
+    def strangeness(self, sender: str | None, own: LayoutRules) -> tuple[bool, bool]:
+        """Return what puts this one after others of the same points."""
+        return self.profiles[0].layout != sender, self.profiles[0].byte_order != own.byte_order
 
     @cached_property
     def score(self) -> float:

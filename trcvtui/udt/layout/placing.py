@@ -80,7 +80,9 @@ class Placing:
         if isinstance(type_, StringType):
             form = self.rules.text
             if form.length(type_) > form.most(type_):
-                raise mistake(where, type_text(type_), f"at most {form.most(type_)} characters")
+                expected = f"at most {form.most(type_)} characters"
+                expected += ", or a layout without a header: codesys-8" if form.header else ""
+                raise mistake(where, type_text(type_), expected)
             align = max(2 if type_.wide else 1, self.rules.text_floor)
             return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)
         row = self.rules.stored(type_)
@@ -127,8 +129,9 @@ class Placing:
         """Return offset and bit of each part of a STRUCT; its size; its alignment."""
         cap, rules = self.cap(type_), self.rules
         spots: list[tuple[int, int]] = []
-        end, align, bit = 0, rules.struct_floor if parts else 1, 0
-        for _, inner, node in parts:
+        end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
+        for at, (_, inner, node) in enumerate(parts):
+            end, align = self.after_bits(type_, at, end, align)
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -140,12 +143,33 @@ class Placing:
             spots.append((offset, 0))
             end = _up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
+        end, align = self.after_bits(type_, len(parts), end, align)
         return spots, _up(end, align), align
+
+    def after_bits(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
+        """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
+
+        One does not cross the bounds of its type; under any `#pragma pack` it does. One of no bits goes on
+        to the next bound.
+        """
+        cap, place = self.cap(type_), 8 * end
+        is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
+        for one in type_.bit_fields:
+            if one.at != at:
+                continue
+            unit = 8 * one.size
+            if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
+                place = _up(place, unit)
+            place += one.width
+            align = max(align, min(one.size, cap)) if one.is_named else align
+        return _up(place, 8) // 8, align
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
-        align = self.rules.struct_floor if parts else 1
-        end = 0
+        align = self.rules.struct_floor if parts or type_.bit_fields else 1
+        end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
+        for at in range(len(parts) + 1):
+            align = self.after_bits(type_, at, 0, align)[1]
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
             end = max(end, _up(node.size, self.end_floor(inner)))

@@ -12,10 +12,10 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from trcvtui.errors import all_problems, mistake, noting
+from trcvtui.errors import UserError, all_problems, mistake, noting
 from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
-from trcvtui.udt.ast import Declarations
-from trcvtui.udt.layout.rules import S7
+from trcvtui.udt.ast import Declarations, SenderLayout
+from trcvtui.udt.layout.rules import CODESYS, S7
 from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
@@ -27,6 +27,8 @@ TIA: Final = SourceDialect(has_header=True, layout=S7.name)
 SIMATIC_SD: Final = SourceDialect(layout=S7.name)
 B_AND_R: Final = SourceDialect(enum_base="DINT")
 CODESYS_2: Final = SourceDialect(has_objects=True)
+# TwinCAT 3 aligns to 8 (Beckhoff). CODESYS leaves it to the device, 8 on most; B&R and C to a C compiler.
+NATURAL: Final = CODESYS.name
 _NESTED: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
 
@@ -34,7 +36,8 @@ class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
     `read` gets the text, or of a format with `root` the XML element of that name, and the name of the file.
-    `needs`: what has to be installed. `refused`: files of these extensions hold no types.
+    `needs`: what has to be installed. `refused`: files of these extensions hold no types. `sender`: the
+    layout that most devices have of which such files are.
     """
 
     name: str
@@ -43,6 +46,10 @@ class TypeFormat(NamedTuple):
     root: str = ""
     needs: str = ""
     refused: bool = False
+    sender: str = ""
+
+    def declarations(self, content: Any, name: str) -> Declarations:
+        return self.read(content, name)._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
@@ -96,12 +103,12 @@ FORMATS: Final = {
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
         TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
-        TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R)),
-        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, root="TcPlcObject"),
-        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project"),
+        TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, "TcPlcObject", sender=NATURAL),
+        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _read_openness, root="Document"),
         TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
-        TypeFormat("C header", (".h",), _read_c, needs="the extra c"),
+        TypeFormat("C header", (".h", ".hpp"), _read_c, needs="the extra c", sender=NATURAL),
     )
 }
 LIBRARY = "the library"
@@ -135,7 +142,7 @@ def type_files_in(folder: Path) -> list[str]:
 def read_text(text: str, name: str, extension: str) -> Declarations:
     """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
-    return read_xml_file(text, name) if rows[0].root else rows[0].read(text, name)
+    return read_xml_file(text, name) if rows[0].root else rows[0].declarations(text, name)
 
 
 def read_xml_file(text: str, name: str) -> Declarations:
@@ -147,7 +154,7 @@ def read_xml_file(text: str, name: str) -> Declarations:
     if root.name not in rows:
         *others, last = (f"<{name}> ({rows[name].name})" for name in sorted(rows, key=str.casefold))
         raise mistake(root.where, f"<{root.name[:40]}>", f"{', '.join(others)} or {last}")
-    return rows[root.name].read(root, name)
+    return rows[root.name].declarations(root, name)
 
 
 def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet:
@@ -175,6 +182,19 @@ def read_files(
             with noting(problems):
                 files.append(_declarations(path))
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
+
+
+def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
+    """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
+    from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
+
+    headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
+    texts: list[str] = []
+    for path in headers if len(headers) > 1 else ():
+        with suppress(UserError):  # told when it is read for its types
+            texts.append(decode_text(_content(path)))
+    LONG_SIZE.set(long_size)
+    OTHER_HEADERS.set("\n".join(texts))
 
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:

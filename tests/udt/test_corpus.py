@@ -83,7 +83,7 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
         "codesys_2_3.exp": ["Türdaten", "DoorBits"],
         "simatic_ax.st": ["Mode", "Limits", "Station"],
         "simatic_sd.s7dcl": ["Tank", "Level"],
-        "tia.udt": ["Pump data", "Pump kind"],
+        "tia.udt": ["Pump data", "Pump kind", "Pumps"],
         "twincat.st": ["ST_Valve", "ST_Base", "U_Raw"],
         "windows_1252.st": ["Tür"],
         "with_mark.st": ["Motor"],

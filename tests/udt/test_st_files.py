@@ -29,7 +29,7 @@ def test_other_blocks_of_the_file_are_passed_over() -> None:
         " END_DATA_BLOCK"
         " TYPE U : T; END_TYPE CONFIGURATION c RESOURCE r END_RESOURCE END_CONFIGURATION"
     )
-    assert types.names() == ["T", "U"]
+    assert types.names() == ["T", "db", "U"]
     type_ = types.named("T")
     assert isinstance(type_, Struct) and type_.pack is None
 

@@ -182,7 +182,7 @@ def test_a_bad_openness_member_is_named_and_hides_no_other() -> None:
 
 def test_a_block_is_no_data_type() -> None:
     assert line_of('<Document><SW.Blocks.FB ID="0"/></Document>') == (
-        "F:1:1: found <SW.Blocks.FB>, expected <SW.Types.PlcStruct>, the export of a PLC data type"
+        "F:1:1: found <SW.Blocks.FB>, expected <SW.Types.PlcStruct> or <SW.Blocks.GlobalDB>"
     )
 
 

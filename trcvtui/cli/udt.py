@@ -26,9 +26,7 @@ def add_udt(parser: CommandParser) -> None:
 def _add_type(
     parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
 ) -> None:
-    parser.set_defaults(command=command)
-    parser.last_words = _last_words
-    parser.add_argument("file", metavar="FILE", type=given, help="the file that declares the type")
+    _add_files(parser, command)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
@@ -40,12 +38,19 @@ def _add_type(
     parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
     about = "whether a STRING of odd size takes one byte more"
     parser.add_argument("--string-even", metavar="yes|no", help=about, **one)
-    many: dict[str, Any] = {"action": "append", "default": []}
-    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
-    about = "a file of types and constants that FILE uses; repeatable"
-    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
     if formats:
         add_format(parser, *formats)
+
+
+def _add_files(parser: CommandParser, command: Callable[[Args], int]) -> None:
+    parser.set_defaults(command=command)
+    parser.last_words = _last_words
+    about = "the file that declares the type, a folder of such files, or - for stdin"
+    parser.add_argument("file", metavar="FILE", type=given, help=about)
+    many: dict[str, Any] = {"action": "append", "default": []}
+    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
+    about = "a file or folder of types and constants that FILE uses; repeatable"
+    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
 
 
 def _last_words() -> str:
@@ -63,6 +68,17 @@ def _show(args: Args) -> int:
     from trcvtui.udt import command
 
     return print_text(command.show(args))
+
+
+def _add_types(parser: CommandParser) -> None:
+    _add_files(parser, _types)
+    add_format(parser, "text", "json")
+
+
+def _types(args: Args) -> int:
+    from trcvtui.udt import command
+
+    return print_text(command.list_types(args))
 
 
 def _add_decode(parser: CommandParser) -> None:
@@ -161,6 +177,7 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
+    "types": ("all types of a file", _add_types),
     "show": ("members with offset, size, type; padding", _add_show),
     "decode": ("bytes to values, as far as they go", _add_decode),
     "encode": ("values to bytes, as hex on stdout", _add_encode),

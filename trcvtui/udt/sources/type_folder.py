@@ -1,0 +1,160 @@
+"""Types and constants that a type lacks, found in the files beside its own or in a folder.
+
+Rule: of each file that declares such a name all that it uses comes along, so that two that differ are refused
+as a second declaration is, and none is chosen. A broken file hides no good one.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property
+from itertools import compress
+from typing import Any, Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.udt.ast import Declaration, Declarations, EnumSpec
+from trcvtui.udt.constants import plain_name
+from trcvtui.udt.resolve import KNOWN_TYPE, references, unknown_constant, unknown_name
+from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
+from trcvtui.udt.type_set import TypeSet, join
+
+MOST_FILES: Final = 5000
+MOST_FOLDERS: Final = 5000
+MOST_BYTES: Final = 64 * 1024 * 1024
+MOST_TOLD: Final = 8  # names in one line
+
+
+class TypeFolder:
+    """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
+
+    def __init__(self, path: str, place: str, without: Iterable[str] = (), is_whole: bool = True) -> None:
+        self.path, self.place, self.is_whole = path, place, is_whole
+        self.without = {os.path.realpath(each) for each in without}
+        self.read: dict[str, Declarations] = {}
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """Return the text of each file, in lower case; raise UserError when there is too much of it."""
+        texts: dict[str, str] = {}
+        size = 0
+        for number, (folder, inner, _) in enumerate(os.walk(self.path)):
+            inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
+            for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+                if number > MOST_FOLDERS or len(texts) > MOST_FILES or size > MOST_BYTES:
+                    expected = f"at most {MOST_FILES} type files of {MOST_BYTES >> 20} MiB: --with FILE"
+                    raise mistake(self.path, "a larger folder", f"{expected} for each that is used")
+                with suppress(UserError):
+                    if os.path.realpath(path) not in self.without:
+                        data = content_of(path)
+                        size += len(data)
+                        texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
+        return texts
+
+    def all(self) -> list[Declarations]:
+        return _once(self.declarations(file) for file in self.texts)
+
+    def declarations(self, file: str) -> Declarations:
+        """Return what a file declares, nothing if it cannot be read."""
+        if file not in self.read:
+            self.read[file] = Declarations(())
+            with suppress(UserError):
+                self.read[file] = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+        return self.read[file]
+
+    def declaring(self, name: str, is_type: bool) -> dict[str, Declarations]:
+        """Return the files that declare a name, with what comes along; the broken ones if all are."""
+        last = plain_name(name).casefold().rpartition(".")[2]
+        spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
+        sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
+        found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
+        for file in [file for file, text in self.texts.items() if sought.search(text)]:
+            declared = self.declarations(file)
+            owners = [each for each in declared.types if last in _names(each, is_type)]
+            constants = [] if is_type else [plain_name(each.name).casefold() for each in declared.constants]
+            if owners or any(each.split(".")[-1] == last for each in constants):
+                is_good = all(each.spec is not None and not each.problems for each in owners)
+                found[is_good][file] = declared._replace(types=tuple(_used(declared, owners)))
+        return found[True] or found[False]
+
+
+def _names(declared: Declaration, is_type: bool) -> list[str]:
+    values = declared.spec.values if isinstance(declared.spec, EnumSpec) else ()
+    return [declared.name.casefold()] if is_type else [name.casefold() for name, _ in values]
+
+
+def _used(declared: Declarations, owners: Iterable[Declaration]) -> Iterator[Declaration]:
+    """Yield declarations, those that they use, and all enumerations: a bound may name their values."""
+    used = [each.name.casefold() for each in owners]
+    for name in used:
+        specs = [each.spec for each in declared.types if each.spec and each.name.casefold() == name]
+        uses = (each.name.casefold().rpartition(".")[2] for spec in specs for each in references(spec))
+        used += dict.fromkeys(each for each in uses if each not in used)
+    is_used = (each.name.casefold() in used or isinstance(each.spec, EnumSpec) for each in declared.types)
+    return compress(declared.types, is_used)
+
+
+def find_types(
+    files: Sequence[Declarations],
+    folders: Sequence[TypeFolder],
+    names: Collection[str],
+    where: str,
+    constants: Mapping[str, int],
+) -> tuple[TypeSet, list[str]]:
+    """Return the types of files, and of folders what the named types lack, with a line on each folder."""
+    told: dict[str, dict[str, Collection[str]]] = {}
+    sought: set[tuple[str, bool]] = set()
+    types = join(files, where, constants)
+    while new := set(_lacking(types, names)) - sought:
+        sought |= new
+        for name, is_type in sorted(new):
+            for folder in folders:
+                if found := folder.declaring(name, is_type):
+                    files = _once([*files, *found.values()])
+                    told.setdefault(folder.place, {})[name] = found
+                    break
+        types = join(files, where, constants)
+    return types, [_line(names, place, found) for place, found in told.items()]
+
+
+def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, bool]]:
+    for name in names:
+        if not types.has(name):
+            yield name, True
+        for problem in types.broken.get(name.casefold(), ()):
+            lacked = unknown_name(problem)
+            if problem.found == f"'{lacked}'" and problem.expected in (KNOWN_TYPE, unknown_constant(lacked)):
+                yield lacked, problem.expected == KNOWN_TYPE
+
+
+def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
+    lacked = [name for name in found if name not in users]
+    files = list(dict.fromkeys(file for each in found.values() for file in each))
+    return f"{_short(users)}{' uses ' if lacked else ''}{_short(lacked)}: found in {_short(files)} {place}"
+
+
+def _short(names: Collection[str]) -> str:
+    return ", ".join([*list(names)[:MOST_TOLD], "..."][: len(names)])
+
+
+def _once(files: Iterable[Declarations]) -> list[Declarations]:
+    """Leave out each declaration that an earlier file has as well, word for word."""
+    known: set[Any] = set()
+    kept: list[Declarations] = []
+    for file in files:
+        bare = [_bare((each.name, each.spec, file.layout)) for each in file.types]
+        new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
+        kept.append(file._replace(types=tuple(new)))
+        known |= set(bare)
+    return kept
+
+
+def _bare(part: Any) -> Any:
+    """Return a part of a declaration without its places."""
+    if isinstance(part, tuple):
+        names = getattr(part, "_fields", ())
+        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
+        return type(part), *map(_bare, kept)
+    return part.casefold() if isinstance(part, str) else part

@@ -49,18 +49,9 @@ def given_types(name: str) -> Declarations:
 
     if name != STDIN:
         return declarations_in(name)
-    data = _read(name)
-    if not data.strip():
-        raise mistake(
-            _where(name), "nothing", "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block"
-        )
-    return declarations_of(data, _where(name))
-
-
-def once_on_stdin(*given: str) -> None:
-    """Refuse arguments that would read stdin more than once."""
-    if given.count(STDIN) > 1:
-        raise mistake("-", f"stdin {given.count(STDIN)} times", "one of them on stdin, the others in files")
+    if (data := _read(name)).strip():
+        return declarations_of(data, _where(name))
+    raise mistake(_where(name), "nothing", "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block")
 
 
 def given_values(name: str) -> dict[str, object]:

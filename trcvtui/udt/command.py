@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
 from trcvtui.files import is_folder
 from trcvtui.udt.ast import Declarations
-from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, once_on_stdin
+from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
@@ -68,25 +68,25 @@ def list_types(args: SimpleNamespace) -> str:
     from trcvtui.wording import in_columns
 
     types, own = types_of(args, None)
-    rows: dict[str, dict[str, Any]] = {}
-    for each in [each for file in own for each in file.types]:
-        row: dict[str, Any] = {"type": each.name, "where": each.where}
-        rows[each.name.casefold()] = row
+    rows: list[dict[str, Any]] = []
+    for name, where in [(each.name, each.where) for file in own for each in file.types]:
+        rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout = lay_out(types.named(each.name), rules_of(LayoutChoice(), types, each.name)[0], each.name)
-            row |= {"size": layout.size, "layout": layout.rules.name}
+            layout = lay_out(types.named(name), rules_of(LayoutChoice(), types, name)[0], name)
+            rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
-            row |= {"problems": [str(problem) for problem in refused.problems]}
+            rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
     if not rows:
         types.only(own)  # has the line on that
     if args.format == "json":
-        return json_lines(list(rows.values()))
-    head = ("type", "size", "layout", "where, or what is wrong")
-    table = [
-        (row["type"], str(row.get("size", "")), row.get("layout", ""), row.get("problems", [row["where"]])[0])
-        for row in rows.values()
-    ]
-    return "\n".join(in_columns([head, *table], "lrll"))
+        return json_lines(rows)
+    table = [("type", "size", "layout", "where, or what is wrong")]
+    for row in rows:
+        where = [*row["problems"], row["where"]][0]
+        table.append(
+            (row["type"], "" if row["size"] is None else str(row["size"]), row["layout"] or "", where)
+        )
+    return "\n".join(in_columns(table, "lrll"))
 
 
 def show(args: SimpleNamespace) -> str:
@@ -239,7 +239,8 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     from trcvtui.udt.sources.type_folder import TypeFolder, find_types
 
     paths = [args.file, *args.others]
-    once_on_stdin(*paths, *getattr(args, "hex", ()), getattr(args, "values", ""))
+    if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
+        raise mistake(STDIN, "stdin more than once", "one on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
     with all_problems() as problems:

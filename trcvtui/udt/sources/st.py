@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
+from itertools import pairwise
 
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
@@ -62,10 +63,8 @@ class Parser(SpecParser):
         self.layout = dialect.layout
         self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
-        words = enumerate(source.tokens)
-        self.function_blocks = {
-            source.tokens[at + 1].name for at, word in words if word.upper == "FUNCTION_BLOCK"
-        }
+        words = pairwise(source.tokens)
+        self.function_blocks = {name.name for word, name in words if word.upper == "FUNCTION_BLOCK"}
 
     def file(self) -> ast.Declarations:
         """Return all declarations up to the end of the text."""
@@ -118,16 +117,15 @@ class Parser(SpecParser):
     def bare(self) -> None:
         """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
         is_variables = self.sees("VAR")
-        name = os.path.splitext(os.path.basename(self.source.name))[0]
-        declaration = self.declaration(name)
-        assert declaration is not None
-        if not is_variables:
-            self.types.append(declaration)
-            self.accept("END_TYPE")
-        elif self.at_end() and declaration.spec != ast.StructSpec(()):
-            self.types.append(declaration._replace(notes=(*declaration.notes, VARIABLES_NOTE)))
-        else:  # those of a program: passed over like all other blocks
+        declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
+        if is_variables and not (
+            self.at_end() and self.at
+        ):  # of a program: passed over like all other blocks
             self.at = self.since = 0
+        elif declaration:
+            notes = (*declaration.notes, *([VARIABLES_NOTE] if is_variables else ()))
+            self.types.append(declaration._replace(notes=notes))
+            self.accept("END_TYPE")
 
     def data_block(self) -> None:
         """Read a data block as a type of its name; that of an FB declares nothing and is passed over."""
@@ -220,13 +218,13 @@ class Parser(SpecParser):
         has_header = is_block or self.dialect.has_header or before.shape is Shape.QUOTED
         if not (has_header or self.sees(*HEADER_LINES)):
             raise self.refusal("':'")
-        while self.sees(*HEADER_LINES, *(RETENTION if is_block else ())):
-            is_free, line = self.sees("TITLE"), self.source.line(self.token.place)
+        words = RETENTION if is_block else ()
+        while self.sees(*HEADER_LINES, *words):
+            first = self.advance()
+            line = self.source.line(first.place) if first.upper in HEADER_LINES else 0
             while not self.at_end() and self.source.line(self.token.place) == line:
-                if self.sees("STRUCT", "VAR", *RETENTION) and not is_free:
+                if self.sees("STRUCT", "VAR", *words) and first.upper != "TITLE":
                     break
-                self.advance()
-            while is_block and self.sees(*RETENTION):
                 self.advance()
         if not (self.sees("STRUCT") or is_block):
             raise self.refusal("'STRUCT'")

@@ -1,7 +1,7 @@
 """Types and constants that a type lacks, found in the files beside its own or in a folder.
 
-Rule: of each file that declares such a name all that it uses comes along, so that two that differ are refused
-as a second declaration is, and none is chosen. A broken file hides no good one.
+Rule: every file that declares such a name comes along whole, so that two that differ are refused as a second
+declaration is, and none is chosen. A broken file hides no good one.
 """
 
 from __future__ import annotations
@@ -11,18 +11,16 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from itertools import compress
 from typing import Any, Final
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Declaration, Declarations, EnumSpec
 from trcvtui.udt.constants import plain_name
-from trcvtui.udt.resolve import KNOWN_TYPE, references, unknown_constant, unknown_name
+from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
 from trcvtui.udt.type_set import TypeSet, join
 
-MOST_FILES: Final = 5000
-MOST_FOLDERS: Final = 5000
+MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_TOLD: Final = 8  # names in one line
 
@@ -43,18 +41,17 @@ class TypeFolder:
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
             for path in (os.path.join(folder, name) for name in type_files_in(folder)):
-                if number > MOST_FOLDERS or len(texts) > MOST_FILES or size > MOST_BYTES:
-                    expected = f"at most {MOST_FILES} type files of {MOST_BYTES >> 20} MiB: --with FILE"
-                    raise mistake(self.path, "a larger folder", f"{expected} for each that is used")
                 with suppress(UserError):
                     if os.path.realpath(path) not in self.without:
                         data = content_of(path)
                         size += len(data)
                         texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
+                if len(texts) > MOST or size > MOST_BYTES:
+                    break
+            if max(number, len(texts)) > MOST or size > MOST_BYTES:
+                found = f"a folder of more than {MOST} type files or {MOST_BYTES >> 20} MiB"
+                raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")
         return texts
-
-    def all(self) -> list[Declarations]:
-        return _once(self.declarations(file) for file in self.texts)
 
     def declarations(self, file: str) -> Declarations:
         """Return what a file declares, nothing if it cannot be read."""
@@ -64,8 +61,11 @@ class TypeFolder:
                 self.read[file] = declarations_in(os.path.normpath(os.path.join(self.path, file)))
         return self.read[file]
 
+    def all(self) -> list[Declarations]:
+        return _once(map(self.declarations, self.texts))
+
     def declaring(self, name: str, is_type: bool) -> dict[str, Declarations]:
-        """Return the files that declare a name, with what comes along; the broken ones if all are."""
+        """Return the files that declare a name; the broken ones if all are."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
@@ -73,27 +73,16 @@ class TypeFolder:
         for file in [file for file, text in self.texts.items() if sought.search(text)]:
             declared = self.declarations(file)
             owners = [each for each in declared.types if last in _names(each, is_type)]
-            constants = [] if is_type else [plain_name(each.name).casefold() for each in declared.constants]
-            if owners or any(each.split(".")[-1] == last for each in constants):
-                is_good = all(each.spec is not None and not each.problems for each in owners)
-                found[is_good][file] = declared._replace(types=tuple(_used(declared, owners)))
+            constants = () if is_type else declared.constants
+            if owners or any(plain_name(each.name).casefold().split(".")[-1] == last for each in constants):
+                is_good = not any(each.spec is None or each.problems for each in owners)
+                found[is_good][file] = declared
         return found[True] or found[False]
 
 
 def _names(declared: Declaration, is_type: bool) -> list[str]:
     values = declared.spec.values if isinstance(declared.spec, EnumSpec) else ()
     return [declared.name.casefold()] if is_type else [name.casefold() for name, _ in values]
-
-
-def _used(declared: Declarations, owners: Iterable[Declaration]) -> Iterator[Declaration]:
-    """Yield declarations, those that they use, and all enumerations: a bound may name their values."""
-    used = [each.name.casefold() for each in owners]
-    for name in used:
-        specs = [each.spec for each in declared.types if each.spec and each.name.casefold() == name]
-        uses = (each.name.casefold().rpartition(".")[2] for spec in specs for each in references(spec))
-        used += dict.fromkeys(each for each in uses if each not in used)
-    is_used = (each.name.casefold() in used or isinstance(each.spec, EnumSpec) for each in declared.types)
-    return compress(declared.types, is_used)
 
 
 def find_types(
@@ -104,7 +93,7 @@ def find_types(
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
     """Return the types of files, and of folders what the named types lack, with a line on each folder."""
-    told: dict[str, dict[str, Collection[str]]] = {}
+    told: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, bool]] = set()
     types = join(files, where, constants)
     while new := set(_lacking(types, names)) - sought:
@@ -112,8 +101,8 @@ def find_types(
         for name, is_type in sorted(new):
             for folder in folders:
                 if found := folder.declaring(name, is_type):
-                    files = _once([*files, *found.values()])
                     told.setdefault(folder.place, {})[name] = found
+                    files = _once([*files, *found.values()])
                     break
         types = join(files, where, constants)
     return types, [_line(names, place, found) for place, found in told.items()]
@@ -131,7 +120,7 @@ def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, bool]]
 
 def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
     lacked = [name for name in found if name not in users]
-    files = list(dict.fromkeys(file for each in found.values() for file in each))
+    files = dict.fromkeys(file for each in found.values() for file in each)
     return f"{_short(users)}{' uses ' if lacked else ''}{_short(lacked)}: found in {_short(files)} {place}"
 
 
@@ -157,4 +146,4 @@ def _bare(part: Any) -> Any:
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
         return type(part), *map(_bare, kept)
-    return part.casefold() if isinstance(part, str) else part
+    return part.casefold().removeprefix("_.") if isinstance(part, str) else part  # `_.T` of SIMATIC SD is T

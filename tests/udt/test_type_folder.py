@@ -77,6 +77,13 @@ def test_what_a_found_type_uses_is_that_of_its_own_file_or_refused() -> None:
     assert "'Sub' a second time" in refusal("report.st", name="Report")
 
 
+def test_a_data_block_is_no_type_of_a_member() -> None:
+    put(report_st=REPORT, unit_db='DATA_BLOCK "Unit" STRUCT a : Int; END_STRUCT; BEGIN END_DATA_BLOCK')
+    unknown = "report.st:1:42: found 'Unit', expected a known type: --with FILE that declares it"
+    assert refusal("report.st") == refusal("report.st", "unit.db") == unknown
+    assert size("report.st", ".", name="Unit") == 2
+
+
 def test_two_values_of_a_constant_are_refused() -> None:
     put(report_st="TYPE Report : ARRAY[0..MAX] OF BYTE; END_TYPE")
     put(a_st="VAR_GLOBAL CONSTANT MAX : INT := 2; END_VAR", b_st="TYPE E : (MAX := 2, TOP); END_TYPE")

@@ -61,49 +61,36 @@ def _last_words() -> str:
 
 
 def _add_show(parser: CommandParser) -> None:
-    _add_type(parser, _show, ("text", "json"))
+    _add_type(parser, _printing("show"), ("text", "json"))
 
 
-def _show(args: Args) -> int:
-    from trcvtui.udt import command
+def _printing(answer: str) -> Callable[[Args], int]:
+    """Return the command that prints an answer of `trcvtui.udt.command`, which it imports."""
 
-    return print_text(command.show(args))
+    def run(args: Args) -> int:
+        from trcvtui.udt import command
+
+        return print_text(getattr(command, answer)(args))
+
+    return run
 
 
 def _add_types(parser: CommandParser) -> None:
-    _add_files(parser, _types)
+    _add_files(parser, _printing("list_types"))
     add_format(parser, "text", "json")
 
 
-def _types(args: Args) -> int:
-    from trcvtui.udt import command
-
-    return print_text(command.list_types(args))
-
-
 def _add_decode(parser: CommandParser) -> None:
-    _add_type(parser, _decode, ("text", "json", "md", "csv"))
+    _add_type(parser, _printing("decode"), ("text", "json", "md", "csv"))
     parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
-
-
-def _decode(args: Args) -> int:
-    from trcvtui.udt import command
-
-    return print_text(command.decode(args))
 
 
 def _add_encode(parser: CommandParser) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
-    _add_type(parser, _encode, tuple(BYTE_FORMS))
+    _add_type(parser, _printing("encode"), tuple(BYTE_FORMS))
     about = "an object of path: value"
     parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
-
-
-def _encode(args: Args) -> int:
-    from trcvtui.udt import command
-
-    return print_text(command.encode(args))
 
 
 def _add_export(parser: CommandParser) -> None:

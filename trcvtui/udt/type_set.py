@@ -49,10 +49,6 @@ class TypeSet:
         known = ", ".join(self.names()[:8]) or "no type"
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
 
-    def has(self, name: str) -> bool:
-        """Return whether a type of this name is declared, good or bad."""
-        return any(key in known for key in _keys(name) for known in (self.types, self.broken))
-
     def layout(self, name: str) -> str:
         """Return the layout that the source of a type stands for, "" for none."""
         return next((self.layouts.get(key, "") for key in _keys(name) if key in self.types), "")

@@ -161,18 +161,13 @@ def read_xml_file(text: str, name: str) -> Declarations:
     return rows[root.name].read(root, name)
 
 
-def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet:
-    """Return the types of a file, good and bad; raise UserError when it cannot be read at all."""
-    return join([declarations_in(path)], str(path), constants)
-
-
 def read_files(
     paths: Iterable[Path],
     constants: Mapping[str, int] | None = None,
     last_wins: Collection[str] = (),
     library: str = "",
 ) -> TypeSet:
-    """Return the types of several files, which may use each other's; raise UserError as read_file does.
+    """Return the types of files, good and bad, that use each other's; raise UserError if one is unreadable.
 
     `library`: types in ST that are there without any file; one of the same name in a file comes first.
     """

@@ -52,7 +52,8 @@ def _declaration(element: Element) -> ast.Declaration:
     access = element.at("AttributeList", "MemoryLayout")
     notes = (OPTIMISED,) if access is not None and access.text.strip() == "Optimized" else ()
     spec = ast.StructSpec(tuple(members))
-    return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes)
+    is_data = element.name == DATA_BLOCK
+    return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes, is_data)
 
 
 def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.MemberSpec]:

@@ -124,7 +124,7 @@ class Parser(SpecParser):
             self.at = self.since = 0
         elif declaration:
             notes = (*declaration.notes, *([VARIABLES_NOTE] if is_variables else ()))
-            self.types.append(declaration._replace(notes=notes))
+            self.types.append(declaration._replace(notes=notes, is_data=is_variables))
             self.accept("END_TYPE")
 
     def data_block(self) -> None:
@@ -136,7 +136,7 @@ class Parser(SpecParser):
         self.at = self.since = end + 1
         of = declaration.spec.name if declaration and isinstance(declaration.spec, ast.Reference) else ""
         if declaration and of not in self.function_blocks and not re.fullmatch("(?i)S?FB[0-9]+", of):
-            self.types.append(declaration)
+            self.types.append(declaration._replace(is_data=True))
             self.layout = S7.name
 
     def declaration(self, name: str = "", is_block: bool = False) -> ast.Declaration | None:

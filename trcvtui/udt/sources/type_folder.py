@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.ast import Declaration, Declarations, EnumSpec
+from trcvtui.udt.ast import Declaration, Declarations
 from trcvtui.udt.constants import plain_name
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
@@ -23,6 +23,7 @@ from trcvtui.udt.type_set import TypeSet, join
 MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_TOLD: Final = 8  # names in one line
+TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
 
 
 class TypeFolder:
@@ -64,7 +65,7 @@ class TypeFolder:
     def all(self) -> list[Declarations]:
         return _once(map(self.declarations, self.texts))
 
-    def declaring(self, name: str, is_type: bool) -> dict[str, Declarations]:
+    def declaring(self, name: str, kind: str) -> dict[str, Declarations]:
         """Return the files that declare a name; the broken ones if all are."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
@@ -72,17 +73,18 @@ class TypeFolder:
         found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
         for file in [file for file, text in self.texts.items() if sought.search(text)]:
             declared = self.declarations(file)
-            owners = [each for each in declared.types if last in _names(each, is_type)]
-            constants = () if is_type else declared.constants
+            owners = [each for each in declared.types if last in _names(each, kind)]
+            constants = declared.constants if kind == CONSTANT else ()
             if owners or any(plain_name(each.name).casefold().split(".")[-1] == last for each in constants):
                 is_good = not any(each.spec is None or each.problems for each in owners)
                 found[is_good][file] = declared
         return found[True] or found[False]
 
 
-def _names(declared: Declaration, is_type: bool) -> list[str]:
-    values = declared.spec.values if isinstance(declared.spec, EnumSpec) else ()
-    return [declared.name.casefold()] if is_type else [name.casefold() for name, _ in values]
+def _names(declared: Declaration, kind: str) -> list[str]:
+    if kind == CONSTANT:
+        return [name.casefold() for name, _ in getattr(declared.spec, "values", ())]
+    return [] if declared.is_data and kind == TYPE else [declared.name.casefold()]
 
 
 def find_types(
@@ -94,13 +96,13 @@ def find_types(
 ) -> tuple[TypeSet, list[str]]:
     """Return the types of files, and of folders what the named types lack, with a line on each folder."""
     told: dict[str, dict[str, dict[str, Declarations]]] = {}
-    sought: set[tuple[str, bool]] = set()
+    sought: set[tuple[str, str]] = set()
     types = join(files, where, constants)
     while new := set(_lacking(types, names)) - sought:
         sought |= new
-        for name, is_type in sorted(new):
+        for name, kind in sorted(new):
             for folder in folders:
-                if found := folder.declaring(name, is_type):
+                if found := folder.declaring(name, kind):
                     told.setdefault(folder.place, {})[name] = found
                     files = _once([*files, *found.values()])
                     break
@@ -108,14 +110,16 @@ def find_types(
     return types, [_line(names, place, found) for place, found in told.items()]
 
 
-def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, bool]]:
+def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     for name in names:
-        if not types.has(name):
-            yield name, True
+        if not {name.casefold(), name.casefold().rpartition(".")[2]} & (
+            types.types.keys() | types.broken.keys()
+        ):
+            yield name, TYPE_OR_DATA
         for problem in types.broken.get(name.casefold(), ()):
             lacked = unknown_name(problem)
             if problem.found == f"'{lacked}'" and problem.expected in (KNOWN_TYPE, unknown_constant(lacked)):
-                yield lacked, problem.expected == KNOWN_TYPE
+                yield lacked, TYPE if problem.expected == KNOWN_TYPE else CONSTANT
 
 
 def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:

@@ -65,12 +65,19 @@ def _add_show(parser: CommandParser) -> None:
 
 
 def _printing(answer: str) -> Callable[[Args], int]:
-    """Return the command that prints an answer of `trcvtui.udt.command`, which it imports."""
+    """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
+
+    Some answers say whether all is well, too, which the exit code tells; None stands in a file.
+    """
 
     def run(args: Args) -> int:
         from trcvtui.udt import command
 
-        return print_text(getattr(command, answer)(args))
+        found = getattr(command, answer)(args)
+        text, is_good = found if isinstance(found, tuple) else (found, True)
+        if text is not None:
+            print_text(text)
+        return GOOD if is_good else FAILED
 
     return run
 
@@ -96,36 +103,21 @@ def _add_encode(parser: CommandParser) -> None:
 def _add_export(parser: CommandParser) -> None:
     from trcvtui.udt.exports import LANGUAGES
 
-    _add_type(parser, _export)
+    _add_type(parser, _printing("export"))
     about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
     parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
     parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
     parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
 
-def _export(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text = command.export(args)
-    return print_text(text) if text else GOOD
-
-
 def _add_compare(parser: CommandParser) -> None:
-    _add_type(parser, _compare, ("text", "json"), twice=True)
+    _add_type(parser, _printing("compare"), ("text", "json"), twice=True)
     more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
-def _compare(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text, is_equal = command.compare(args)
-    print_text(text)
-    return GOOD if is_equal else FAILED
-
-
 def _add_fit(parser: CommandParser) -> None:
-    _add_type(parser, _fit, ("text", "json"))
+    _add_type(parser, _printing("fit"), ("text", "json"))
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
@@ -134,14 +126,6 @@ def _add_fit(parser: CommandParser) -> None:
     )
     about = "one message, or several of one size in a row; in a file an empty line stands between messages"
     parser.add_argument("hex", metavar=BYTES, nargs="+", help=about)
-
-
-def _fit(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text, is_sure = command.fit(args)
-    print_text(text)
-    return GOOD if is_sure else FAILED
 
 
 def _add_cure(parser: CommandParser) -> None:

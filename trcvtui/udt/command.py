@@ -116,8 +116,8 @@ def encode(args: SimpleNamespace) -> str:
     return BYTE_FORMS[args.format](content, layout.name)
 
 
-def export(args: SimpleNamespace) -> str:
-    """Return the answer of `udt export`, or the line that says which file has it."""
+def export(args: SimpleNamespace) -> str | None:
+    """Return the answer of `udt export`, None when a file has it."""
     from trcvtui.udt import exports
 
     exports.check(args.to, args.port)  # before the file is read: the arguments come first
@@ -127,7 +127,7 @@ def export(args: SimpleNamespace) -> str:
     from trcvtui.files import write_file
 
     write_file(args.out, text, args.out)
-    return ""
+    return None
 
 
 def compare(args: SimpleNamespace) -> tuple[str, bool]:

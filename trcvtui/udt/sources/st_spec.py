@@ -41,10 +41,10 @@ class SpecParser(Cursor):
 
     def variables(self) -> ast.Spec:
         """Return all of VAR ... END_VAR VAR ... END_VAR as one structure."""
-        members: tuple[ast.MemberSpec, ...] = ()
+        members: list[ast.MemberSpec] = []
         while self.sees("VAR") and self.tokens[self.at + 1].upper != "CONSTANT":
             members += self.struct().members
-        return ast.StructSpec(members)
+        return ast.StructSpec(tuple(members))
 
     def struct(self) -> ast.StructSpec:
         """Return what stands from STRUCT, UNION or VAR to its END_; a bad member is noted and left out."""

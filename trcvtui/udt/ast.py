@@ -115,6 +115,7 @@ class Declaration(NamedTuple):
     """One declared type; `problems` are mistakes in its own text, `spec` is None when nothing is left.
 
     `notes` are no mistakes: what is to be shown beside the type (optimised access, another name).
+    `is_data`: a data block or variables, which no member can be of.
     """
 
     name: str
@@ -122,6 +123,7 @@ class Declaration(NamedTuple):
     where: str
     problems: tuple[Problem, ...] = ()
     notes: tuple[str, ...] = ()
+    is_data: bool = False
 
 
 class Constant(NamedTuple):

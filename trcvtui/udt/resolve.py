@@ -265,6 +265,9 @@ class Resolver:
         # A vendor's own name may be declared in a file of another vendor: then that is meant.
         if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
             return row, 0
+        if key in self.declared and self.declared[key].is_data:
+            self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
+            return None, 0
         if key in self.types:
             type_ = self.types[key]
             if not isinstance(type_, Struct | Union | Enumeration):  # no name of its own in the user's type

@@ -6,7 +6,7 @@ Rule: a bad type never hides a good one. Duplicates, recursion and unknown types
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
@@ -58,14 +58,18 @@ class TypeSet:
         known = (key for key in _keys(name) if key in self.types)
         return self.senders.get(next(known, ""), NO_SENDER)
 
-    def only(self) -> str:
-        """Return the name of the only type; raise UserError when there are none, several or bad ones."""
-        if self.problems:
-            raise UserError(self.problems)
-        if len(self.types) == 1:
-            return self.names()[0]
-        found = f"{len(self.types)} types: {', '.join(self.names()[:8])}" if self.types else "no type"
-        raise mistake(self.where, found, "one type, or its name" if self.types else "TYPE ... END_TYPE")
+    def only(self, files: Sequence[Declarations]) -> str:
+        """Return the name of the only type of these files; raise UserError for none, several or bad ones."""
+        names = list({each.name.casefold(): each.name for file in files for each in file.types}.values())
+        bad = {problem for file in files for problem in file.problems}
+        if len(names) > 1:
+            bad |= {problem for name in names for problem in self.broken.get(name.casefold(), ())}
+        if bad:
+            raise UserError(problem for problem in self.problems if problem in bad)
+        if len(names) == 1:
+            return names[0]
+        found = f"{len(names)} types: {', '.join(names[:8])}" if names else "no type"
+        raise mistake(self.where, found, "one type, or its name" if names else "TYPE ... END_TYPE")
 
 
 def _keys(name: str) -> tuple[str, str]:

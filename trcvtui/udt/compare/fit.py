@@ -430,7 +430,7 @@ class _Reading:
     def own_points(self) -> float:
         return sum(one.points for one in self.said) + sum(step.points for step in self.steps)
 
-    def strangeness(self, sender: str | None, own: LayoutRules) -> tuple[bool, bool]:
+    def strangeness(self, sender: str, own: LayoutRules) -> tuple[bool, bool]:
         """Return what puts this one after others of the same points."""
         return self.profiles[0].layout != sender, self.profiles[0].byte_order != own.byte_order
 

@@ -6,7 +6,10 @@ guess it.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from bisect import bisect_right
+from collections.abc import Sequence
+from operator import attrgetter
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 from msgspec import Struct
 
@@ -17,6 +20,7 @@ from trcvtui.blocks.outcome import Cause
 # A stream is one CONNECT's: the bytes of its receive jobs, one after the other, and what was dropped between
 # them. A position counts the bytes of that stream from the start of the bench, whatever is still kept of it.
 
+_STOP: Final = attrgetter("stop")
 MOST_WINDOW: Final = 8192  # bytes in a picture
 MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
 END: Final = -1  # a window that ends with the newest byte
@@ -85,6 +89,30 @@ class MessageSpan(NamedTuple):
     @property
     def ends(self) -> bool:
         return self.first + self.size >= self.whole
+
+
+class Spanned(Protocol):
+    """Anything that stands over bytes."""
+
+    @property
+    def position(self) -> int: ...
+    @property
+    def stop(self) -> int: ...
+
+
+Span = TypeVar("Span", bound=Spanned)
+
+
+def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
+    first = bisect_right(spans, start, key=_STOP)
+    last = first
+    while last < len(spans) and spans[last].position < stop:
+        last += 1
+    return spans[first:last]
+
+
+def span_at(spans: Sequence[Span], position: int) -> Span | None:
+    return next(iter(spans_within(spans, position, position + 1)), None)
 
 
 class Seek(Struct, frozen=True):

@@ -195,7 +195,11 @@ class LabBytes:
                 number = f" {self._last.number}" if self._last is not None else ""
                 return f"last job{number}, {size}" if self.content else "no job has ended yet"
             case "message":
-                return f"{self._message().name}, {size}" if self.messages() else "no message yet"
+                return (
+                    f"{self._message().name}, {size}"
+                    if self.messages()
+                    else f"no message{self._without_ends()}"
+                )
             case _:
                 return f"typed hex, {size}"
 
@@ -208,20 +212,19 @@ class LabBytes:
         return messages[-1 - self.back] if messages else NamedBytes("", b"")
 
     def messages(self) -> list[NamedBytes]:
-        """Return the whole messages of the stream, oldest first; of a stranger what each recv brought."""
+        """Return the whole messages of the stream, oldest first."""
         window = self._window()
-        if window is None:
-            return []
-        found = [
-            NamedBytes(f"{plain(span.peer)} message {span.number}", _cut(window, span.position, span.stop))
-            for span in window.messages
-            if span.begins and span.ends and span.position >= window.start and span.stop <= window.stop
-        ]
-        return found or [
-            NamedBytes(f"recv {span.number}", _cut(window, span.position, span.stop))
-            for span in window.recvs
-            if span.position >= window.start and span.stop <= window.stop
-        ]
+        return [] if window is None else [
+            NamedBytes(plain(each.name), _cut(window, each.positions.start, each.positions.stop))
+            for each in self._view_model.messages
+        ]  # fmt: skip
+
+    @property
+    def _has_ends(self) -> bool:
+        """Return whether it is known where messages end: pauses tell where all they part is of one size."""
+        sizes = [len(message.content) for message in self.messages()]
+        by_pauses = any(message.by_pauses for message in self._view_model.messages)
+        return bool(sizes) and not (by_pauses and any(size % min(sizes) for size in sizes))
 
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return what profiles are judged by, and whether its lengths are the sender's.
@@ -229,17 +232,28 @@ class LabBytes:
         Where DATA or a job is shown the messages that they were made from say more.
         """
         if self._has_messages():
-            return [piece.content for piece in self.messages()[-MOST_MESSAGES:]], True
-        instance = self._view_model.instance
-        is_sent = self.source == HEX or (self.source == LAST and instance is not None and instance.adhoc)
+            known = [piece.content for piece in self.messages()[-MOST_MESSAGES:]]
+            return (known, True) if self._has_ends else (known[-1:], False)
         content = self.content
-        return [content] if content else [], is_sent
+        is_sent = self._has_ends and content in [piece.content for piece in self.messages()]
+        return [content] if content else [], self.source == HEX or is_sent
 
     @property
     def evidence_name(self) -> str:
-        if not self._has_messages():
-            return self.name
-        return count(min(MOST_MESSAGES, len(self.messages())), "message")
+        messages = self._view_model.messages if self._has_messages() else []
+        if not messages or not self._has_ends:
+            return self.name + self._without_ends()
+        by_pauses = " by pauses" * messages[-1].by_pauses
+        return count(min(MOST_MESSAGES, len(messages)), "message") + by_pauses
+
+    def _without_ends(self) -> str:
+        """Return why it is not known where a message ends, "" where it is or nothing has come."""
+        window = self._window()
+        if self.source == HEX or self._has_ends or window is None or not window.recvs:
+            return ""
+        sizes = [len(message.content) for message in self.messages()]
+        cause = f"pieces of {min(sizes)} to {max(sizes)} B came" if sizes else "bytes came without a pause"
+        return f" ({cause}: where a message ends is not known)"
 
     # -- choosing -----------------------------------------------------------------------------------
 

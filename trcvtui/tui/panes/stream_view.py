@@ -6,10 +6,8 @@ position counts the bytes of the CONNECT since the bench began, so it stays with
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from operator import attrgetter
-from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
@@ -22,6 +20,9 @@ from trcvtui.history.records import (
     MessageSpan,
     RecvSpan,
     Seek,
+    Span,
+    span_at,
+    spans_within,
 )
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
@@ -54,19 +55,6 @@ MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
 PACKETS: Final = "packet"  # of a capture: in place of messages and recv calls
 OF_A_CAPTURE: Final = frozenset((A_PACKET, A_HOLE))
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
-_STOP: Final = attrgetter("stop")
-
-
-class Spanned(Protocol):
-    """Anything that stands over bytes."""
-
-    @property
-    def position(self) -> int: ...
-    @property
-    def stop(self) -> int: ...
-
-
-Span = TypeVar("Span", bound=Spanned)
 
 
 class Pen(NamedTuple):
@@ -93,18 +81,6 @@ class Stroke(NamedTuple):
     ends: bool
     pen: Pen
     names: tuple[str, ...]
-
-
-def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
-    first = bisect_right(spans, start, key=_STOP)
-    last = first
-    while last < len(spans) and spans[last].position < stop:
-        last += 1
-    return spans[first:last]
-
-
-def span_at(spans: Sequence[Span], position: int) -> Span | None:
-    return next(iter(spans_within(spans, position, position + 1)), None)
 
 
 def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:

@@ -116,13 +116,17 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 
 
 class Seek(Struct, frozen=True):
-    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes."""
+    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes.
+
+    `job`: that job, an instance and a number, wherever it lies.
+    """
 
     number: int
     start: int
     is_forward: bool
     patterns: tuple[bytes, ...] = ()
     dropped: bool = False
+    job: tuple[str, int] | None = None
 
 
 class SeekResult(Struct, frozen=True):
@@ -131,6 +135,7 @@ class SeekResult(Struct, frozen=True):
     number: int
     position: int | None
     share: float = 1.0
+    hit: str = ""  # which one of how many, where they were counted
 
 
 class HistoryRequest(Struct, frozen=True):

@@ -35,6 +35,8 @@ class Subject:
     declared: DataDecl | None
     edges: tuple[Line, ...]
     title: str = ""  # which bytes these are
+    message: bytes = b""  # under the cursor of the stream
+    from_mark: bytes = b""  # of the stream, from the marked message on to the cursor
 
 
 def subject_of(
@@ -122,6 +124,8 @@ def _json(of: Subject) -> str:
 FORMATS: Final = (
     Format("h", "bytes as hex", lambda of: hex_lines(of.content)),
     Format("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
+    Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
+    Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
     Format("v", "members as CSV", _csv, ".csv"),
     Format("j", "members as JSON", _json, ".json"),
     Format("s", "STATUS history as text", _history),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.history.records import HistoryWindow, spans_within
+from trcvtui.history.records import HistoryWindow
 from trcvtui.history.stream_index import bursts_in
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
@@ -16,6 +16,7 @@ class StreamMessage(NamedTuple):
     name: str
     positions: range
     by_pauses: bool = False
+    content: bytes = b""
 
 
 def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
@@ -41,14 +42,6 @@ def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
             StreamMessage(f"message by pauses from byte {each.start}", each, by_pauses=True)
             for each in bursts
         ]
-    return [message for message in found if _is_known(window, message.positions)]
-
-
-def _is_known(window: HistoryWindow, positions: range) -> bool:
-    within = positions.start, positions.stop
-    return (
-        window.start <= positions.start
-        and positions.stop <= window.stop
-        and all(job.is_kept for job in spans_within(window.jobs, *within))
-        and all(span.peer != A_HOLE for span in spans_within(window.messages, *within))
-    )
+    return [
+        each._replace(content=window.cut(each.positions)) for each in found if window.knows(each.positions)
+    ]

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple, Protocol, TypeVar
 from msgspec import Struct
 
 from trcvtui.blocks.outcome import Cause
+from trcvtui.plc.ledger import A_HOLE
 
 # -- windows ----------------------------------------------------------------------------------------------
 
@@ -184,6 +185,16 @@ class HistoryWindow(Struct, frozen=True):
     @property
     def stop(self) -> int:
         return self.start + len(self.content)
+
+    def cut(self, positions: range) -> bytes:
+        return self.content[positions.start - self.start : positions.stop - self.start]
+
+    def knows(self, positions: range) -> bool:
+        """Return whether every byte of these positions is here with its value."""
+        first, stop = positions.start, positions.stop
+        is_kept = all(job.is_kept for job in spans_within(self.jobs, first, stop))
+        holes = [span for span in spans_within(self.messages, first, stop) if span.peer == A_HOLE]
+        return self.start <= first < stop <= self.stop and is_kept and not holes
 
 
 # -- facts ------------------------------------------------------------------------------------------------

@@ -494,8 +494,8 @@ class MainScreen(FullScreen[None]):
             past = None  # pane 6 shows DATA beside a job of another instance
         found = subject_of(self._view_model, of_job, False, past)
         if pane == "stream":
-            known, stretch = self.received.stream.known, self.received.from_mark()
-            found = replace(found, message=known(self.received.message_here()), from_mark=known(stretch))
+            message, from_mark = self.received.copied()
+            found = replace(found, message=message, from_mark=from_mark)
         return found
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:

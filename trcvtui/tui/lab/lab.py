@@ -9,8 +9,9 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
+from trcvtui.diagnosis.stream_messages import StreamMessage
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import plain
@@ -115,13 +116,6 @@ ABOUT: Final = {
 }
 
 
-class NamedBytes(NamedTuple):
-    """Bytes of the stream, and what the screen calls them."""
-
-    name: str
-    content: bytes
-
-
 class LabBytes:
     """Which bytes are looked at; `back` counts the messages from the newest one."""
 
@@ -178,7 +172,8 @@ class LabBytes:
                 window = self._window()
                 return window.job[1] if window is not None and window.job is not None else b""
             case "message":
-                return self._message().content
+                found = self._message()
+                return found.content if found else b""
             case _:
                 return self.typed
 
@@ -195,75 +190,57 @@ class LabBytes:
                 number = f" {self._last.number}" if self._last is not None else ""
                 return f"last job{number}, {size}" if self.content else "no job has ended yet"
             case "message":
-                return (
-                    f"{self._message().name}, {size}"
-                    if self.messages()
-                    else f"no message{self._without_ends()}"
-                )
+                found = self._message()
+                return f"{plain(found.name)}, {size}" if found else f"no message{self._doubt() or ' yet'}"
             case _:
                 return f"typed hex, {size}"
 
     def _has_messages(self) -> bool:
         return self.source not in (LAST, HEX) and bool(self.messages())
 
-    def _message(self) -> NamedBytes:
+    def _message(self) -> StreamMessage | None:
         messages = self.messages()
         self.back = max(0, min(self.back, len(messages) - 1))
-        return messages[-1 - self.back] if messages else NamedBytes("", b"")
+        return messages[-1 - self.back] if messages else None
 
-    def messages(self) -> list[NamedBytes]:
+    def messages(self) -> list[StreamMessage]:
         """Return the whole messages of the stream, oldest first."""
-        window = self._window()
-        return [] if window is None else [
-            NamedBytes(plain(each.name), _cut(window, each.positions.start, each.positions.stop))
-            for each in self._view_model.messages
-        ]  # fmt: skip
+        return [] if self._window() is None else self._view_model.messages
 
-    @property
-    def _has_ends(self) -> bool:
-        """Return whether it is known where messages end: pauses tell where all they part is of one size."""
-        sizes = [len(message.content) for message in self.messages()]
-        by_pauses = any(message.by_pauses for message in self._view_model.messages)
-        return bool(sizes) and not (by_pauses and any(size % min(sizes) for size in sizes))
+    def _doubt(self) -> str:
+        """Return why it is not known where messages end, "" where it is: pauses part one size alone."""
+        window, messages = self._window(), self.messages()
+        sizes = [len(message.content) for message in messages if message.by_pauses]
+        is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
+        if is_known or self.source == HEX or window is None or not window.recvs:
+            return ""
+        cause = f"pieces of {min(sizes)} to {max(sizes)} B came" if sizes else "bytes came without a pause"
+        return f" ({cause}: where a message ends is not known)"
 
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return what profiles are judged by, and whether its lengths are the sender's.
 
         Where DATA or a job is shown the messages that they were made from say more.
         """
-        if self._has_messages():
-            known = [piece.content for piece in self.messages()[-MOST_MESSAGES:]]
-            return (known, True) if self._has_ends else (known[-1:], False)
+        known = [] if self._doubt() else [message.content for message in self.messages()]
+        if known and self._has_messages():
+            return known[-MOST_MESSAGES:], True
         content = self.content
-        is_sent = self._has_ends and content in [piece.content for piece in self.messages()]
-        return [content] if content else [], self.source == HEX or is_sent
+        return [content] if content else [], self.source == HEX or content in known
 
     @property
     def evidence_name(self) -> str:
-        messages = self._view_model.messages if self._has_messages() else []
-        if not messages or not self._has_ends:
-            return self.name + self._without_ends()
+        doubt, messages = self._doubt(), self.messages()
+        if doubt or not self._has_messages():
+            return self.name + doubt * (self.source != MESSAGE or bool(messages))
         by_pauses = " by pauses" * messages[-1].by_pauses
         return count(min(MOST_MESSAGES, len(messages)), "message") + by_pauses
-
-    def _without_ends(self) -> str:
-        """Return why it is not known where a message ends, "" where it is or nothing has come."""
-        window = self._window()
-        if self.source == HEX or self._has_ends or window is None or not window.recvs:
-            return ""
-        sizes = [len(message.content) for message in self.messages()]
-        cause = f"pieces of {min(sizes)} to {max(sizes)} B came" if sizes else "bytes came without a pause"
-        return f" ({cause}: where a message ends is not known)"
 
     # -- choosing -----------------------------------------------------------------------------------
 
     def step(self, messages: int) -> None:
         self.source, self.is_chosen = MESSAGE, True
         self.back = max(0, min(self.back - messages, max(0, len(self.messages()) - 1)))
-
-
-def _cut(window: HistoryWindow, start: int, stop: int) -> bytes:
-    return window.content[start - window.start : stop - window.start]
 
 
 OURS, THEIRS = "ours", "theirs"

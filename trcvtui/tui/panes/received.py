@@ -23,7 +23,7 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER, numbers_at
+from trcvtui.tui.widgets.byte_values import numbers_at
 from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
@@ -364,8 +364,8 @@ class Received(Vertical):
         self.stream.show()
         text = self._search_text() or self._nowhere or self._past_origin()
         place = self.stream.cursor
-        content = b"" if place is None else self.stream.known(range(place, place + MOST_OF_NUMBER))
-        self._say_below(numbers_at(content, self.size.width - 4))
+        numbers = "" if place is None else numbers_at(self.stream.known_from(place), self.size.width - 4)
+        self._say_below(numbers)
         self._origin_line.say(text, may_break=True)
 
     def _search_text(self) -> str:
@@ -396,25 +396,23 @@ class Received(Vertical):
     def message_here(self) -> range:
         """Return the message under the cursor, its job where no message is known; empty: not all is here."""
         place, job = self.stream.cursor, self.job_here()
+        of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
-        if not found and job is not None and job.is_kept:
-            found = [range(job.position, job.stop)]
-        return found[0] if found and len(self.stream.known(found[0])) == len(found[0]) else range(0)
+        return found[0] if found else of_job if self.stream.window.knows(of_job) else range(0)
 
-    def from_mark(self) -> range:
-        """Return the bytes from the marked message on to the cursor, or back; empty: not all are here."""
-        stream = self.stream
-        if stream.marked is None or stream.cursor is None:
-            return range(0)
-        mark, place = stream.marked[0], stream.cursor
-        found = range(min(mark.start, place), max(mark.stop if place < mark.start else 0, place + 1))
-        return found if len(stream.known(found)) == len(found) else range(0)
+    def copied(self) -> tuple[bytes, bytes]:
+        """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
+        window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
+        between = range(0)
+        if mark is not None and place is not None:
+            between = range(min(mark[0].start, place), max(place + 1, mark[0].stop * (place < mark[0].start)))
+        return window.cut(self.message_here()), window.cut(between) if window.knows(between) else b""
 
     def action_mark_message(self) -> None:
         """Compare others with the message under the cursor, until it is marked again."""
         here, stream = self.message_here() if self.is_past else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
-        stream.compare(None if is_marked or not here else (here, stream.known(here)), here)
+        stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
         self._nowhere = "" if here else NO_MESSAGE
         self.show()
 

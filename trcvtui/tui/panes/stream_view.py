@@ -27,6 +27,7 @@ from trcvtui.history.records import (
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER
 from trcvtui.tui.widgets.hex_view import (
     CHARACTER_OF,
     CLASS_OF,
@@ -207,13 +208,8 @@ class StreamView(LineView):
     """Bytes by position; `follows` keeps the newest in view."""
 
     KEYS: ClassVar = (
-        ("[ ]", "DONE"),
-        ("/", "find"),
-        ("m", "mark"),
-        ("d", "diff"),
-        ("u", "rulers"),
-        ("H", "DATA now"),
-    )
+        ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
+    )  # fmt: skip
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),
@@ -295,10 +291,11 @@ class StreamView(LineView):
 
     def difference(self) -> str:
         """Return in how many bytes the message at the cursor differs from the marked one, "" without one."""
-        here = self.known(self._compared)
-        if self.marked is None or not here or self._compared == self.marked[0]:
-            return "marked: " if self.marked and here else ""
-        there = self.marked[1]
+        if self.marked is None or not self._compared:
+            return ""
+        here, there = self.window.cut(self._compared), self.marked[1]
+        if self._compared == self.marked[0]:
+            return "marked: "
         found = sum(one != other for one, other in zip(here, there, strict=False))
         sizes = "" if len(here) == len(there) else f", {len(here)} B against {len(there)}"
         return f"≠ {found} of {min(len(here), len(there))} bytes{sizes}: "
@@ -462,8 +459,9 @@ class StreamView(LineView):
         job = span_at(window.jobs, position)
         return window.content[position - window.start] if job is not None and job.is_kept else None
 
-    def known(self, positions: range) -> bytes:
-        """Return the bytes of these positions up to the first that is not known."""
+    def known_from(self, position: int) -> bytes:
+        """Return the bytes from one on that can be a number, up to the first that is not known."""
+        positions = range(position, position + MOST_OF_NUMBER)
         return bytes(iter(map(self._byte, positions).__next__, None))
 
     def _is_hole(self, position: int) -> bool:

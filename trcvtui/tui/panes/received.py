@@ -336,6 +336,7 @@ class Received(Vertical):
         if window is not None and window.connect == instance.connect:
             self.data.show_before(window.data)
             found = self.stream.take(window)
+            self.stream.cut_rows([each.positions for each in self._view_model.messages])
             if found is not None:
                 self._hit = found, window.sought.hit if window.sought is not None else ""
                 self.stream.go_to(found)
@@ -359,7 +360,6 @@ class Received(Vertical):
         return None if job is None or known else job.position
 
     def _show_past(self) -> None:
-        self.stream.cut_rows([each.positions for each in self._view_model.messages])
         self.stream.compare(self.stream.marked, self.message_here())
         self.stream.show()
         text = self._search_text() or self._nowhere or self._past_origin()
@@ -385,7 +385,7 @@ class Received(Vertical):
     def _past_origin(self) -> str:
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
-        values = self.stream.value(), self.stream.before_value()
+        values = self.stream.value(), None if self.stream.marked else self.stream.before_value()
         origin = origin_words(self.stream.cursor, values, self.stream.labels(), self._view_model.project)
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
@@ -593,7 +593,7 @@ class Received(Vertical):
             return  # the next frame will want it
         need = 0 if instance.sends else instance.need
         self.job.rows_kept = -(-need // self.job.per_row)
-        rows = min(MOST_JOB_ROWS, self.job.rows_kept)
+        rows = min(MOST_JOB_ROWS - self._origin_line.display, self.job.rows_kept)
         if rows != self._job_rows:
             self._job_rows = rows
             self.job.styles.height = max(1, rows)

@@ -374,6 +374,8 @@ class StreamView(LineView):
         self._rows.clear()
         self.resize_rows()
         self.scroll_to(y=self._row_of(position) * self.lines, animate=False)
+        if self.cursor is not None and not self.follows:
+            self.go_to(self.cursor)
         self.show()
 
     # -- rows -------------------------------------------------------------------------------------------

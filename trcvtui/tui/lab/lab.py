@@ -148,16 +148,18 @@ class LabBytes:
         instance = self._view_model.instance
         if instance is None:
             return None
-        window, job = self._window(), None
+        window, job = self.window(), None
         if window is not None and self.source == LAST:
             mine = [span for span in window.jobs if span.instance == instance.name and span.done]
             self._last = mine[-1] if mine else self._last
             job = self._last.position if self._last is not None else None
         return HistoryRequest(instance.connect, END, MOST_WINDOW, job_at=job)
 
-    def _window(self) -> HistoryWindow | None:
+    def window(self) -> HistoryWindow | None:
         window, instance = self._view_model.past, self._view_model.instance
-        return window if window is not None and instance and window.connect == instance.connect else None
+        if window is None or not instance or window.connect != instance.connect:
+            return None
+        return window if window.content or window.begin == window.end else None  # else of DATA alone
 
     # -- what is there ------------------------------------------------------------------------------
 
@@ -169,7 +171,7 @@ class LabBytes:
             case "job":
                 return self._view_model.partial
             case "last":
-                window = self._window()
+                window = self.window()
                 return window.job[1] if window is not None and window.job is not None else b""
             case "message":
                 found = self._message()
@@ -205,11 +207,11 @@ class LabBytes:
 
     def messages(self) -> list[StreamMessage]:
         """Return the whole messages of the stream, oldest first."""
-        return [] if self._window() is None else self._view_model.messages
+        return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
         """Return why it is not known where messages end, "" where it is: pauses part one size alone."""
-        window, messages = self._window(), self.messages()
+        window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
         if is_known or self.source == HEX or window is None or not window.recvs:
@@ -265,6 +267,7 @@ class Lab:
         self.fits: tuple[Fit, ...] = ()
         self._said_first = ""  # when the lab was opened
         self.fitted = ""  # by what
+        self._is_early = False
         self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
         self.revision = 0  # counts what changes rows
         self.type_name = ""
@@ -363,7 +366,9 @@ class Lab:
         self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
 
     def follow(self) -> None:
-        """Take over another project: a fresh bench, an addition, another instance."""
+        """Judge again once messages have come; take over another project: a fresh bench, an addition."""
+        if self._is_early and self.bytes.window() is not None:
+            self.judge()
         project = self._view_model.project
         if project is self._project:
             return
@@ -465,6 +470,7 @@ class Lab:
     def judge(self) -> None:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
+        self._is_early = self.bytes.window() is None  # the messages are still on their way
         if self.type is not None and messages:
             self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=self.rules(OURS))
 

@@ -35,7 +35,7 @@ def written(letter: str, of: Subject) -> str:
 
 def test_each_format_has_a_letter_of_its_own() -> None:
     letters = [form.letter for form in FORMATS]
-    assert letters == ["h", "i", "m", "r", "v", "j", "s"], "y and q are the menu's own"
+    assert letters == ["h", "i", "v", "j", "s", "m", "r"], "y and q are the menu's own"
 
 
 @pytest.mark.parametrize("content", [TELEGRAM, bytes(range(256)), b"\x1b[31m"], ids=["udt", "all", "escape"])

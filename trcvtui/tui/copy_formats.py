@@ -124,11 +124,11 @@ def _json(of: Subject) -> str:
 FORMATS: Final = (
     Format("h", "bytes as hex", lambda of: hex_lines(of.content)),
     Format("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
-    Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
-    Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
     Format("v", "members as CSV", _csv, ".csv"),
     Format("j", "members as JSON", _json, ".json"),
     Format("s", "STATUS history as text", _history),
+    Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
+    Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
 )
 # What the pane with the focus is about; the menu begins there.
 FIRST_OF_PANE: Final = {"udt": "v", "history": "s", "status": "s"}

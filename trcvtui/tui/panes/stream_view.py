@@ -373,9 +373,11 @@ class StreamView(LineView):
     def _stay_at(self, position: int) -> None:
         self._rows.clear()
         self.resize_rows()
-        self.scroll_to(y=self._row_of(position) * self.lines, animate=False)
-        if self.cursor is not None and not self.follows:
-            self.go_to(self.cursor)
+        y = self._row_of(position) * self.lines
+        if self.cursor is not None and not self.follows:  # it stays in view
+            here = self._row_of(self.cursor) * self.lines
+            y = max(min(y, here), here + self.lines - self.size.height)
+        self.scroll_to(y=y, animate=False)
         self.show()
 
     # -- rows -------------------------------------------------------------------------------------------

@@ -374,9 +374,8 @@ class StreamView(LineView):
         self._rows.clear()
         self.resize_rows()
         y = self._row_of(position) * self.lines
-        if self.cursor is not None and not self.follows:  # it stays in view
-            here = self._row_of(self.cursor) * self.lines
-            y = max(min(y, here), here + self.lines - self.size.height)
+        if self.cursor is not None and not self.follows:  # it stands in the middle
+            y = max(0, self._row_of(self.cursor) * self.lines - self.size.height // 2)
         self.scroll_to(y=y, animate=False)
         self.show()
 

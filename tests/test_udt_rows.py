@@ -25,7 +25,7 @@ from trcvtui.udt.byte_text import BYTE_FORMS
 from trcvtui.udt.exports import LANGUAGES
 from trcvtui.udt.layout.layout import Profile, profiles_for
 from trcvtui.udt.layout.rules import LAYOUTS, TEXT_FORMS, layout_names
-from trcvtui.udt.sources import FORMATS, TypeFormat, extensions, read_file
+from trcvtui.udt.sources import FORMATS, TypeFormat, extensions, read_files
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.types import ELEMENTARY
 
@@ -59,7 +59,7 @@ async def test_a_made_up_format_is_one_row(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setitem(FORMATS, MADE_UP_FORMAT.name, MADE_UP_FORMAT)
     file = tmp_path / "a.made"
     file.write_text(TYPE)
-    assert read_file(file).names() == ["Telegram"]
+    assert read_files([file]).names() == ["Telegram"]
     assert ".made Made-up text" in help_of("show", run)
     here = structs.replace(load_project(CONFIGS / "udt-mismatch.toml"), base=tmp_path)
     assert complete("udt open a", here) == "udt open a.made"

@@ -67,7 +67,7 @@ def ranked(run: Run, *argv: str) -> tuple[int, list[dict[str, object]]]:
     return code, json.loads(out)
 
 
-KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "points", "fits_best", "reasons"]
+KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "member", "points", "fits_best", "reasons"]
 
 
 @pytest.mark.parametrize(
@@ -89,9 +89,10 @@ def test_fit_names_the_layout_and_the_cause(content: str, cause: str | None, n: 
     assert ranks == [ranks.index(rank) + 1 for rank in ranks]  # 1, 2, 2, 4
     assert ranks.count(1) == 1
     best = found[0]
+    is_sure = (cause, n) not in [("header", 3), ("long", 1)]  # what these bytes mean is not known
     assert (best["layout"], best["byte_order"]) == ("natural8", "little")
-    assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, True, 0)
-    assert best["text"] is None
+    assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, is_sure, not is_sure)
+    assert best["text"] is None and best["member"] is None
     assert [one["fits_best"] for one in found[1:]] == [False] * (len(found) - 1)
 
 
@@ -140,6 +141,13 @@ def test_fit_names_our_own_layout_first_and_the_equal_ones_in_its_reasons(run: R
     _, found = ranked(run, NATURAL, "--layout", "codesys-8")
     assert found[0]["layout"] == "codesys-8"
     assert "the same for these bytes: natural8, little-endian" in str(found[0]["reasons"])
+
+
+def test_fit_names_the_layout_first_that_the_source_of_the_type_tells(run: Run) -> None:
+    Path("axis.typ").write_text(AXIS)
+    code, out, err = run("udt", "fit", "axis.typ", NATURAL)
+    assert (code, out.partition(" (")[0]) == (0, "Axis, 24 bytes: codesys-8, little-endian")
+    assert "the same for these bytes: natural8" in out and "usually codesys-8" in err
 
 
 @pytest.mark.slow

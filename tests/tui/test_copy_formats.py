@@ -7,6 +7,7 @@ import io
 import json
 import os
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -34,7 +35,7 @@ def written(letter: str, of: Subject) -> str:
 
 def test_each_format_has_a_letter_of_its_own() -> None:
     letters = [form.letter for form in FORMATS]
-    assert letters == ["h", "i", "v", "j", "s"], "y and q are the menu's own"
+    assert letters == ["h", "i", "v", "j", "s", "m", "r"], "y and q are the menu's own"
 
 
 @pytest.mark.parametrize("content", [TELEGRAM, bytes(range(256)), b"\x1b[31m"], ids=["udt", "all", "escape"])
@@ -151,6 +152,7 @@ async def test_a_job_of_the_past_is_yanked_and_named(state: Path, pane: str, let
         assert "Yank · job 1, 24 bytes" in looker.text
         view_model = looker.app.view_model
         past = subject_of(view_model, False, False, ("TRCV_C_1", 1, JOBS[0]))
+        past = replace(past, message=JOBS[0] if pane == "5" else b"")
         assert view_model.data == JOBS[1], "what DATA holds now is another message"
         assert await _yanked(looker, letter) == written(letter, past)
 

@@ -385,6 +385,6 @@ def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = Fal
         cases, first, said = cases + 1, first + right, said + best.fits_best
         if not right:
             missed.append(seed)
-        if best.fits_best and not right:
+        if best.fits_best and not any(is_right(case, one) for one in fits if one.rank == 1):
             wrong.append(seed)
     return Tally(cases, first, among, said, len(wrong), tuple(wrong), tuple(missed))

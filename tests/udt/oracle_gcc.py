@@ -173,13 +173,85 @@ def measured(batch: Sequence[Case], folder: Path) -> list[Measured]:
         leaves = [f"offsetof({name}, {leaf})" for leaf in _designators(case.type)]
         numbers += [f"sizeof({name})", f"_Alignof({name})", *leaves]
         counts.append(len(leaves))
+    found = _run(HEAD + "\n".join(writer.lines) + "\n", numbers, folder)
+    return list(_split(found, counts))
+
+
+WHOLE = ("char", "int8_t", "unsigned short", "int", "uint32_t", "long", "unsigned long", "long long")
+BITS = {"uint8_t": 8, "unsigned short": 16, "int": 32, "unsigned": 32, "long": 64, "uint64_t": 64, "bool": 1}
+C_HEAD = """#include <stdbool.h>
+#include <stdint.h>
+#define NAME_PACKED __attribute__((packed))
+#define MAVPACKED( one ) one __attribute__((packed))
+#define BEGIN(n) _Pragma("pack(push, 1)")
+#define END _Pragma("pack(pop)")
+"""
+
+
+class Header(NamedTuple):
+    """A C header, and of each of its types the members that are no bit-fields."""
+
+    text: str
+    members: dict[str, list[str]]
+
+
+def header(count: int, seed: int) -> Header:
+    """Return random types with bit-fields, `long`, and every way to pack them."""
+    random = Random(seed)
+    text, members = C_HEAD, dict[str, list[str]]()
+    for number in range(count):
+        name, word = f"T{number}", random.choice(("struct", "struct", "struct", "union"))
+        fields = [_field(random, f"m{place}", list(members)) for place in range(random.randint(1, 8))]
+        members[name] = [
+            field.split()[-1].partition("[")[0].rstrip(";") for field in fields if ":" not in field
+        ]
+        body, pack = "{\n  " + "\n  ".join(fields) + "\n}", 2 ** random.randint(0, 4)
+        ways = (
+            *[f"typedef {word} {body} {name};"] * 2,
+            f"typedef {word} NAME_PACKED {body} {name};",
+            f"MAVPACKED(\ntypedef {word} t{number} {body}) {name};",
+            f"#pragma pack(push, {pack})\ntypedef {word} {body} {name};\n#pragma pack(pop)",
+            f"BEGIN(1)\ntypedef {word} {body} {name};\nEND",
+        )
+        text += random.choice(ways) + "\n"
+    return Header(text, members)
+
+
+def _field(random: Random, name: str, known: list[str]) -> str:
+    chance = random.random()
+    if chance < 0.55:
+        base = random.choice(list(BITS))
+        width = random.choice((0, 1, BITS[base], random.randint(1, BITS[base])))
+        return f"{base} {name if width and random.random() < 0.8 else ''} : {width};"
+    size = f"[{random.randint(1, 3)}]" if random.random() < 0.2 else ""
+    base = (
+        random.choice(known[-20:])
+        if known and chance < 0.65
+        else random.choice((*WHOLE, "float", "double", "bool"))
+    )
+    return f"{base} {name}{size};"
+
+
+def measured_header(given: Header, folder: Path) -> list[Measured]:
+    """Compile a header and return what gcc says of each of its types."""
+    (folder / "types.h").write_text(given.text)
+    numbers: list[str] = []
+    for name, members in given.members.items():
+        places = [f"__builtin_offsetof({name}, {member})" for member in members]
+        numbers += [f"sizeof({name})", f"_Alignof({name})", *places]
+    found = _run('#include <stdio.h>\n#include "types.h"\n', numbers, folder)
+    return list(_split(found, [len(members) for members in given.members.values()]))
+
+
+def _run(head: str, numbers: Sequence[str], folder: Path) -> list[int]:
     table = f"static const uint32_t numbers[] = {{\n{','.join(numbers)}\n}};\n"
     main = "int main(void) { return fwrite(numbers, sizeof numbers, 1, stdout) != 1; }\n"
     source, program = folder / "types.c", folder / "types"
-    source.write_text(HEAD + "\n".join(writer.lines) + "\n" + table + main)
-    subprocess.run(["gcc", "-std=gnu11", "-w", "-O0", "-o", program, source], check=True)
-    found = array.array("I", subprocess.run([program], capture_output=True, check=True).stdout).tolist()
-    return list(_split(found, counts))
+    source.write_text(head + table + main)
+    subprocess.run(
+        ["gcc", "-std=gnu11", "-w", "-Wno-packed-bitfield-compat", "-o", program, source], check=True
+    )
+    return array.array("I", subprocess.run([program], capture_output=True, check=True).stdout).tolist()
 
 
 def _split(found: list[int], counts: Sequence[int]) -> Iterator[Measured]:

@@ -138,6 +138,8 @@ def test_the_layout_c_is_that_of_the_compiler_packed_or_not() -> None:
         ("#define P 1\n#pragma pack(push, id, P)\n{0}\n#pragma pack(pop, id)\n{1}", (1, None)),
         ("{0}\n#pragma once\n#pragma pack(16)\n{1}", (None, 8)),
         ("#if 0\n#pragma pack(1)\n#endif\n{0}{1}", (None, None)),
+        ("namespace a::b {\n#pragma pack(1)\n{0}\n#pragma pack()\n}\n{1}", (1, None)),
+        ('#define B() _Pragma("pack(1)")\n#define E __pragma(pack())\nB()\n{0}\nE\n{1}', (1, None)),
     ],
 )
 def test_pragma_pack_holds_from_line_to_line(text: str, packs: tuple[int | None, int | None]) -> None:
@@ -154,6 +156,7 @@ def test_pragma_pack_holds_from_line_to_line(text: str, packs: tuple[int | None,
         "typedef struct { char a; int b; } __attribute__((__packed__)) T;",
         "#define PACKED __attribute__((packed))\ntypedef struct PACKED tag { char a; int b; } T;",
         "typedef __packed struct { char a; int b; } T;",
+        "#define P( one ) one __attribute__((packed))\nP(\ntypedef struct { char a; int b; }) T;",
     ],
 )
 def test_a_packed_attribute_packs_its_structure(text: str) -> None:
@@ -206,6 +209,8 @@ def test_hostile_headers_end_at_once() -> None:
         "typedef int a[" + "(" * 5000,
         "#if 1\n" * 5000,
         "/*" * 50_000,
+        "namespace " * 50_000,
+        "#define D(x) x x\ntypedef struct { " + "D(" * 60 + "char a;" + ")" * 60 + " } T;",
     ):
         try:
             read_c(text, "H")

@@ -5,15 +5,17 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tests import golden
 from trcvtui.errors import UserError
-from trcvtui.udt.cli_input import given_bytes, given_values
+from trcvtui.udt.cli_input import given_bytes, given_types, given_values
+from trcvtui.udt.command import types_of
 
 
-def refusal(read: object, argument: str) -> str:
+def refusal(read: object, argument: object) -> str:
     assert callable(read)
     with pytest.raises(UserError) as raised:
         read(argument)
@@ -101,3 +103,23 @@ def test_what_is_no_json_object_is_a_mistake(monkeypatch: pytest.MonkeyPatch) ->
     for text, found in (('{"a": ' + "9" * 5000 + "}", "too many digits"), ("[" * 200_000, "too deeply")):
         with pytest.raises(UserError, match=found):
             read(text)
+
+
+def test_a_type_may_come_on_stdin_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_on_stdin(monkeypatch, "STRUCT\n  ä : INT;\nEND_STRUCT".encode("utf-16"))
+    assert [each.name for each in given_types("-").types] == ["stdin"]
+    for content, found in (
+        (b" \n", "nothing, expected a type"),
+        (b"\0\1\2", "zero bytes, as in binary data"),
+    ):
+        put_on_stdin(monkeypatch, content)
+        assert refusal(given_types, "-").startswith(f"stdin: found {found}")
+    once = SimpleNamespace(file="-", others=[], constant=[], hex=["-"])
+    assert refusal(lambda given: types_of(given, None), once) == (
+        "-: found stdin more than once, expected one on stdin, the others in files"
+    )
+    put_on_stdin(monkeypatch, b"STRUCT a : INT; END_STRUCT")
+    monkeypatch.setattr(sys.stdin.buffer, "isatty", lambda: True, raising=False)
+    assert given_types("-").types and "Ctrl+D" in capsys.readouterr().err

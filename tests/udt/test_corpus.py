@@ -14,7 +14,7 @@ from tests.udt.st_texts import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import decode_text, read_file, read_files, read_text
+from trcvtui.udt.sources import decode_text, read_files, read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Type, Union, Unplaced, type_text
 
@@ -49,7 +49,7 @@ def unplaced(type_: Type) -> list[str]:
     "path", [path for path in EVERY_FILE if path.name != "one_bad.st"], ids=lambda path: path.name
 )
 def test_a_file_is_read_and_lacks_at_most_what_other_files_declare(path: Path) -> None:
-    types = read_file(path)
+    types = read_files([path])
     assert types.types or types.broken
     wrong = [str(problem) for problem in types.problems if not problem.expected.startswith(LACKS)]
     assert wrong == []
@@ -63,7 +63,7 @@ def test_a_file_is_read_and_lacks_at_most_what_other_files_declare(path: Path) -
 )
 def test_the_files_of_one_project_complete_each_other(folder: Path) -> None:
     own = [path for path in FILES if path.parent == folder]
-    alone = sum(len(read_file(path).types) for path in own)
+    alone = sum(len(read_files([path]).types) for path in own)
     together = read_files(own)
     assert len(together.types) >= alone
     known = {*together.types, *together.broken}
@@ -75,7 +75,7 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
     found = {}
     for path in sorted(OWN.iterdir()):
         if path.suffix in SUFFIXES and path.name not in ("one_bad.st", "telegram.st"):
-            types = read_file(path)
+            types = read_files([path])
             assert types.problems == (), path
             found[path.name] = {name: type_text(types.named(name)) for name in types.names()}
     assert {name: list(types) for name, types in found.items()} == {
@@ -83,12 +83,12 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
         "codesys_2_3.exp": ["Türdaten", "DoorBits"],
         "simatic_ax.st": ["Mode", "Limits", "Station"],
         "simatic_sd.s7dcl": ["Tank", "Level"],
-        "tia.udt": ["Pump data", "Pump kind"],
+        "tia.udt": ["Pump data", "Pump kind", "Pumps"],
         "twincat.st": ["ST_Valve", "ST_Base", "U_Raw"],
         "windows_1252.st": ["Tür"],
         "with_mark.st": ["Motor"],
     }
-    valve = read_file(OWN / "twincat.st").named("ST_Valve")
+    valve = read_files([OWN / "twincat.st"]).named("ST_Valve")
     assert isinstance(valve, Struct)
     assert (valve.pack, type_text(valve.base) if valve.base else "") == (1, "ST_Base")
     assert [(member.name, type_text(member.type)) for member in valve.members] == [
@@ -169,18 +169,18 @@ def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
 
 
 def test_own_samples_hold_what_they_say() -> None:
-    motor = read_file(OWN / "motor.TcDUT").named("ST_Motor")
+    motor = read_files([OWN / "motor.TcDUT"]).named("ST_Motor")
     assert isinstance(motor, Struct) and motor.pack == 1
     assert [member.type for member in motor.members] == [
         ELEMENTARY["BOOL"],
         ELEMENTARY["LREAL"],
         StringType(10),
     ]
-    tank = read_file(OWN / "openness.xml").named("Tank")
+    tank = read_files([OWN / "openness.xml"]).named("Tank")
     assert isinstance(tank, Struct) and [member.name for member in tank.members] == ["State", "Levels", "At"]
-    plant = read_file(OWN / "plcopen.xml").named("Anlage")
+    plant = read_files([OWN / "plcopen.xml"]).named("Anlage")
     assert isinstance(plant, Struct) and plant.pack == 2 and isinstance(plant.members[1].type, Array)
     assert plant.members[1].type.bounds == ((1, 4),)
-    station = read_file(OWN / "device.h").named("Station")
+    station = read_files([OWN / "device.h"]).named("Station")
     assert isinstance(station, Struct) and station.pack is None
     assert lay_out(station, rules_for("codesys-8"), "Station").size == 1 + 1 + 16 + 8 + 5 + 1 + 8

@@ -25,7 +25,7 @@ from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
-from trcvtui.udt.sources import read_file
+from trcvtui.udt.sources import read_files
 from trcvtui.udt.types import Member, Pointer, StringType, Struct, ValueKind
 
 PORT = 2000
@@ -138,7 +138,7 @@ def test_the_demo_s_traffic_on_loopback_reads_in_tshark_as_in_udt_decode(
 
 
 def demo_layout() -> Layout:
-    types = read_file(demo_path().parent / "telegram.st")
+    types = read_files([demo_path().parent / "telegram.st"])
     return lay_out(types.named("Telegram"), rules_for(), "Telegram")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.sources import FORMATS, LARGEST_FILE, decode_text, extensions, read_file, read_files
+from trcvtui.udt.sources import FORMATS, LARGEST_FILE, decode_text, extensions, read_files
 from trcvtui.udt.types import ELEMENTARY, Struct
 
 DATA = Path(__file__).parent / "data"
@@ -15,13 +15,13 @@ DATA = Path(__file__).parent / "data"
 
 def line_of(path: Path) -> str:
     with pytest.raises(UserError) as refused:
-        read_file(path)
+        read_files([path])
     (line,) = refused.value.lines()
     return line.replace(str(path), "FILE")
 
 
 def test_windows_1252_with_cr_lf_is_read() -> None:
-    type_ = read_file(DATA / "windows_1252.st").named("Tür")
+    type_ = read_files([DATA / "windows_1252.st"]).named("Tür")
     assert isinstance(type_, Struct)
     assert [(m.name, m.type) for m in type_.members] == [("höhe", ELEMENTARY["INT"])]
 
@@ -37,14 +37,14 @@ def test_no_bytes_are_refused_as_text() -> None:
 
 
 def test_a_byte_order_mark_is_no_text() -> None:
-    assert read_file(DATA / "with_mark.st").names() == ["Motor"]
+    assert read_files([DATA / "with_mark.st"]).names() == ["Motor"]
 
 
 @pytest.mark.parametrize("suffix", [*FORMATS["IEC text"].extensions, ".ST"])
 def test_the_suffix_chooses_the_reader(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"a{suffix}"
     file.write_text("TYPE A : INT; END_TYPE")
-    assert read_file(str(file)).names() == ["A"]
+    assert read_files([str(file)]).names() == ["A"]
 
 
 def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
         "FILE: found a larger file, expected at most 10485760 bytes"
     )
     with pytest.raises(UserError, match="embedded null"):
-        read_file("a\0.st")
+        read_files(["a\0.st"])
 
 
 def test_several_files_are_read_as_one_set(tmp_path: Path) -> None:
@@ -82,5 +82,5 @@ def test_utf_16_without_its_mark_is_answered_with_a_word_about_the_encoding(
 ) -> None:
     path = tmp_path / "t.st"
     path.write_bytes("TYPE T : INT; END_TYPE".encode(codec))
-    with pytest.raises(UserError, match="zero bytes, as in UTF-16 without a byte order mark, expected UTF-8"):
-        read_file(path)
+    with pytest.raises(UserError, match="zero bytes, as in binary data or UTF-16 without a byte order mark"):
+        read_files([path])

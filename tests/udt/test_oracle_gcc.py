@@ -12,8 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.oracle_gcc import Case, Measured, cases, measured
+from tests.udt.oracle_gcc import Case, Measured, cases, header, measured, measured_header
 from trcvtui.udt.layout.layout import lay_out, rules_for
+from trcvtui.udt.layout.layout_tree import PlacedStruct
+from trcvtui.udt.sources.c_header import read_c
+from trcvtui.udt.sources.c_source import LONG_SIZE
+from trcvtui.udt.type_set import join
 
 COUNT = int(os.environ.get("TRCVTUI_ORACLE", "300"))
 BATCH = 500
@@ -37,3 +41,17 @@ def test_random_types_lie_where_gcc_puts_them(tmp_path: Path) -> None:
     assert compared == COUNT
     assert leaves > 5 * COUNT, "small types only would prove little"
     print(f"{compared} types, {leaves} leaves: equal")
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: nothing to compare with")
+def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_path: Path) -> None:
+    given = header(COUNT, SEED)
+    before = LONG_SIZE.set(8)
+    types = join([read_c(given.text, "H")], "H")
+    LONG_SIZE.reset(before)
+    assert [str(problem) for problem in types.problems] == []
+    for (name, members), theirs in zip(given.members.items(), measured_header(given, tmp_path), strict=True):
+        root = lay_out(types.named(name), rules_for("c"), name).root
+        assert isinstance(root, PlacedStruct)
+        assert list(root.names) == members
+        assert Measured(root.size, root.align, list(root.offsets)) == theirs, f"{name} of\n{given.text}"

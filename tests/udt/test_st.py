@@ -14,7 +14,7 @@ from tests.udt.st_texts import lines, member
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import read_file, read_text
+from trcvtui.udt.sources import read_files, read_text
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Subrange, Type, type_text
@@ -29,7 +29,7 @@ def members_of(types: TypeSet, name: str) -> dict[str, Type]:
 
 
 def test_a_whole_file_as_an_engineer_writes_it() -> None:
-    types = read_file(DATA / "telegram.st")
+    types = read_files([DATA / "telegram.st"])
     assert types.problems == ()
     assert types.names() == ["Mode", "Speed", "Level", "State", "Telegram", "Point"]
     layout = lay_out(types.named("Telegram"), rules_for())

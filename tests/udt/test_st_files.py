@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.udt.st_texts import good, member, members, read
+from tests.udt.st_texts import good, lines, member, members, read
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.sources.st import read_spec, read_st
@@ -29,7 +29,7 @@ def test_other_blocks_of_the_file_are_passed_over() -> None:
         " END_DATA_BLOCK"
         " TYPE U : T; END_TYPE CONFIGURATION c RESOURCE r END_RESOURCE END_CONFIGURATION"
     )
-    assert types.names() == ["T", "U"]
+    assert types.names() == ["T", "db", "U"]
     type_ = types.named("T")
     assert isinstance(type_, Struct) and type_.pack is None
 
@@ -112,6 +112,89 @@ def test_a_tia_source_has_header_lines_and_no_colon(suffix: str) -> None:
     }
     assert list(types.notes) == ["motor"]
     assert "optimised access" in types.notes["motor"][0]
+
+
+AWL = """TYPE UDT 5
+TITLE =don't
+VERSION : 0.1
+  STRUCT
+   A : INT ;  // Zähler
+   B : ARRAY  [0 .. 2 ] OF BYTE ;
+  END_STRUCT ;
+END_TYPE
+DATA_BLOCK DB 10
+TITLE =
+VERSION : 0.1
+  STRUCT
+   K : UDT 5;
+   L : BOOL  := TRUE;
+  END_STRUCT ;
+BEGIN
+   K.A := 0;
+   K.B[0] := B#16#0;
+END_DATA_BLOCK
+DATA_BLOCK DB 11 FB 3 BEGIN END_DATA_BLOCK
+DATA_BLOCK "instance" "Motor" BEGIN END_DATA_BLOCK
+FUNCTION_BLOCK "Motor" VAR a : INT; END_VAR BEGIN U( ; L DB10.DBW 0; END_FUNCTION_BLOCK
+DATA_BLOCK "of UDT" { S7_Optimized_Access := 'TRUE' } VERSION : 0.1 NON_RETAIN UDT5 BEGIN END_DATA_BLOCK
+DATA_BLOCK vars
+NON_RETAIN
+  VAR a : Int; END_VAR VAR RETAIN b { S7_SetPoint := 'True'} : DInt := 5; END_VAR
+BEGIN
+END_DATA_BLOCK
+DATA_BLOCK "array" READ_ONLY Array[0..1] of UDT 5; END_DATA_BLOCK
+"""
+
+
+@pytest.mark.parametrize("suffix", [".db", ".awl", ".scl", ".txt", ""])
+def test_a_data_block_is_a_type_and_one_of_an_fb_is_none(suffix: str) -> None:
+    types = read(suffix, AWL)
+    assert members(types, "DB10") == {"K": "UDT5", "L": "BOOL"}
+    assert members(types, "of UDT") == members(types, "UDT5") == {"A": "INT", "B": "ARRAY[0..2] OF BYTE"}
+    assert members(types, "vars") == {"a": "INT", "b": "DINT"}
+    assert types.names() == ["UDT5", "DB10", "of UDT", "vars", "array"]
+    assert {types.layout(name) for name in types.names()} == {"s7-standard"}
+    assert list(types.notes) == ["of udt"] and "optimised access" in types.notes["of udt"][0]
+
+
+def test_what_is_wrong_in_a_data_block_ends_with_it() -> None:
+    broken = "DATA_BLOCK D STRUCT a : INT BEGIN END_DATA_BLOCK DATA_BLOCK E INT 5 END_DATA_BLOCK"
+    assert lines(f"{broken} TYPE T : INT; END_TYPE") == [
+        "f.st:1:29: found 'BEGIN', expected ';'",
+        "f.st:1:35: found 'END_DATA_BLOCK', expected a member or 'END_STRUCT'",
+        "f.st:1:67: found '5', expected 'BEGIN'",
+    ]
+
+
+def test_struct_and_var_alone_are_a_type_named_by_the_file() -> None:
+    text = "{attribute 'pack_mode' := '1'} STRUCT array : ARRAY[1...GVL.N] OF INT; Type : INT; END_STRUCT"
+    types = join([read_text(text, "plc/weight.st")], "weight.st", {"GVL.N": 2})
+    assert members(types, "weight") == {"array": "ARRAY[1..2] OF INT", "Type": "INT"}
+    weight = types.named("weight")
+    assert isinstance(weight, Struct) and weight.pack == 1
+    assert members(read(".st", "VAR a : INT; END_VAR VAR b : F(c := 1); END_VAR"), "f") == {
+        "a": "INT",
+        "b": "F",
+    }
+    assert "variables" in read("", "VAR a : INT; END_VAR").notes["f"][0]
+    for program in ("VAR a : INT; END_VAR TYPE T : INT; END_TYPE", "VAR CONSTANT A : INT := 1; END_VAR"):
+        assert "f" not in read(".st", program).names()
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "layout"),
+    [
+        ("struct T { int a; };", "T", ""),
+        ('\ufeff<?xml version="1.0"?><TcPlcObject><DUT Name="T"><Declaration>TYPE T : INT; END_TYPE'
+         "</Declaration></DUT></TcPlcObject>", "T", ""),
+        ('TYPE "T"\nVERSION : 0.1\nSTRUCT a : Int; END_STRUCT; END_TYPE', "T", "s7-standard"),
+        ("(* @NESTEDCOMMENTS := 'No' *) (* @PATH := '' *) TYPE T : INT; END_TYPE (* @OBJECT_END *)", "T", ""),
+        ("struct a : INT; end_struct", "f", ""),
+    ],
+)  # fmt: skip
+def test_a_text_without_a_suffix_tells_its_format(text: str, name: str, layout: str) -> None:
+    types = read("", text.removeprefix("\ufeff"))
+    assert types.names() == [name] and types.layout(name) == layout
 
 
 def test_a_tia_header_that_does_not_end_is_told() -> None:

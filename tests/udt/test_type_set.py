@@ -43,12 +43,16 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
 
 
 def test_the_only_type_needs_no_name() -> None:
-    assert types_of("TYPE A : INT; END_TYPE").only() == "A"
-    assert lines_of(types_of("TYPE A : INT; B : INT; END_TYPE").only) == [
+    def only(text: str) -> str:
+        file = read_st(text, "test.st")
+        return join([file], "test.st").only([file])
+
+    assert only("TYPE A : INT; END_TYPE") == "A"
+    assert lines_of(lambda: only("TYPE A : INT; B : INT; END_TYPE")) == [
         "test.st: found 2 types: A, B, expected one type, or its name"
     ]
-    assert lines_of(types_of("").only) == ["test.st: found no type, expected TYPE ... END_TYPE"]
-    assert lines_of(types_of("TYPE A : INT; B : Nope; END_TYPE").only) == [
+    assert lines_of(lambda: only("")) == ["test.st: found no type, expected TYPE ... END_TYPE"]
+    assert lines_of(lambda: only("TYPE A : INT; B : Nope; END_TYPE")) == [
         "test.st:1:19: found 'Nope', expected a known type"
     ]
 

@@ -172,6 +172,16 @@ def test_openness_members_are_the_same_as_in_st() -> None:
     END_STRUCT; END_TYPE""")
 
 
+def test_a_global_data_block_is_a_type_too() -> None:
+    udt = OPENNESS.format('<Member Name="a" Datatype="Int"/>')
+    block = udt.replace("SW.Types.PlcStruct", "SW.Blocks.GlobalDB").replace(">Motor<", ">Line<")
+    block = block.replace("<Name>", "<MemoryLayout>Optimized</MemoryLayout><Name>")
+    read = read_xml_file(block, "F")
+    assert [each.name for each in read.types] == ["Line"] and read.layout == "s7-standard"
+    assert bare(read)[0][1:] == bare(read_xml_file(udt, "F"))[0][1:]
+    assert "optimised access" in read.types[0].notes[0]
+
+
 def test_a_bad_openness_member_is_named_and_hides_no_other() -> None:
     read = openness('<Member Name="a" Datatype="Array[5..1] of Int"/>\n<Member Name="b" Datatype="Int"/>')
     assert lines_of(read) == ["F:6:1: found '1', expected a number from 5 upwards"]
@@ -182,7 +192,7 @@ def test_a_bad_openness_member_is_named_and_hides_no_other() -> None:
 
 def test_a_block_is_no_data_type() -> None:
     assert line_of('<Document><SW.Blocks.FB ID="0"/></Document>') == (
-        "F:1:1: found <SW.Blocks.FB>, expected <SW.Types.PlcStruct>, the export of a PLC data type"
+        "F:1:1: found <SW.Blocks.FB>, expected <SW.Types.PlcStruct> or <SW.Blocks.GlobalDB>"
     )
 
 

@@ -241,7 +241,8 @@ def _receivers(args: Args) -> tuple[Receiver, ...]:
         return receivers
     from trcvtui.udt.command import only_layout
 
-    return (*receivers, receiver_of_type(only_layout(args.udt)))
+    layout, sender = only_layout(args.udt)
+    return (*receivers, receiver_of_type(layout, sender.layout))
 
 
 def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:

@@ -26,9 +26,7 @@ def add_udt(parser: CommandParser) -> None:
 def _add_type(
     parser: CommandParser, command: Callable[[Args], int], formats: Sequence[str] = (), twice: bool = False
 ) -> None:
-    parser.set_defaults(command=command)
-    parser.last_words = _last_words
-    parser.add_argument("file", metavar="FILE", type=given, help="the file that declares the type")
+    _add_files(parser, command)
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
@@ -40,12 +38,21 @@ def _add_type(
     parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
     about = "whether a STRING of odd size takes one byte more"
     parser.add_argument("--string-even", metavar="yes|no", help=about, **one)
-    many: dict[str, Any] = {"action": "append", "default": []}
-    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
-    about = "a file of types and constants that FILE uses; repeatable"
-    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
     if formats:
         add_format(parser, *formats)
+
+
+def _add_files(parser: CommandParser, command: Callable[[Args], int]) -> None:
+    parser.set_defaults(command=command)
+    parser.last_words = _last_words
+    about = "the file that declares the type, a folder of such files, or - for stdin"
+    parser.add_argument("file", metavar="FILE", type=given, help=about)
+    many: dict[str, Any] = {"action": "append", "default": []}
+    parser.add_argument("--constant", metavar="NAME=VALUE", help="such as GVL.MAX=10", **many)
+    about = "a file or folder of types and constants that FILE uses; repeatable"
+    parser.add_argument("--with", metavar="FILE", dest="others", type=given, help=about, **many)
+    about = "bytes of long in a C header; without it a type that has one is refused"
+    parser.add_argument("--long-size", type=int, choices=(4, 8), help=about)
 
 
 def _last_words() -> str:
@@ -56,73 +63,63 @@ def _last_words() -> str:
 
 
 def _add_show(parser: CommandParser) -> None:
-    _add_type(parser, _show, ("text", "json"))
+    _add_type(parser, _printing("show"), ("text", "json"))
 
 
-def _show(args: Args) -> int:
-    from trcvtui.udt import command
+def _printing(answer: str) -> Callable[[Args], int]:
+    """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
 
-    return print_text(command.show(args))
+    Some answers say whether all is well, too, which the exit code tells; None stands in a file.
+    """
+
+    def run(args: Args) -> int:
+        from trcvtui.udt import command
+
+        found = getattr(command, answer)(args)
+        text, is_good = found if isinstance(found, tuple) else (found, True)
+        if text is not None:
+            print_text(text)
+        return GOOD if is_good else FAILED
+
+    return run
+
+
+def _add_types(parser: CommandParser) -> None:
+    _add_files(parser, _printing("list_types"))
+    add_format(parser, "text", "json")
 
 
 def _add_decode(parser: CommandParser) -> None:
-    _add_type(parser, _decode, ("text", "json", "md", "csv"))
+    _add_type(parser, _printing("decode"), ("text", "json", "md", "csv"))
     parser.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
-
-
-def _decode(args: Args) -> int:
-    from trcvtui.udt import command
-
-    return print_text(command.decode(args))
 
 
 def _add_encode(parser: CommandParser) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
-    _add_type(parser, _encode, tuple(BYTE_FORMS))
+    _add_type(parser, _printing("encode"), tuple(BYTE_FORMS))
     about = "an object of path: value"
     parser.add_argument("values", metavar="VALUES.json|-", type=given, help=about)
-
-
-def _encode(args: Args) -> int:
-    from trcvtui.udt import command
-
-    return print_text(command.encode(args))
 
 
 def _add_export(parser: CommandParser) -> None:
     from trcvtui.udt.exports import LANGUAGES
 
-    _add_type(parser, _export)
+    _add_type(parser, _printing("export"))
     about = ", ".join(f"{name}: {title} (.{name})" for name, title in LANGUAGES.items())
     parser.add_argument("--to", metavar="|".join(LANGUAGES), required=True, help=about)
     parser.add_argument("--port", type=int, help="the TCP port; default: by Decode As")
     parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
 
-def _export(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text = command.export(args)
-    return print_text(text) if text else GOOD
-
-
 def _add_compare(parser: CommandParser) -> None:
-    _add_type(parser, _compare, ("text", "json"), twice=True)
+    _add_type(parser, _printing("compare"), ("text", "json"), twice=True)
     more = parser.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
-def _compare(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text, is_equal = command.compare(args)
-    print_text(text)
-    return GOOD if is_equal else FAILED
-
-
 def _add_fit(parser: CommandParser) -> None:
-    _add_type(parser, _fit, ("text", "json"))
+    _add_type(parser, _printing("fit"), ("text", "json"))
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
@@ -131,14 +128,6 @@ def _add_fit(parser: CommandParser) -> None:
     )
     about = "one message, or several of one size in a row; in a file an empty line stands between messages"
     parser.add_argument("hex", metavar=BYTES, nargs="+", help=about)
-
-
-def _fit(args: Args) -> int:
-    from trcvtui.udt import command
-
-    text, is_sure = command.fit(args)
-    print_text(text)
-    return GOOD if is_sure else FAILED
 
 
 def _add_cure(parser: CommandParser) -> None:
@@ -161,6 +150,7 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
+    "types": ("all types of a file", _add_types),
     "show": ("members with offset, size, type; padding", _add_show),
     "decode": ("bytes to values, as far as they go", _add_decode),
     "encode": ("values to bytes, as hex on stdout", _add_encode),

@@ -12,7 +12,6 @@ from msgspec import Struct
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.conditions import parse_instance, parse_peer
 from trcvtui.commands.counters_and_checksums import (
-    CHECKSUMS,
     DIGITS,
     KINDS,
     LEAST_SIZE,
@@ -62,6 +61,7 @@ from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.project.tables import Kind, expected_name, shown, whole
 from trcvtui.udt.byte_text import parse_hex
+from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.layout.layout import BYTE_ORDERS, lay_out
 
 # -- what is sent --------------------------------------------------------------------------------------------

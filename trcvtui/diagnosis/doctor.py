@@ -103,11 +103,10 @@ class DoctorQuestion(NamedTuple):
         return KnownEnds(listens, calls, frozenset(own) - {b""}, frozenset(partners) - {b""})
 
 
-def receiver_of_type(layout: Layout) -> Receiver:
+def receiver_of_type(layout: Layout, sender: str = "") -> Receiver:
     """Return a receiver that takes messages of one type, whatever the conversation."""
-    return Receiver(
-        "", "", layout.size, is_only=True, type_name=layout.name, type=layout.type, rules=layout.rules
-    )
+    kind = Receiver("", "", layout.size, is_only=True, type_name=layout.name, type=layout.type)
+    return kind._replace(rules=layout.rules, sender=sender)
 
 
 # -- one capture ---------------------------------------------------------------------------------------------

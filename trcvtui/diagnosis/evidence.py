@@ -9,7 +9,7 @@ from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.history.bench_update import BenchUpdate
-from trcvtui.history.records import Facts, ScanStamp
+from trcvtui.history.records import PAUSE_SCANS, Facts, ScanStamp
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
@@ -72,6 +72,11 @@ class Evidence:
     def is_message(self) -> bool:
         """Return whether a partner's message over a connection arrives whole, one a job (ISO-on-TCP)."""
         return self.config is not None and self.config.is_message_oriented and not self.is_datagram
+
+    @property
+    def is_arriving(self) -> bool:
+        """Return whether bytes still come: no pause has shown yet that would end a burst."""
+        return self.quiet_ns is not None and self.quiet_ns <= PAUSE_SCANS * self.interval_ns
 
     @property
     def quiet_ns(self) -> int | None:

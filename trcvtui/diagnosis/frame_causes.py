@@ -475,7 +475,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
 def _read(
     frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
 ) -> tuple[str, Sign] | None:
-    from trcvtui.udt.compare.fit import fit
+    from trcvtui.udt.compare.fit import fit, without_near_drifts
 
     extra = len(frames[0]) - receiver.need
     if MOST_OF_FIT < extra <= LONGEST_HEADER:
@@ -486,14 +486,14 @@ def _read(
         if after > max(before, 0.0) + 2 * CLEAR:
             text = f"after {extra} bytes each message reads as {receiver.type_name} ({after:+.1f} points)"
             return "header", _sign(receiver, 0.9, (text,), None, RemedyOffer((_declared(extra, "before"),)))
-    fits = fit(type_, frames, receiver.type_name, own=rules)
+    fits = without_near_drifts(fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _is_read_so(one, rules)), None)
     best = fits[0] if fits else None
     if best is None or own is best or best.members <= 0 or (own is not None and own.rank == best.rank):
         return None
     ahead = best.score - own.score if own is not None else 40.0
     is_own_size = own is not None and own.layout.size == len(frames[0])
-    is_clear = best.fits_best or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
+    is_clear = best.is_ahead or (ahead > 4 * CLEAR and best.members > 2 * CLEAR)
     if ahead < CLEAR or (is_own_size and not is_clear):
         return None
     cause, mends = _meaning(best, frames, receiver, rules)
@@ -501,7 +501,7 @@ def _read(
     said = (
         f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
     )
-    sure = 0.95 if ahead > (2 if best.fits_best else 4) * CLEAR else 0.8
+    sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR else 0.8
     texts = (said, *(reason.text for reason in best.reasons[:2]))
     return (cause, _sign(receiver, sure, texts, None, RemedyOffer(mends))) if cause else None
 

@@ -110,6 +110,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         type_name=data.type_name if data is not None else "",
         type=data.type if data is not None else None,
         rules=None if data is None else data.choice.rules(project.layout),
+        sender="" if data is None else project.types.sender(data.type_name).layout,
         room=size,
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),

@@ -12,7 +12,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands.snapshots import PeerSnapshot
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import DO, how_far, limit
-from trcvtui.history.records import PAUSE_SCANS, Drop
+from trcvtui.history.records import Drop
 from trcvtui.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
@@ -232,7 +232,7 @@ def bursts_do_not_fill(e: Evidence) -> str:
         return ""  # a datagram is whole, whatever its size
     if e.need % size == 0 and state(e) != STUCK:
         return ""
-    if facts.bursts.count == 1 and size > e.need and _goes_on(e):
+    if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
     each = "" if facts.bursts.count == 1 else "each time "
     came = f"bytes came {times(facts.bursts.count)}, {each}{size}: if that is the sender's message,"
@@ -241,11 +241,6 @@ def bursts_do_not_fill(e: Evidence) -> str:
     if size % e.need:
         return f"{limit(e)}, {came} its last {count(size % e.need, 'byte')} begin a next frame"
     return f"{limit(e)}, {came} it comes as {size // e.need} frames"
-
-
-def _goes_on(e: Evidence) -> bool:
-    """Return whether bytes still come: no pause has shown yet that would end a burst."""
-    return e.quiet_ns is not None and e.quiet_ns <= PAUSE_SCANS * e.interval_ns
 
 
 def ad_hoc_hint(e: Evidence) -> str:

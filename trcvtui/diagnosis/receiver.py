@@ -37,6 +37,7 @@ class Receiver(NamedTuple):
     type_name: str = ""
     type: Type | None = None
     rules: LayoutRules | None = None
+    sender: str = ""  # the layout that a sender of the type is likely to have
     marks: tuple[bytes, bytes] = (b"", b"")
     is_serial: bool = False
     room: int = 0  # of DATA; 0: not known

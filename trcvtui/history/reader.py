@@ -8,6 +8,7 @@ from functools import partial
 from operator import attrgetter
 from typing import Final
 
+from trcvtui.history.hits import MOST_BYTES, hit_of
 from trcvtui.history.received import JobHistory, JobStream, ReceivedChunk
 from trcvtui.history.records import (
     END,
@@ -105,7 +106,9 @@ class HistoryReader:
             return None
         if self._seek != seek:
             self._seek, self._answer, self._reached = seek, None, seek.start
-            if not seek.patterns:
+            if seek.job is not None:
+                self._answer = SeekResult(seek.number, stream.job(*seek.job))
+            elif not seek.patterns:
                 self._answer = SeekResult(
                     seek.number, stream.done(seek.start, seek.is_forward, not seek.dropped)
                 )
@@ -129,8 +132,11 @@ class HistoryReader:
             self._reached = stop - size
             is_over = self._reached <= stream.begin
             done, whole = seek.start - self._reached, seek.start - stream.begin
-        if found is not None or is_over:
-            return SeekResult(seek.number, found)
+        if found is not None:
+            few = stream.runs(stream.begin, min(stream.end, stream.begin + MOST_BYTES + 1))
+            return SeekResult(seek.number, found, hit=hit_of(few, seek.patterns, found))
+        if is_over:
+            return SeekResult(seek.number, None)
         return SeekResult(seek.number, None, min(0.99, done / max(1, whole)))
 
 

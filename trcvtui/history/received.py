@@ -66,6 +66,11 @@ class ReceivedChunk(NamedTuple):
         return told.instance if isinstance(told, JobSpan) else str(told[3][0])
 
     @property
+    def number(self) -> int:
+        told = self.told
+        return told.number if isinstance(told, JobSpan) else int(told[3][1])
+
+    @property
     def span(self) -> JobSpan:
         told = self.told
         if isinstance(told, JobSpan):
@@ -135,6 +140,12 @@ class JobStream:
             if steps > _MOST_STEPS:
                 break
         return None
+
+    def job(self, instance: str, number: int) -> int | None:
+        """Return where the newest job, or frame, of that number begins."""
+        jobs = (chunk for chunk in self.newest_first(self.end + 1) if chunk.done)
+        found = (job.position for job in jobs if job.number == number and job.instance == instance)
+        return next(found, None)
 
     def done(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
         """Return where the next job that ended with DONE begins, or the one that began before.

@@ -6,17 +6,22 @@ guess it.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from bisect import bisect_right
+from collections.abc import Sequence
+from operator import attrgetter
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 from msgspec import Struct
 
 from trcvtui.blocks.outcome import Cause
+from trcvtui.plc.ledger import A_HOLE
 
 # -- windows ----------------------------------------------------------------------------------------------
 
 # A stream is one CONNECT's: the bytes of its receive jobs, one after the other, and what was dropped between
 # them. A position counts the bytes of that stream from the start of the bench, whatever is still kept of it.
 
+_STOP: Final = attrgetter("stop")
 MOST_WINDOW: Final = 8192  # bytes in a picture
 MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
 END: Final = -1  # a window that ends with the newest byte
@@ -87,14 +92,42 @@ class MessageSpan(NamedTuple):
         return self.first + self.size >= self.whole
 
 
+class Spanned(Protocol):
+    """Anything that stands over bytes."""
+
+    @property
+    def position(self) -> int: ...
+    @property
+    def stop(self) -> int: ...
+
+
+Span = TypeVar("Span", bound=Spanned)
+
+
+def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
+    first = bisect_right(spans, start, key=_STOP)
+    last = first
+    while last < len(spans) and spans[last].position < stop:
+        last += 1
+    return spans[first:last]
+
+
+def span_at(spans: Sequence[Span], position: int) -> Span | None:
+    return next(iter(spans_within(spans, position, position + 1)), None)
+
+
 class Seek(Struct, frozen=True):
-    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes."""
+    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes.
+
+    `job`: that job, an instance and a number, wherever it lies.
+    """
 
     number: int
     start: int
     is_forward: bool
     patterns: tuple[bytes, ...] = ()
     dropped: bool = False
+    job: tuple[str, int] | None = None
 
 
 class SeekResult(Struct, frozen=True):
@@ -103,6 +136,7 @@ class SeekResult(Struct, frozen=True):
     number: int
     position: int | None
     share: float = 1.0
+    hit: str = ""  # which one of how many, where they were counted
 
 
 class HistoryRequest(Struct, frozen=True):
@@ -151,6 +185,16 @@ class HistoryWindow(Struct, frozen=True):
     @property
     def stop(self) -> int:
         return self.start + len(self.content)
+
+    def cut(self, positions: range) -> bytes:
+        return self.content[positions.start - self.start : positions.stop - self.start]
+
+    def knows(self, positions: range) -> bool:
+        """Return whether every byte of these positions is here with its value."""
+        first, stop = positions.start, positions.stop
+        is_kept = all(job.is_kept for job in spans_within(self.jobs, first, stop))
+        holes = [span for span in spans_within(self.messages, first, stop) if span.peer == A_HOLE]
+        return self.start <= first < stop <= self.stop and is_kept and not holes
 
 
 # -- facts ------------------------------------------------------------------------------------------------

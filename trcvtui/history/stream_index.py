@@ -59,11 +59,13 @@ class StreamBursts:
         self.last: deque[int] = deque(maxlen=KEPT_SIZES)
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
 
-    def note(self, scan: int, t_ns: int, size: int) -> None:
+    def note(self, scan: int, t_ns: int, size: int) -> bool:
+        """Take bytes that arrived; return whether they came after a pause."""
         if self.scan == scan:
             self.size += size
-            return
-        if self.size and scan - self.scan <= PAUSE_SCANS:
+            return False
+        is_after_pause = not self.size or scan - self.scan > PAUSE_SCANS
+        if not is_after_pause:
             self.size += size
         else:
             if self.size:
@@ -71,11 +73,31 @@ class StreamBursts:
                 self.gaps.append(t_ns - self.t_ns)
             self.count, self.size = self.count + 1, size
         self.scan, self.t_ns = scan, t_ns
+        return is_after_pause
 
     @property
     def sizes(self) -> Sizes:
         last = (*self.last, self.size) if self.size else ()
         return Sizes(self.count, last[-KEPT_SIZES:])
+
+
+def bursts_in(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
+    """Return where the bytes between two pauses lie, only those of which beginning and end are known.
+
+    `is_over`: a pause has followed the last of them.
+    """
+    bursts, found, start = StreamBursts(), list[range](), -1  # no beginning is known
+    last: RecvSpan | None = None
+    for recv in recvs:
+        is_after_pause = bursts.note(recv.scan, recv.t_ns, recv.size)
+        goes_on = last is not None and (last.stop, last.offset + last.size) == (recv.position, recv.offset)
+        if recv.offset == 0 or (is_after_pause and goes_on):
+            found += [range(start, last.stop)] if last is not None and start >= 0 else []
+            start = recv.position
+        elif not goes_on:
+            start = -1
+        last = recv
+    return found + ([range(start, last.stop)] if is_over and last is not None and start >= 0 else [])
 
 
 class JobRecord(NamedTuple):

@@ -33,6 +33,8 @@ class Subject:
     declared: DataDecl | None
     edges: tuple[Line, ...]
     title: str = ""  # which bytes these are
+    message: bytes = b""  # under the cursor of the stream
+    from_mark: bytes = b""  # of the stream, from the marked message on to the cursor
 
 
 def subject_of(
@@ -118,6 +120,8 @@ FORMATS: Final = (
     Format("v", "members as CSV", _csv, ".csv"),
     Format("j", "members as JSON", _json, ".json"),
     Format("s", "STATUS history as text", _history),
+    Format("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
+    Format("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
 )
 # What the pane with the focus is about; the menu begins there.
 FIRST_OF_PANE: Final = {"udt": "v", "history": "s", "status": "s"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -491,7 +492,11 @@ class MainScreen(FullScreen[None]):
         past = self.received.job_of_cursor()
         if past is not None and pane != "stream" and past[0] != self._view_model.selected:
             past = None  # pane 6 shows DATA beside a job of another instance
-        return subject_of(self._view_model, of_job, False, past)
+        found = subject_of(self._view_model, of_job, False, past)
+        if pane == "stream":
+            message, from_mark = self.received.copied()
+            found = replace(found, message=message, from_mark=from_mark)
+        return found
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.clipboard_and_files import take

@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import StringType
@@ -71,11 +71,12 @@ class ArraySpec(NamedTuple):
 
 
 class MemberSpec(NamedTuple):
-    """One member of a STRUCT or UNION."""
+    """One member of a STRUCT or UNION; `width` is that of a bit-field of C, which is no member."""
 
     name: str
     spec: Spec
     where: str
+    width: int | None = None
 
 
 class StructSpec(NamedTuple):
@@ -114,6 +115,7 @@ class Declaration(NamedTuple):
     """One declared type; `problems` are mistakes in its own text, `spec` is None when nothing is left.
 
     `notes` are no mistakes: what is to be shown beside the type (optimised access, another name).
+    `is_data`: a data block or variables, which no member can be of.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Declaration(NamedTuple):
     where: str
     problems: tuple[Problem, ...] = ()
     notes: tuple[str, ...] = ()
+    is_data: bool = False
 
 
 class Constant(NamedTuple):
@@ -129,6 +132,16 @@ class Constant(NamedTuple):
     name: str
     number: Number
     where: str = ""
+
+
+class SenderLayout(NamedTuple):
+    """The layout that most senders of a `source` such as TwinCAT have; "": its types are laid out so."""
+
+    layout: str = ""
+    source: str = ""
+
+
+NO_SENDER: Final = SenderLayout()
 
 
 class Declarations(NamedTuple):
@@ -141,3 +154,4 @@ class Declarations(NamedTuple):
     problems: tuple[Problem, ...] = ()
     constants: tuple[Constant, ...] = ()
     layout: str = ""
+    sender: SenderLayout = NO_SENDER

@@ -11,6 +11,7 @@ import sys
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
 LARGEST: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
@@ -40,6 +41,17 @@ def given_messages(given: str) -> list[bytes]:
     if not found:
         raise mistake(where, "no bytes", "a message")
     return found
+
+
+def given_types(name: str) -> Declarations:
+    """Return what a file declares, or the text on stdin for `-`."""
+    from trcvtui.udt.sources import declarations_in, declarations_of
+
+    if name != STDIN:
+        return declarations_in(name)
+    if (data := _read(name)).strip():
+        return declarations_of(data, _where(name))
+    raise mistake(_where(name), "nothing", "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block")
 
 
 def given_values(name: str) -> dict[str, object]:
@@ -99,7 +111,7 @@ def _where(name: str) -> str:
     return "stdin" if name == STDIN else name
 
 
-def _text(name: str) -> str:
+def _read(name: str) -> bytes:
     from trcvtui.files import reason_of
 
     try:
@@ -108,6 +120,11 @@ def _text(name: str) -> str:
         raise mistake(_where(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST:
         raise mistake(_where(name), "more than that", f"at most {LARGEST} bytes")
+    return data
+
+
+def _text(name: str) -> str:
+    data = _read(name)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
@@ -120,6 +137,8 @@ def _content(name: str) -> bytes:
         stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
         if stdin is None:
             raise OSError("nothing, it is closed")
+        if stdin.isatty() and sys.stderr is not None:
+            sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
         return bytes(stdin.read(LARGEST + 1))
     from trcvtui.files import read_bytes
 

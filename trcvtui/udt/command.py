@@ -5,6 +5,7 @@ Rule: what only one of the commands needs is imported by that command; these sit
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from types import SimpleNamespace
@@ -12,12 +13,14 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from trcvtui.errors import Problem, UserError, all_problems, mistake, one_line
-from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
+from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
+from trcvtui.files import is_folder
+from trcvtui.udt.ast import Declarations, SenderLayout
+from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
-from trcvtui.udt.sources import read_file, read_files
+from trcvtui.udt.sources import read_headers_with
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Enumeration, Struct, Type, Union, parts_of
 
@@ -33,7 +36,7 @@ def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list
 
 
 def _empty(type_: Struct | Union | Enumeration) -> Iterator[str]:
-    if not isinstance(type_, Enumeration) and not type_.members and type_.base is None:
+    if not isinstance(type_, Enumeration) and not (type_.members or type_.base or type_.bit_fields):
         word = "UNION" if isinstance(type_, Union) else "STRUCT"
         yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
 
@@ -58,6 +61,33 @@ def _named(type_: Type, seen: set[Type]) -> Iterator[Struct | Union | Enumeratio
 EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 # What a message calls the fields of a choice that have no option's name in it.
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
+
+
+def list_types(args: SimpleNamespace) -> str:
+    """Return the answer of `udt types`: the types of FILE as their source lays them out, or what is wrong."""
+    from trcvtui.udt.report import json_lines
+    from trcvtui.wording import in_columns
+
+    types, own = types_of(args, None)
+    rows: list[dict[str, Any]] = []
+    for name, where in [(each.name, each.where) for file in own for each in file.types]:
+        rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
+        try:
+            layout = lay_out(types.named(name), rules_of(LayoutChoice(), types, name)[0], name)
+            rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
+        except UserError as refused:
+            rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
+    if not rows:
+        types.only(own)  # has the line on that
+    if args.format == "json":
+        return json_lines(rows)
+    table = [("type", "size", "layout", "where, or what is wrong")]
+    for row in rows:
+        where = [*row["problems"], row["where"]][0]
+        table.append(
+            (row["type"], "" if row["size"] is None else str(row["size"]), row["layout"] or "", where)
+        )
+    return "\n".join(in_columns(table, "lrll"))
 
 
 def show(args: SimpleNamespace) -> str:
@@ -87,8 +117,8 @@ def encode(args: SimpleNamespace) -> str:
     return BYTE_FORMS[args.format](content, layout.name)
 
 
-def export(args: SimpleNamespace) -> str:
-    """Return the answer of `udt export`, or the line that says which file has it."""
+def export(args: SimpleNamespace) -> str | None:
+    """Return the answer of `udt export`, None when a file has it."""
     from trcvtui.udt import exports
 
     exports.check(args.to, args.port)  # before the file is read: the arguments come first
@@ -98,7 +128,7 @@ def export(args: SimpleNamespace) -> str:
     from trcvtui.files import write_file
 
     write_file(args.out, text, args.out)
-    return ""
+    return None
 
 
 def compare(args: SimpleNamespace) -> tuple[str, bool]:
@@ -117,9 +147,9 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     from trcvtui.udt.compare.fit import fit as ranked
     from trcvtui.udt.compare.fit import fit_json, fit_text
 
-    ours = layout_of(args)
+    ours, sender = _layout_and_sender(args)
     messages = given_messages(" ".join(args.hex))
-    fits = ranked(ours.type, messages, ours.name, own=ours.rules)
+    fits = ranked(ours.type, messages, ours.name, own=ours.rules, sender=sender.layout)
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
         from trcvtui.udt.report import json_lines
@@ -145,19 +175,26 @@ def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[Layout, Layout]:
 
 def layout_of(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
+    return _layout_and_sender(args)[0]
+
+
+def _layout_and_sender(args: SimpleNamespace) -> tuple[Layout, SenderLayout]:
     choice = choice_of_options(args)
     choice.rules()  # the arguments come first
-    types = types_of(args)
-    name, type_ = named_type(types, args.type, args)
+    types, own = types_of(args, args.type)
+    name, type_ = named_type(types, args.type, own)
     rules, told = rules_of(choice, types, name)
     layout = lay_out(type_, rules, name)
     tell([*told, *notes_of(types, name, type_, rules)])
-    return layout
+    return layout, types.sender(name)
 
 
-def only_layout(path: str) -> Layout:
-    """Return the layout of the only type of a file that no other type holds, as its source lays it out."""
-    types = read_files((path,), {})
+def only_layout(path: str) -> tuple[Layout, SenderLayout]:
+    """Return the layout of the only type of a file that no other type holds, as its source lays it out.
+
+    With it the layout that a sender is likely to have.
+    """
+    types, own = types_of(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()
         for _, type_ in types.types.values()
@@ -165,11 +202,13 @@ def only_layout(path: str) -> Layout:
         for part in _named(top, set())
         if part.name
     }
-    outer = [name for name in types.names() if name.casefold() not in inner]
-    name = outer[0] if len(outer) == 1 and not types.problems else types.only()
+    declared = [each.name for file in own for each in file.types]
+    outer = [name for name in declared if name.casefold() not in inner]
+    is_good = len(outer) == 1 and all(name.casefold() in types.types for name in declared)
+    name = outer[0] if is_good else types.only(own)
     rules, told = rules_of(LayoutChoice(), types, name)
     tell(told)
-    return lay_out(types.named(name, path), rules, name)
+    return lay_out(types.named(name, path), rules, name), types.sender(name)
 
 
 def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
@@ -187,10 +226,14 @@ def _option(field: str, text: str | None) -> Any:
 
 def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
     """Return the rules for a type, and a note where its source decided on the layout."""
-    own = types.layout(name)
-    if choice.layout is not None or not own:
+    own, sender = types.layout(name), types.sender(name)
+    if choice.layout is not None or not sender.layout:
         return choice.rules(), []
-    return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+    if own:
+        return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+    shown = choice.rules()
+    text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
+    return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
 
 def tell(notes: Iterable[str]) -> None:
@@ -200,31 +243,42 @@ def tell(notes: Iterable[str]) -> None:
             sys.stderr.write(f"note: {one_line(note)}\n")
 
 
-def types_of(args: SimpleNamespace) -> TypeSet:
-    """Return the types of FILE and of every `--with`."""
-    return read_files((args.file, *args.others), constants_of(args.constant))
+def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:
+    """Return the types of FILE and of every `--with`, and what FILE declares.
+
+    What the named ones lack (None: those of FILE) comes from folders among these, then from beside FILE.
+    """
+    from trcvtui.udt.sources.type_folder import TypeFolder, find_types
+
+    paths = [args.file, *args.others]
+    read_headers_with(paths, getattr(args, "long_size", None))
+    if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
+        raise mistake(STDIN, "stdin more than once", "one on stdin, the others in files")
+    folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
+    files: dict[str, list[Declarations]] = {}
+    with all_problems() as problems:
+        for path in paths:
+            with noting(problems):
+                files[path] = [] if is_folder(path) else [given_types(path)]
+    own = files[args.file]
+    if not own and None in names:
+        own += folders[0].all()
+    elif own and args.file != STDIN:
+        folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
+    wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
+    given = [file for each in files.values() for file in each]
+    types, told = find_types(given, folders, wanted, ", ".join(paths), constants_of(args.constant))
+    tell(told)
+    return types, own
 
 
-def named_type(types: TypeSet, name: str | None, args: SimpleNamespace) -> tuple[str, Type]:
+def named_type(types: TypeSet, name: str | None, own: Sequence[Declarations]) -> tuple[str, Type]:
     """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
     try:
-        if name is None:
-            name = only_type(types, args)
+        name = types.only(own) if name is None else name
         return name, types.named(name, "--type")
     except UserError as refused:
         raise UserError([asked_for(problem) for problem in refused.problems]) from None
-
-
-def only_type(types: TypeSet, args: SimpleNamespace) -> str:
-    """Return the name of the only type of FILE, whatever the other files declare."""
-    if not args.others:
-        return types.only()
-    own = read_file(args.file)
-    return own.names()[0] if len(own.types) == 1 and not own.broken else _only_broken(own) or own.only()
-
-
-def _only_broken(own: TypeSet) -> str | None:
-    return next(iter(own.broken)) if len(own.broken) == 1 and not own.types else None
 
 
 def asked_for(problem: Problem) -> Problem:
@@ -245,14 +299,15 @@ def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
     choices = [choice_of_options(side) for side in sides]
     for choice in choices:
         choice.rules()
-    types = types_of(args)
+    types, own = types_of(args, *[side.type for side in sides])
     layouts: list[Layout] = []
     notes: dict[str, None] = {}
     for side, choice in zip(sides, choices, strict=True):
-        name, type_ = named_type(types, side.type, args)
+        name, type_ = named_type(types, side.type, own)
         rules, told = rules_of(choice, types, name)
         layouts.append(lay_out(type_, rules, name))
-        notes |= dict.fromkeys(told)
+        if types.layout(name) or not any(one.layout for one in choices):
+            notes |= dict.fromkeys(told)
     tell(notes)
     return layouts[0], layouts[1]
 

@@ -23,7 +23,8 @@ LARGEST = 1 << 64
 
 _NAME = rf'(?:{NAME}|"[^"]*"|`[^`]*`)'
 _TOKEN = (
-    rf"\s*(?:({_NAME}(?:\.{_NAME})*(?:\#(?:\d\w*(?:\#\w+)?|{_NAME}(?:\.{_NAME})*))?)|(\d\w*(?:\#\w+)?)|(.))"
+    rf"\s*(?:(\.?{_NAME}(?:\.{_NAME})*(?:\#(?:\d\w*(?:\#\w+)?|{_NAME}(?:\.{_NAME})*))?)"
+    r"|(\d\w*(?:\#\w+)?)|(.))"
 )
 
 
@@ -45,8 +46,8 @@ def evaluate(number: Number, look_up: LookUp) -> int | None:
 
 
 def plain_name(name: str) -> str:
-    """Return the name of a constant as it is looked up: `"MAX"` is MAX, `Limits#UPPER` is Limits.UPPER."""
-    return re.sub('["`]', "", name).replace("#", ".")
+    """Return how a constant is looked up: MAX of `"MAX"` and `.MAX`, Limits.UPPER of `Limits#UPPER`."""
+    return re.sub('["`]', "", name).replace("#", ".").removeprefix(".")
 
 
 class _Evaluation:
@@ -101,7 +102,7 @@ class _Evaluation:
         token = self.tokens[self.at]
         plain = parse_integer(token)
         prefix = token.partition("#")[0].upper()
-        if plain is None and (not re.match(_NAME, token) or ("#" in token and prefix in ELEMENTARY)):
+        if plain is None and (not re.match(rf"\.?{_NAME}", token) or ("#" in token and prefix in ELEMENTARY)):
             raise self.refusal("a whole number or a constant")
         self.at += 1
         return self.look_up(plain_name(token)) if plain is None else plain

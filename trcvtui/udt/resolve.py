@@ -16,6 +16,7 @@ from trcvtui.udt.types import (
     VENDOR_NAMES,
     WHOLE,
     Array,
+    BitField,
     Elementary,
     Enumeration,
     Member,
@@ -194,7 +195,11 @@ class Resolver:
         base, deepest = self.build_base(spec, user)
         firsts = dict.fromkeys((member.name.casefold() for member in all_members(base)), "")
         members: list[Member] = []
+        bits: list[BitField] = []
         for member in spec.members:
+            if member.width is not None:
+                bits += self.build_bits(member, member.width, len(members), user)
+                continue
             first = firsts.setdefault(member.name.casefold(), member.where)
             if first is not member.where:
                 expected = f"a new name; the first is at {first}" if first else "a name that its base has not"
@@ -203,13 +208,21 @@ class Resolver:
             deepest = max(deepest, depth)
             if type_ is not None:
                 members.append(Member(member.name, type_))
-        if len(members) < len(spec.members) or (spec.base is not None and base is None):
+        if len(members) + len(bits) < len(spec.members) or (spec.base is not None and base is None):
             return None, deepest + 1
         if spec.is_union:
             assert not isinstance(base, Struct)
-            return Union(name, tuple(members), base, spec.pack), deepest + 1
+            return Union(name, tuple(members), base, spec.pack, tuple(bits)), deepest + 1
         assert not isinstance(base, Union)
-        return Struct(name, tuple(members), base, spec.pack), deepest + 1
+        return Struct(name, tuple(members), base, spec.pack, tuple(bits)), deepest + 1
+
+    def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
+        base = self.build(member.spec, "", user)[0]
+        row = base.base if isinstance(base, Enumeration) else base
+        if isinstance(row, Elementary) and width <= 8 * row.size:
+            yield BitField(at, row.size, width, bool(member.name))
+        elif row is not None:
+            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type that has them"))
 
     def build_base(self, spec: ast.StructSpec, user: str) -> tuple[Struct | Union | None, int]:
         if spec.base is None:
@@ -252,6 +265,9 @@ class Resolver:
         # A vendor's own name may be declared in a file of another vendor: then that is meant.
         if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
             return row, 0
+        if key in self.declared and self.declared[key].is_data:
+            self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
+            return None, 0
         if key in self.types:
             type_ = self.types[key]
             if not isinstance(type_, Struct | Union | Enumeration):  # no name of its own in the user's type

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from trcvtui.errors import mistake
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.types import (
@@ -125,7 +126,8 @@ class _Renaming:
         if is_same and base is type_.base and name == type_.name:
             return type_
         made = Struct if isinstance(type_, Struct) else Union
-        return made(name, members, base, type_.pack)  # type: ignore[arg-type]  # a base is of its own kind
+        # A base is of its own kind.
+        return made(name, members, base, type_.pack, type_.bit_fields)  # type: ignore[arg-type]
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
         taken = NameScope(st_word, str.casefold)
@@ -279,6 +281,8 @@ def named_types(type_: Type) -> list[Type]:
         seen.add(id(one))
         for part in parts_of(one):
             below(part)
+        if isinstance(one, Struct | Union) and one.bit_fields:
+            raise mistake(one.name or "STRUCT", "bit-fields of C", "a type without: ST and SCL have none")
         if isinstance(one, Struct | Union | Enumeration) and one.name:
             found[id(one)] = one
 

@@ -6,11 +6,11 @@ Rule: a bad type never hides a good one. Duplicates, recursion and unknown types
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import Declarations, Spec
+from trcvtui.udt.ast import NO_SENDER, Declarations, SenderLayout, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.types import Type
@@ -20,7 +20,7 @@ from trcvtui.udt.types import Type
 class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `twice` by casefolded name.
 
-    `layouts` are those that the sources of types stand for (TIA: s7-standard), by casefolded name, too.
+    `senders` are the layouts that the sources of types tell, by casefolded name, too.
     `problems` are those of all files in order. `unknown_constants` are the names to ask for, `twice` the
     places of a type that is declared more than once, `notes` what is to be shown beside a type.
     """
@@ -32,7 +32,7 @@ class TypeSet:
     unknown_constants: tuple[str, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     twice: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    layouts: Mapping[str, str] = field(default_factory=dict)
+    senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
 
     def names(self) -> list[str]:
@@ -51,16 +51,25 @@ class TypeSet:
 
     def layout(self, name: str) -> str:
         """Return the layout that the source of a type stands for, "" for none."""
-        return next((self.layouts.get(key, "") for key in _keys(name) if key in self.types), "")
+        return "" if self.sender(name).source else self.sender(name).layout
 
-    def only(self) -> str:
-        """Return the name of the only type; raise UserError when there are none, several or bad ones."""
-        if self.problems:
-            raise UserError(self.problems)
-        if len(self.types) == 1:
-            return self.names()[0]
-        found = f"{len(self.types)} types: {', '.join(self.names()[:8])}" if self.types else "no type"
-        raise mistake(self.where, found, "one type, or its name" if self.types else "TYPE ... END_TYPE")
+    def sender(self, name: str) -> SenderLayout:
+        """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
+        known = (key for key in _keys(name) if key in self.types)
+        return self.senders.get(next(known, ""), NO_SENDER)
+
+    def only(self, files: Sequence[Declarations]) -> str:
+        """Return the name of the only type of these files; raise UserError for none, several or bad ones."""
+        names = list({each.name.casefold(): each.name for file in files for each in file.types}.values())
+        bad = {problem for file in files for problem in file.problems}
+        if len(names) > 1:
+            bad |= {problem for name in names for problem in self.broken.get(name.casefold(), ())}
+        if bad:
+            raise UserError(problem for problem in self.problems if problem in bad)
+        if len(names) == 1:
+            return names[0]
+        found = f"{len(names)} types: {', '.join(names[:8])}" if names else "no type"
+        raise mistake(self.where, found, "one type, or its name" if names else "TYPE ... END_TYPE")
 
 
 def _keys(name: str) -> tuple[str, str]:
@@ -92,6 +101,12 @@ def join(
     found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
+    senders = {
+        key: SenderLayout(file.layout) if file.layout else file.sender
+        for file in files
+        for declared in file.types
+        if resolver.declared[key := declared.name.casefold()] is declared
+    }
     problems = tuple(_once_each(sorted(found, key=_reading_order)))
     return TypeSet(
         where,
@@ -107,12 +122,7 @@ def join(
             if (notes := (*declared.notes, *resolver.notes.get(key, ())))
         },
         twice={key: tuple(places) for key, places in resolver.places.items() if len(places) > 1},
-        layouts={
-            key: file.layout
-            for file in files
-            for declared in (file.types if file.layout else ())
-            if resolver.declared[key := declared.name.casefold()] is declared
-        },
+        senders=senders,
         constants=known,
     )
 

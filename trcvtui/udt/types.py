@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 MS = 1_000_000
 SECOND = 1_000 * MS
@@ -167,6 +167,15 @@ class Member:
     type: Type = field(repr=False)
 
 
+class BitField(NamedTuple):
+    """Bits of C before the member number `at`: no member, only room; their type has `size` bytes."""
+
+    at: int
+    size: int
+    width: int
+    is_named: bool
+
+
 # eq=False: two UDTs are the same type when they are the same declaration, as in IEC 61131-3; and
 # comparing by value would walk a shared type once for each way that leads to it.
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,6 +190,7 @@ class Struct:
     members: tuple[Member, ...]
     base: Struct | None = None
     pack: int | None = None
+    bit_fields: tuple[BitField, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,6 +201,7 @@ class Union:
     members: tuple[Member, ...]
     base: Union | None = None
     pack: int | None = None
+    bit_fields: tuple[BitField, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from trcvtui.tui.lab.collapsible_tree import FoldTree
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
-from trcvtui.udt.sources import read_file
+from trcvtui.udt.sources import read_files
 
 SOURCE = """
 TYPE Point : STRUCT a : BYTE; b : LREAL; c : BYTE; END_STRUCT END_TYPE
@@ -34,7 +34,7 @@ END_TYPE
 def sides(tmp_path_factory: pytest.TempPathFactory) -> tuple[Layout, Layout]:
     path = Path(tmp_path_factory.mktemp("types")) / "all.st"
     path.write_text(SOURCE, encoding="utf-8")
-    type_ = read_file(path).named("Everything")
+    type_ = read_files([path]).named("Everything")
     ours, theirs = (lay_out(type_, rules_for(name), "Everything") for name in ("baosky", "s7-standard"))
     return ours, theirs
 

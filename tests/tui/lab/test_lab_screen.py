@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
+import pytest
+
 from tests.scenario.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
 from tests.tui.stage import Stage, on_stage
+from trcvtui.plc.ledger import PeerSent
 from trcvtui.project.file import load_project
 from trcvtui.tui.lab.lab import DATA, LabBytes
 from trcvtui.tui.lab.screen import LabScreen
@@ -261,8 +265,9 @@ async def test_a_file_of_any_format_is_opened_by_a_line_of_the_bench(tmp_path: P
         await stage.press()
         await stage.press()
         assert "Report of device.scl" in stage.text
+        assert "s7-standard · e big" in stage.row("p theirs"), "its source tells the sender's layout"
         await stage.say("udt project")
-        assert "Telegram of types.st" in stage.text
+        assert "Telegram of types.st" in stage.text and "natural8" in stage.row("p theirs")
 
 
 async def test_everything_is_in_the_palette(tmp_path: Path) -> None:
@@ -344,3 +349,40 @@ def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> No
     chosen = looked_at(bytes(8), b"\1", 0)
     chosen.is_chosen = True
     assert (chosen.begin(), chosen.source) == ("", DATA)
+
+
+# -- a partner outside the bench -----------------------------------------------------------------------
+
+EACH = "peer P1 send hex 01{} repeat=20".format("42" * 34)
+
+
+@pytest.mark.parametrize(
+    ("line", "judged"),
+    [
+        (f"{EACH} every=T#200ms", r"By 8 messages by pauses: .* 35 bytes came"),
+        (
+            f"{EACH} every=T#10ms",
+            r"By DATA rx, 40 B \(bytes came without a pause: .*not known\): (?!.*came,)",
+        ),
+        (
+            f"{EACH} every=T#300ms split=20 gap=T#100ms",
+            r"\(pieces of 15 to 20 B came: .*\): (?!.*bytes came)",
+        ),
+    ],
+    ids=["with pauses", "a plain stream", "in pieces"],
+)
+async def test_messages_of_a_stranger_are_known_by_pauses_alone(
+    tmp_path: Path, line: str, judged: str
+) -> None:
+    path = project(
+        tmp_path, "TYPE Telegram : STRUCT kind : BYTE; rest : ARRAY[0..8] OF REAL; END_STRUCT END_TYPE"
+    )
+    passive = PROJECT.replace('"C1"\n\n', '"C1"\nLocalAddress = "127.0.0.1"\nLocalPort = 2000\n\n')
+    path.write_text(passive + '\n[[peer]]\nname = "P1"\nremote = "@C1"\n', encoding="utf-8")
+    async with lab(path) as stage:
+        del stage.driver.console._received.index.listeners[PeerSent]  # what a partner outside does not tell
+        await stage.do("set TRCV_C_1 CONT=1 EN_R=1", scans=10)
+        await stage.do("peer P1 connect", scans=10)
+        await stage.do(line, scans=400)
+        await stage.press("f")
+        assert re.search(judged, stage.words), stage.text

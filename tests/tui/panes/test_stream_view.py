@@ -7,6 +7,7 @@ import random
 import pytest
 
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
+from trcvtui.plc.ledger import PeerSent
 from trcvtui.tui.widgets.typed_lines import FindInput
 
 WIDE, SMALL, LARGE, MIDDLE = (140, 45), (80, 24), (200, 60), (120, 40)
@@ -222,3 +223,65 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
         await press(looker, "pagedown", "pagedown", "G")
         assert view.cursor == view.window.end - 1
         assert len(view.window.content) < 4096, "only what is in view crosses the pipe"
+
+
+# -- messages of a partner outside -----------------------------------------------------------------------
+
+MESSAGES = [bytes([1, 2, 200, 254, number, *b"[red]\x1b[1m", *range(6)]) for number in range(3)]
+
+
+async def from_outside(looker: BenchLooker) -> None:
+    """Let three messages of 20 bytes come with pauses into DATA of 24, then a part of one more."""
+    del looker.bench.console._received.index.listeners[PeerSent]  # what a partner outside does not tell
+    looker.connect()
+    for content in (*MESSAGES, bytes(20)):
+        looker.bench.do(f"peer P1 send hex {content.hex()}")
+        looker.bench.scan(9)
+    await looker.press("5", "H")
+    await press(looker, "g")
+
+
+async def test_rows_begin_with_the_messages_that_pauses_part() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await from_outside(looker)
+        rows = [row for row in looker.pane("stream").splitlines() if "01 02 c8 fe" in row]
+        assert [row[:5] for row in rows] == ["00000", "00014"]
+        assert "[red]•[1m" in rows[0], "bytes are no markup"
+
+
+async def test_a_byte_is_told_as_numbers_in_both_byte_orders() -> None:
+    async with on_a_bench((120, 40)) as looker:
+        await from_outside(looker)
+        await press(looker, "right", "right")
+        assert "u8 200 i8 -56 u16 65224|51454 i16 -312|-14082" in " ".join(looker.text.split())
+        await press(looker, "H", "g")
+        assert "u8 100 u16 " in looker.words("origin-line"), "in DATA, too"
+
+
+async def test_messages_are_compared_with_a_marked_one_and_copied() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await from_outside(looker)
+        stream, received = looker.app.main.received.stream, looker.app.main.received
+        await press(looker, "m", "down", "down", "d")
+        assert looker.words("origin-line").startswith("≠ 1 of 20 bytes: 16#01 = 1 · TRCV_C_1 job 1 byte 20")
+        assert (stream._before[24], stream._byte(24), "mark 00" in looker.words("stream")) == (0, 1, True)
+        assert received.copied() == (MESSAGES[1], MESSAGES[0] + b"\x01")
+        await press(looker, "g", "m")
+        assert stream.marked is None and received.copied() == (MESSAGES[0], b"")
+
+
+async def test_a_search_tells_which_hit_of_how_many_and_places_have_numbers() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await from_outside(looker)
+        stream = looker.app.main.received.stream
+        await press(looker, "slash", *"c8 fe".replace(" ", ""), "enter", "n")
+        assert (stream.cursor, "hit 2 of 3 · " in looker.words("origin-line")) == (22, True)
+        for typed, place in (("#3", 48), ("@45", 45), ("@16#1F", 31)):
+            await press(looker, "slash")
+            await looker.type(typed)
+            await press(looker, "enter")
+            assert stream.cursor == place
+        await press(looker, "slash")
+        await looker.type("@720")
+        await press(looker, "enter")
+        assert "offset 720 = 16#2D0 is not here: bytes 0 to 71 are" in looker.words("origin-line")

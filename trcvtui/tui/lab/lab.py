@@ -9,8 +9,9 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
+from trcvtui.diagnosis.stream_messages import StreamMessage
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import plain
@@ -115,13 +116,6 @@ ABOUT: Final = {
 }
 
 
-class NamedBytes(NamedTuple):
-    """Bytes of the stream, and what the screen calls them."""
-
-    name: str
-    content: bytes
-
-
 class LabBytes:
     """Which bytes are looked at; `back` counts the messages from the newest one."""
 
@@ -154,16 +148,18 @@ class LabBytes:
         instance = self._view_model.instance
         if instance is None:
             return None
-        window, job = self._window(), None
+        window, job = self.window(), None
         if window is not None and self.source == LAST:
             mine = [span for span in window.jobs if span.instance == instance.name and span.done]
             self._last = mine[-1] if mine else self._last
             job = self._last.position if self._last is not None else None
         return HistoryRequest(instance.connect, END, MOST_WINDOW, job_at=job)
 
-    def _window(self) -> HistoryWindow | None:
+    def window(self) -> HistoryWindow | None:
         window, instance = self._view_model.past, self._view_model.instance
-        return window if window is not None and instance and window.connect == instance.connect else None
+        if window is None or not instance or window.connect != instance.connect:
+            return None
+        return window if window.content or window.begin == window.end else None  # else of DATA alone
 
     # -- what is there ------------------------------------------------------------------------------
 
@@ -175,10 +171,11 @@ class LabBytes:
             case "job":
                 return self._view_model.partial
             case "last":
-                window = self._window()
+                window = self.window()
                 return window.job[1] if window is not None and window.job is not None else b""
             case "message":
-                return self._message().content
+                found = self._message()
+                return found.content if found else b""
             case _:
                 return self.typed
 
@@ -195,61 +192,57 @@ class LabBytes:
                 number = f" {self._last.number}" if self._last is not None else ""
                 return f"last job{number}, {size}" if self.content else "no job has ended yet"
             case "message":
-                return f"{self._message().name}, {size}" if self.messages() else "no message yet"
+                found = self._message()
+                return f"{plain(found.name)}, {size}" if found else f"no message{self._doubt() or ' yet'}"
             case _:
                 return f"typed hex, {size}"
 
     def _has_messages(self) -> bool:
         return self.source not in (LAST, HEX) and bool(self.messages())
 
-    def _message(self) -> NamedBytes:
+    def _message(self) -> StreamMessage | None:
         messages = self.messages()
         self.back = max(0, min(self.back, len(messages) - 1))
-        return messages[-1 - self.back] if messages else NamedBytes("", b"")
+        return messages[-1 - self.back] if messages else None
 
-    def messages(self) -> list[NamedBytes]:
-        """Return the whole messages of the stream, oldest first; of a stranger what each recv brought."""
-        window = self._window()
-        if window is None:
-            return []
-        found = [
-            NamedBytes(f"{plain(span.peer)} message {span.number}", _cut(window, span.position, span.stop))
-            for span in window.messages
-            if span.begins and span.ends and span.position >= window.start and span.stop <= window.stop
-        ]
-        return found or [
-            NamedBytes(f"recv {span.number}", _cut(window, span.position, span.stop))
-            for span in window.recvs
-            if span.position >= window.start and span.stop <= window.stop
-        ]
+    def messages(self) -> list[StreamMessage]:
+        """Return the whole messages of the stream, oldest first."""
+        return [] if self.window() is None else self._view_model.messages
+
+    def _doubt(self) -> str:
+        """Return why it is not known where messages end, "" where it is: pauses part one size alone."""
+        window, messages = self.window(), self.messages()
+        sizes = [len(message.content) for message in messages if message.by_pauses]
+        is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
+        if is_known or self.source == HEX or window is None or not window.recvs:
+            return ""
+        cause = f"pieces of {min(sizes)} to {max(sizes)} B came" if sizes else "bytes came without a pause"
+        return f" ({cause}: where a message ends is not known)"
 
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return what profiles are judged by, and whether its lengths are the sender's.
 
         Where DATA or a job is shown the messages that they were made from say more.
         """
-        if self._has_messages():
-            return [piece.content for piece in self.messages()[-MOST_MESSAGES:]], True
-        instance = self._view_model.instance
-        is_sent = self.source == HEX or (self.source == LAST and instance is not None and instance.adhoc)
+        known = [] if self._doubt() else [message.content for message in self.messages()]
+        if known and self._has_messages():
+            return known[-MOST_MESSAGES:], True
         content = self.content
-        return [content] if content else [], is_sent
+        return [content] if content else [], self.source == HEX or content in known
 
     @property
     def evidence_name(self) -> str:
-        if not self._has_messages():
-            return self.name
-        return count(min(MOST_MESSAGES, len(self.messages())), "message")
+        doubt, messages = self._doubt(), self.messages()
+        if doubt or not self._has_messages():
+            return self.name + doubt * (self.source != MESSAGE or bool(messages))
+        by_pauses = " by pauses" * messages[-1].by_pauses
+        return count(min(MOST_MESSAGES, len(messages)), "message") + by_pauses
 
     # -- choosing -----------------------------------------------------------------------------------
 
     def step(self, messages: int) -> None:
         self.source, self.is_chosen = MESSAGE, True
         self.back = max(0, min(self.back - messages, max(0, len(self.messages()) - 1)))
-
-
-def _cut(window: HistoryWindow, start: int, stop: int) -> bytes:
-    return window.content[start - window.start : stop - window.start]
 
 
 OURS, THEIRS = "ours", "theirs"
@@ -268,12 +261,13 @@ class Lab:
         self._own = self._project_files()
         self._project = view_model.project
         ours = profile_of(view_model.project.layout)
-        guess = FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS
-        self.profiles = {OURS: ours, THEIRS: ours._replace(layout=guess)}
+        self.profiles = {OURS: ours, THEIRS: ours}
+        self._is_guess = True  # theirs: until another is chosen
         self.news = ""  # what has happened to the files
         self.fits: tuple[Fit, ...] = ()
         self._said_first = ""  # when the lab was opened
         self.fitted = ""  # by what
+        self._is_early = False
         self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
         self.revision = 0  # counts what changes rows
         self.type_name = ""
@@ -318,7 +312,16 @@ class Lab:
         names = self.type_names()
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._type(name) if name else None
+        if self._is_guess:
+            self.profiles[THEIRS] = self._guess()
         self._forget()
+
+    def _guess(self) -> Profile:
+        """Return what a sender is likely to have: what the type's source tells, else what compilers do."""
+        ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
+        if sender not in ("", ours.layout):
+            return profile_of(LAYOUTS[sender])
+        return ours._replace(layout=FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS)
 
     def _type(self, name: str) -> Type:
         declared = self._view_model.declaration
@@ -372,7 +375,9 @@ class Lab:
         self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
 
     def follow(self) -> None:
-        """Take over another project: a fresh bench, an addition, another instance."""
+        """Judge again once messages have come; take over another project: a fresh bench, an addition."""
+        if self._is_early and self.bytes.window() is not None:
+            self.judge()
         project = self._view_model.project
         if project is self._project:
             return
@@ -430,6 +435,7 @@ class Lab:
             return
         kept, fits = self.fitted, self.fits
         self.profiles[side] = profile
+        self._is_guess = self._is_guess and side == OURS
         self._forget()
         self.fits, self.fitted, self.news = fits, kept, ""
 
@@ -474,8 +480,10 @@ class Lab:
     def judge(self) -> None:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
+        self._is_early = self.bytes.window() is None  # the messages are still on their way
         if self.type is not None and messages:
-            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=self.rules(OURS))
+            own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
+            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
 
     @property
     def judgement(self) -> str:

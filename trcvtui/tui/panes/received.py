@@ -13,6 +13,7 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
+from trcvtui.history.hits import hit_of
 from trcvtui.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
@@ -22,9 +23,10 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.byte_values import numbers_at
 from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
-from trcvtui.tui.widgets.typed_lines import FindLine
+from trcvtui.tui.widgets.typed_lines import FindLine, Goal
 from trcvtui.wording import stamp
 
 BAR: Final = 12
@@ -98,16 +100,17 @@ class JobLine(OneLine):
 
 
 class OriginLine(LineView, can_focus=False):
-    """Below the stream: where the selected byte came from, or what has become of a search."""
+    """Below the stream: where the selected byte came from, or a search; below DATA: the byte as numbers."""
 
     DEFAULT_CSS = "OriginLine { height: 1; display: none; }"
 
     def __init__(self) -> None:
         super().__init__(id="origin-line")
         self.text = ""
+        self._may_break = True
 
     def row_count(self) -> int:
-        return 1 if self.line_width >= ROOMY else 2
+        return 1 if self.line_width >= ROOMY or not self._may_break else 2
 
     def row_at(self, y: int) -> Row:
         texts = wrapped(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
@@ -117,9 +120,9 @@ class OriginLine(LineView, can_focus=False):
         self.styles.height = self.row_count()
         self.show()
 
-    def say(self, text: str) -> None:
-        self.text = text
-        self.show()
+    def say(self, text: str, may_break: bool) -> None:
+        self.text, self._may_break, self.display = text, may_break, bool(text) or may_break
+        self.on_resize()
 
 
 Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
@@ -177,9 +180,11 @@ def field_at(project: Project, instance: str, byte: int) -> str:
 
 
 MOST_JOB_ROWS: Final = 4
+LEAST_ROWS: Final = 6  # with fewer there is no line of numbers below DATA
 PAST: Final = "-past"
 NEXT_HIT: Final = (("n N", "next hit, hit before"),)
 MOST: Final = 1 << 62  # after every position
+NO_MESSAGE: Final = "nothing to mark: H, then choose a byte of a message"
 NO_DROP: Final = "no bytes were thrown away before this place"
 NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
 
@@ -194,7 +199,7 @@ class Received(Vertical):
     Received #job { height: 1; display: none; }
     Received #stream { height: 1fr; display: none; }
     Received.-past #data, Received.-past #job-line, Received.-past #job { display: none; }
-    Received.-past #stream, Received.-past #origin-line { display: block; }
+    Received.-past #stream { display: block; }
     """
     BINDINGS: ClassVar = [
         Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
@@ -204,6 +209,7 @@ class Received(Vertical):
         Binding("left_square_bracket", "done(False)", "the DONE before", show=False),
         Binding("right_square_bracket", "done(True)", "the next DONE", show=False),
         Binding("d", "before", "diff against the job before", show=False),
+        Binding("m", "mark_message", "mark the message: d compares with it, y copies from it on", show=False),
         Binding("u", "rulers", "rulers of the stream: all, fewer, none", show=False),
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
@@ -221,6 +227,7 @@ class Received(Vertical):
         self._find = FindLine(lambda: self._go_on(True, again=False), self._back_to_bytes)
         self._is_searched = False  # n and N are those of the search
         self._nowhere = ""
+        self._hit = -1, ""  # where the search has come to, and which hit of how many that is
         self._seeks_drop = False
         self._known = ("", 0)  # CONNECT and bench of the stream
         self._title = ""
@@ -286,11 +293,15 @@ class Received(Vertical):
             and not self._view_model.has_bytes
         ):
             self._say_below(NOT_KEPT)
+            self._origin_line.say("", may_break=False)
             return
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
-        self._say_below(self._nowhere or text)
+        has_room = byte is not None and self.size.height >= LEAST_ROWS
+        numbers = numbers_at(view.known_from(byte or 0), self.size.width - 2) if has_room else ""
+        self._origin_line.say(numbers, may_break=False)
+        self._say_below(self._nowhere or self._with_hit(byte, text))
 
     def _say_below(self, text: str) -> None:
         if text != self._subtitle:
@@ -325,7 +336,9 @@ class Received(Vertical):
         if window is not None and window.connect == instance.connect:
             self.data.show_before(window.data)
             found = self.stream.take(window)
+            self.stream.cut_rows([each.positions for each in self._view_model.messages])
             if found is not None:
+                self._hit = found, window.sought.hit if window.sought is not None else ""
                 self.stream.go_to(found)
                 self.post_message(PastSelected())
             if window.job is not None and window.job != self.past_job:
@@ -347,9 +360,13 @@ class Received(Vertical):
         return None if job is None or known else job.position
 
     def _show_past(self) -> None:
+        self.stream.compare(self.stream.marked, self.message_here())
         self.stream.show()
-        self._say_below("")
-        self._origin_line.say(self._search_text() or self._nowhere or self._past_origin())
+        text = self._search_text() or self._nowhere or self._past_origin()
+        place = self.stream.cursor
+        numbers = "" if place is None else numbers_at(self.stream.known_from(place), self.size.width - 4)
+        self._say_below(numbers)
+        self._origin_line.say(text, may_break=True)
 
     def _search_text(self) -> str:
         window = self._view_model.past
@@ -358,7 +375,7 @@ class Received(Vertical):
             if self._seeks_drop and sought is not None:
                 self._seeks_drop = False
                 self._nowhere = NO_DROP if sought.position is None else ""
-            wanted = self._find.wanted if self.stream.patterns else None
+            wanted = self._find.wanted
             if sought is not None and sought.position is None and wanted is not None:
                 self._nowhere = f"{wanted.about}: not found there"
             return ""
@@ -368,8 +385,36 @@ class Received(Vertical):
     def _past_origin(self) -> str:
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
-        values = self.stream.value(), self.stream.before_value()
-        return origin_words(self.stream.cursor, values, self.stream.labels(), self._view_model.project)
+        values = self.stream.value(), None if self.stream.marked else self.stream.before_value()
+        origin = origin_words(self.stream.cursor, values, self.stream.labels(), self._view_model.project)
+        return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
+
+    def _with_hit(self, place: int | None, text: str) -> str:
+        hit = self._hit[1] if self._is_searched and place == self._hit[0] else ""
+        return " · ".join(filter(None, (hit, text)))
+
+    def message_here(self) -> range:
+        """Return the message under the cursor, its job where no message is known; empty: not all is here."""
+        place, job = self.stream.cursor, self.job_here()
+        of_job = range(job.position, job.stop) if job is not None else range(0)
+        found = [each.positions for each in self._view_model.messages if place in each.positions]
+        return found[0] if found else of_job if self.stream.window.knows(of_job) else range(0)
+
+    def copied(self) -> tuple[bytes, bytes]:
+        """Return the message under the cursor, and what stands from the marked one to the cursor or back."""
+        window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
+        between = range(0)
+        if mark is not None and place is not None:
+            between = range(min(mark[0].start, place), max(place + 1, mark[0].stop * (place < mark[0].start)))
+        return window.cut(self.message_here()), window.cut(between) if window.knows(between) else b""
+
+    def action_mark_message(self) -> None:
+        """Compare others with the message under the cursor, until it is marked again."""
+        here, stream = self.message_here() if self.is_past else range(0), self.stream
+        is_marked = stream.marked is not None and stream.marked[0] == here
+        stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
+        self._nowhere = "" if here else NO_MESSAGE
+        self.show()
 
     def job_here(self) -> JobSpan | None:
         """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
@@ -491,6 +536,9 @@ class Received(Vertical):
         if wanted is None:  # nothing was typed, or what cannot be looked for
             self.run_worker(self.action_find())
             return
+        if isinstance(wanted, Goal):
+            self._go_to_goal(wanted)
+            return
         self._let_search(True)  # by name, from the palette
         self._nowhere, patterns = "", wanted.patterns
         self._mark(patterns)
@@ -498,8 +546,28 @@ class Received(Vertical):
             here = stream.cursor if stream.cursor is not None else stream.window.begin
             after = is_forward and again and stream.cursor is not None
             stream.look_for(here + after, is_forward, patterns)
-        elif not self.data.find(patterns, is_forward, again):
+        elif self.data.find(patterns, is_forward, again):
+            place = self.data.cursor or 0
+            self._hit = place, hit_of([(0, self.data.content)], patterns, place)
+        else:
             self._nowhere = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
+        self.show()
+
+    def _go_to_goal(self, goal: Goal) -> None:
+        """Go to an offset of what is shown, or to a job of the stream."""
+        self._nowhere = ""
+        if goal.is_job:
+            if not self.is_past:
+                self.action_past()
+            self.stream.look_for(MOST, False, job=(self._view_model.selected, goal.number))
+        else:
+            view = self.stream if self.is_past else self.data
+            kept = self.stream.window
+            first, stop = (kept.begin, kept.end) if self.is_past else (0, self.data.need)
+            if first <= goal.number < stop:
+                view.select(goal.number)
+            else:
+                self._nowhere = f"{goal.about} is not here: bytes {first} to {stop - 1} are"
         self.show()
 
     def action_end_find(self) -> None:
@@ -525,7 +593,7 @@ class Received(Vertical):
             return  # the next frame will want it
         need = 0 if instance.sends else instance.need
         self.job.rows_kept = -(-need // self.job.per_row)
-        rows = min(MOST_JOB_ROWS, self.job.rows_kept)
+        rows = min(MOST_JOB_ROWS - self._origin_line.display, self.job.rows_kept)
         if rows != self._job_rows:
             self._job_rows = rows
             self.job.styles.height = max(1, rows)

@@ -6,10 +6,8 @@ position counts the bytes of the CONNECT since the bench began, so it stays with
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from operator import attrgetter
-from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Final, NamedTuple
 
 from textual import events
 
@@ -22,10 +20,14 @@ from trcvtui.history.records import (
     MessageSpan,
     RecvSpan,
     Seek,
+    Span,
+    span_at,
+    spans_within,
 )
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER
 from trcvtui.tui.widgets.hex_view import (
     CHARACTER_OF,
     CLASS_OF,
@@ -50,23 +52,10 @@ from trcvtui.wording import duration, stamp
 
 SPLIT: Final = "╱"
 START: Final = "▕"
-MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
+MESSAGES, RECVS, JOBS, WAS, MARK = "msg", "recv", "job", "was", "mark"
 PACKETS: Final = "packet"  # of a capture: in place of messages and recv calls
 OF_A_CAPTURE: Final = frozenset((A_PACKET, A_HOLE))
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
-_STOP: Final = attrgetter("stop")
-
-
-class Spanned(Protocol):
-    """Anything that stands over bytes."""
-
-    @property
-    def position(self) -> int: ...
-    @property
-    def stop(self) -> int: ...
-
-
-Span = TypeVar("Span", bound=Spanned)
 
 
 class Pen(NamedTuple):
@@ -93,18 +82,6 @@ class Stroke(NamedTuple):
     ends: bool
     pen: Pen
     names: tuple[str, ...]
-
-
-def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
-    first = bisect_right(spans, start, key=_STOP)
-    last = first
-    while last < len(spans) and spans[last].position < stop:
-        last += 1
-    return spans[first:last]
-
-
-def span_at(spans: Sequence[Span], position: int) -> Span | None:
-    return next(iter(spans_within(spans, position, position + 1)), None)
 
 
 def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
@@ -222,6 +199,7 @@ def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     return f"{stamp(job.t_ns)} dropped"
 
 
+FULL: Final = 0.6  # of the room in rows that are cut at messages, at least
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
@@ -229,7 +207,9 @@ NO_WINDOW: Final = HistoryWindow("", 0, 0)
 class StreamView(LineView):
     """Bytes by position; `follows` keeps the newest in view."""
 
-    KEYS: ClassVar = (("[ ]", "DONE"), ("/", "find"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"))
+    KEYS: ClassVar = (
+        ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
+    )  # fmt: skip
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),
@@ -247,10 +227,13 @@ class StreamView(LineView):
         self._knows_messages = False  # an outside partner says nothing of its messages
         self._is_capture = False
         self._base = 0
+        self._cut = 0, 0  # the size of the messages that rows are cut at, where one begins; 0: none
         self._rows: dict[int, Row] = {}
         self._drawn: object = None
         self._matched: frozenset[int] = frozenset()
         self._before: dict[int, int] = {}
+        self.marked: tuple[range, bytes] | None = None  # a message that others are compared with
+        self._compared = range(0)  # the one that is
         self.seek: Seek | None = None
         self._seeks = 0
         self._asked = END, 0
@@ -261,13 +244,16 @@ class StreamView(LineView):
         self.window, self.cursor, self.follows, self.seek = NO_WINDOW, None, True, None
         self.link = range(0)
         self._knows_messages = False
+        self.marked, self._cut = None, (0, 0)
 
     def request(self, connect: str, job_at: int | None) -> HistoryRequest:
         """Return what to ask for: what is in view, one page before and one after it."""
         if self.size.height:  # out of sight it stays where it was
             page = -(-self.size.height // self.lines) * self.per_row
-            start = END if self.follows else max(0, self._top() - page)
-            self._asked = start, min(MOST_WINDOW, 3 * page)
+            start, stop = max(0, self._top() - page), self._top() + 2 * page
+            if self.marked is not None and stop - self.marked[0].start < MOST_WINDOW:
+                start = min(start, self.marked[0].start)  # what lies between can be copied
+            self._asked = END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def take(self, window: HistoryWindow) -> int | None:
@@ -277,9 +263,7 @@ class StreamView(LineView):
             self._knows_messages = self._knows_messages or bool(window.messages)
             self._is_capture = self._is_capture or any(m.peer in OF_A_CAPTURE for m in window.messages)
             self._matched = frozenset(self._matches())
-            self._before = {
-                part.position + n: byte for part in window.before for n, byte in enumerate(part.content)
-            }
+            self._find_before()
         self._rebase()
         sought = window.sought
         found = None
@@ -292,6 +276,30 @@ class StreamView(LineView):
             self.scroll_to(y=self.row_count(), animate=False)
         return found
 
+    def _find_before(self) -> None:
+        """Find what to compare each byte with: the marked message where there is one, else the job before."""
+        start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
+        if self.marked is not None:
+            parts = [(start, self.marked[1][: len(self._compared)])]
+        self._before = {place + n: byte for place, content in parts for n, byte in enumerate(content)}
+
+    def compare(self, marked: tuple[range, bytes] | None, with_: range) -> None:
+        if (marked, with_) != (self.marked, self._compared):
+            self.marked, self._compared = marked, with_
+            self._find_before()
+            self._drawn = None
+
+    def difference(self) -> str:
+        """Return in how many bytes the message at the cursor differs from the marked one, "" without one."""
+        if self.marked is None or not self._compared:
+            return ""
+        here, there = self.window.cut(self._compared), self.marked[1]
+        if self._compared == self.marked[0]:
+            return "marked: "
+        found = sum(one != other for one, other in zip(here, there, strict=False))
+        sizes = "" if len(here) == len(there) else f", {len(here)} B against {len(there)}"
+        return f"≠ {found} of {min(len(here), len(there))} bytes{sizes}: "
+
     def _matches(self) -> set[int]:
         return {
             self.window.start + place
@@ -301,21 +309,51 @@ class StreamView(LineView):
 
     def _rebase(self) -> None:
         """Rows are counted from the oldest byte that is kept: when it goes, what is in view stays in view."""
-        base = self.window.begin - self.window.begin % self.per_row
+        base = self.window.begin - (self.window.begin - self._cut[1]) % self._unit[0]
         if base == self._base:
             return
-        rows = (base - self._base) // self.per_row * self.lines
+        rows = (base - self._base) // self._unit[0] * self._unit[1] * self.lines
         self._base = base
         self._rows.clear()
         self.resize_rows()
         if not self.follows:
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
-    def look_for(
-        self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), dropped: bool = False
-    ) -> None:
+    def cut_rows(self, messages: Sequence[range]) -> None:
+        """Begin a row with each message, where all are of one size that leaves few rows half empty."""
+        size, start = (len(messages[0]), messages[0].start) if len(messages) > 1 else self._cut
+        is_even = all(len(each) == size and (each.start - start) % size == 0 for each in messages)
+        cut = (size, start % size) if size and is_even else (0, 0)
+        if cut != self._cut:
+            top, self._cut = self._top(), cut
+            self._rebase()
+            self._stay_at(self.window.end if self.follows else top)
+
+    @property
+    def _unit(self) -> tuple[int, int]:
+        """Return after how many bytes a row begins in any case, and how many rows they are."""
+        size, most = self._cut[0], self.per_row
+        unit = max(1, most // size) * size if size else most
+        rows = -(-unit // most)
+        return (unit, rows) if unit >= FULL * rows * most else (most, 1)
+
+    def _row_of(self, position: int) -> int:
+        size, rows = self._unit
+        unit, rest = divmod(position - self._base, size)
+        return unit * rows + rest // self.per_row
+
+    def _row(self, number: int) -> range:
+        """Return the bytes of a row, without those that have not come yet."""
+        size, rows = self._unit
+        unit, rest = divmod(number, rows)
+        first = self._base + unit * size
+        start = first + rest * self.per_row
+        return range(max(0, start), min(start + self.per_row, first + size, self.window.end))
+
+    def look_for(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
+        """Look for a place; `what`: other things that a Seek can be for."""
         self._seeks += 1
-        self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
+        self.seek = Seek(self._seeks, start, is_forward, patterns, **what)
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
         self.patterns = patterns
@@ -335,7 +373,10 @@ class StreamView(LineView):
     def _stay_at(self, position: int) -> None:
         self._rows.clear()
         self.resize_rows()
-        self.scroll_to(y=(position - self._base) // self.per_row * self.lines, animate=False)
+        y = self._row_of(position) * self.lines
+        if self.cursor is not None and not self.follows:  # it stands in the middle
+            y = max(0, self._row_of(self.cursor) * self.lines - self.size.height // 2)
+        self.scroll_to(y=y, animate=False)
         self.show()
 
     # -- rows -------------------------------------------------------------------------------------------
@@ -366,10 +407,10 @@ class StreamView(LineView):
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
-        return -(-(self.window.end - self._base) // self.per_row) * self.lines
+        return (self._row_of(self.window.end - 1) + 1) * self.lines if self.window.end > self._base else 0
 
     def _top(self) -> int:
-        return self._base + self.scroll_offset.y // self.lines * self.per_row
+        return max(self.window.begin, self._row(self.scroll_offset.y // self.lines).start)
 
     def show(self) -> None:
         shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
@@ -382,7 +423,7 @@ class StreamView(LineView):
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
             row, track = divmod(y, self.lines)
-            at = self._base + row * self.per_row
+            at = self._row(row)
             self._rows[y] = self._ruler(self.tracks[track - 1], at) if track else self._bytes(at)
         return self._rows[y]
 
@@ -393,8 +434,8 @@ class StreamView(LineView):
     def _width(self) -> int:
         return self._column(self.per_row - 1) + 2
 
-    def _bytes(self, start: int) -> Row:
-        stop = min(start + self.per_row, self.window.end)
+    def _bytes(self, at: range) -> Row:
+        start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
         signs = signs_before(self.window, start, stop)
@@ -420,6 +461,11 @@ class StreamView(LineView):
             return None
         job = span_at(window.jobs, position)
         return window.content[position - window.start] if job is not None and job.is_kept else None
+
+    def known_from(self, position: int) -> bytes:
+        """Return the bytes from one on that can be a number, up to the first that is not known."""
+        positions = range(position, position + MOST_OF_NUMBER)
+        return bytes(iter(map(self._byte, positions).__next__, None))
 
     def _is_hole(self, position: int) -> bool:
         """Return whether a capture has not the byte at a position."""
@@ -448,12 +494,13 @@ class StreamView(LineView):
             style += " byte-cursor" if self.has_focus else " link strong"
         return style
 
-    def _ruler(self, track: str, start: int) -> Row:
-        stop = min(start + self.per_row, self.window.end)
+    def _ruler(self, track: str, at: range) -> Row:
+        start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
         width = self._width
-        head: Part = (f"{track:>{self.digits}} ", "faint")
+        name = MARK if track == WAS and self.marked is not None else track
+        head: Part = (f"{name:>{self.digits}} ", "faint")
         if track == WAS:
             return Row((head, (" ", ""), (self._was(start, stop), "warn")))
         parts, side = self._drawn_ruler(track, start, stop)
@@ -521,7 +568,7 @@ class StreamView(LineView):
     def go_to(self, position: int) -> None:
         """Put the cursor on a byte and bring it into view, rulers and all, without a message."""
         self.cursor, self.follows = position, False
-        y = (position - self._base) // self.per_row * self.lines
+        y = self._row_of(position) * self.lines
         self.keep_in_view(y + self.lines - 1)
         self.keep_in_view(y)
         self.show()
@@ -530,33 +577,36 @@ class StreamView(LineView):
         self.link = link
         self.show()
 
-    def _select(self, position: int) -> None:
+    def select(self, position: int) -> None:
         if self.window.end > self.window.begin:
             self.go_to(max(self.window.begin, min(position, self.window.end - 1)))
             self.post_message(PastSelected())
 
     def action_step(self, count: int) -> None:
-        self._select(self._top() if self.cursor is None else self.cursor + count)
+        self.select(self._top() if self.cursor is None else self.cursor + count)
 
     def action_move(self, rows: int) -> None:
         if self.cursor is None:
-            self._select(self._top())
-        elif self.window.begin <= (place := self.cursor + rows * self.per_row) < self.window.end:
-            self._select(place)
+            self.select(self._top())
+            return
+        row = self._row_of(self.cursor)
+        target, column = self._row(row + rows), self.cursor - self._row(row).start
+        if target and self.window.begin < target.stop:
+            self.select(min(target.start + column, target.stop - 1))
 
     def action_page(self, pages: int) -> None:
         self.follows = False
         rows = max(1, self.size.height // self.lines)
         self.scroll_to(y=max(0, self.scroll_offset.y + pages * rows * self.lines), animate=False)
         if self.cursor is not None:
-            self._select(self.cursor + pages * rows * self.per_row)
+            self.select(self.cursor + pages * rows * self.per_row)
 
     def action_edge(self, direction: int) -> None:
         """Go to the oldest byte; or to the newest, and follow."""
         if direction < 0:
-            self._select(self.window.begin)
+            self.select(self.window.begin)
         else:
-            self._select(self.window.end - 1)
+            self.select(self.window.end - 1)
             self.follows = True
 
     def on_resize(self) -> None:
@@ -576,7 +626,8 @@ class StreamView(LineView):
         text = self._width + 1 + self._blank
         index = column - text if column >= text else self._index(column)
         if column >= 0 and 0 <= index < self.per_row:
-            self._select(self._base + row * self.per_row + index)
+            found = self._row(row)
+            self.select(min(found.start + index, found.stop - 1))
 
     def _index(self, column: int) -> int:
         return (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3

@@ -13,6 +13,8 @@ from itertools import takewhile
 from typing import Final, NamedTuple
 
 from trcvtui.commands.snapshots import BESIDE, Answer, ConversationSnapshot, PeerSnapshot, TriggerEvent
+from trcvtui.diagnosis.evidence import evidence_now
+from trcvtui.diagnosis.stream_messages import StreamMessage, messages_in
 from trcvtui.history.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import HistoryRequest, HistoryWindow
@@ -158,6 +160,7 @@ class ViewModel:
         self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
         self.recordings_wanted: tuple[str, ...] = ()  # of ComBuffers, once
         self.doctor_wanted = False
+        self._messages: tuple[HistoryWindow | None, list[StreamMessage]] | None = None
         self._thawing = 0  # pictures to come that may have been asked for before the view was live again
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -321,6 +324,16 @@ class ViewModel:
     def past(self) -> HistoryWindow | None:
         newest = self.live or self.picture
         return newest.history if newest else None
+
+    @property
+    def messages(self) -> list[StreamMessage]:
+        """Return the whole messages of the window on the past that has come last."""
+        newest, window = self.live or self.picture, self.past
+        if self._messages is None or self._messages[0] is not window:
+            evidence = evidence_now(newest, self.project, self.selected) if newest else None
+            found = messages_in(window, evidence) if window is not None and evidence is not None else []
+            self._messages = window, found
+        return self._messages[1]
 
     @property
     def instances(self) -> tuple[InstanceSnapshot, ...]:

@@ -72,9 +72,10 @@ BYTES: Final = (
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("[ ]", "the DONE before, the next one"),
     ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
-    ("/", 'find hex, "text" or =number in either byte order; esc takes the marks away'),
+    ("/", 'find hex, "text", =number in either byte order; @offset and #job go there; esc: no marks'),
     ("n N", "after a search: the next hit, the hit before, until another pane is chosen"),
-    ("d, u", "the job before where it differs; fewer rulers"),
+    ("d, u", "the job before, or the marked message, where it differs; fewer rulers"),
+    ("m", "mark the message at the cursor: d compares others with it, y r copies from it to the cursor"),
 )
 TIMING: Final = (
     ("← →, shift", "scan by scan; edge by edge of any pin"),

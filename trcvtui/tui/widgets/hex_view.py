@@ -9,6 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 from trcvtui.history.records import JobSpan, PreviousJobBytes
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
+from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in
 
@@ -153,6 +154,11 @@ class HexView(LineView):
         """Return whether a byte is unknown: a capture has it not."""
         return any(offset in hole for hole in self.holes)
 
+    def known_from(self, offset: int) -> bytes:
+        """Return the bytes from one on that can be a number, none of them unknown."""
+        stop = offset + MOST_OF_NUMBER
+        return self.content[offset : next(filter(self.is_hole, range(offset, stop)), stop)]
+
     def show_before(self, before: PreviousJobBytes | None) -> None:
         """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
         self.before = before
@@ -293,13 +299,13 @@ class HexView(LineView):
     def action_step(self, count: int) -> None:
         if self.need:
             here = self.cursor if self.cursor is not None else -count if count > 0 else 0
-            self._select(max(0, min(self.need - 1, here + count)))
+            self.select(max(0, min(self.need - 1, here + count)))
 
     def action_move(self, rows: int) -> None:
         here = self.cursor or 0
         target = here + rows * self.per_row
         if self.cursor is None or 0 <= target < self.need:
-            self._select(target if self.cursor is not None else here)
+            self.select(target if self.cursor is not None else here)
 
     def action_page(self, pages: int) -> None:
         step = pages * max(1, (self.size.height - 1) // self.lines) * self.per_row
@@ -307,9 +313,9 @@ class HexView(LineView):
 
     def action_edge(self, direction: int) -> None:
         if self.need:
-            self._select(0 if direction < 0 else self.need - 1)
+            self.select(0 if direction < 0 else self.need - 1)
 
-    def _select(self, offset: int) -> None:
+    def select(self, offset: int) -> None:
         if not self.need:
             return
         self.go_to(offset)
@@ -323,13 +329,13 @@ class HexView(LineView):
         else:
             place = last_in(self.content, patterns, here)
         if place is not None:
-            self._select(place)
+            self.select(place)
         return place is not None
 
     def click(self, x: int, y: int) -> None:
         offset = self._offset_at(x, y)
         if offset is not None:
-            self._select(offset)
+            self.select(offset)
 
     def _offset_at(self, x: int, y: int) -> int | None:
         column, text = x - self.digits - 2, 3 * self.per_row + (1 if self.per_row == WIDE else 0) + 2

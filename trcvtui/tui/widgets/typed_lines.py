@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, runtime_checkable
 
 from textual import events
 from textual.app import App, ComposeResult
@@ -22,7 +22,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.tui.formatting import plain
 from trcvtui.udt.byte_text import Wanted, wanted
 
@@ -198,7 +198,28 @@ class FilterLine(TypedLine):
         self._narrow(self._input.value)
 
 
-HINT = '29 00 · "abc" · =1234 · =1.5'
+HINT = '29 00 · "abc" · =1234 · =1.5 · @offset · #job'
+_GOALS: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
+
+
+class Goal(NamedTuple):
+    """A place to go to by its number: an offset, or a job."""
+
+    number: int
+    is_job: bool
+    about: str
+
+
+def goal(text: str) -> Goal:
+    """Return where `@offset` or `#job` leads; raise UserError where no number stands there."""
+    try:
+        number = int(text[1:].strip().replace("16#", "0x"), 0)
+        if 0 <= number < 1 << 62:
+            is_job = text[0] == "#"
+            return Goal(number, is_job, f"job {number}" if is_job else f"offset {number} = 16#{number:X}")
+    except ValueError:
+        pass
+    raise mistake("go to", f"'{text[:20]}'", _GOALS[text[0]])
 
 
 class FindInput(LineInput):
@@ -242,17 +263,17 @@ class FindLine(Horizontal):
     def _judge(self) -> None:
         text = self._field.value.strip()
         asked = self._read(text) if text else HINT
-        self._about.update(Content(plain(asked.about if isinstance(asked, Wanted) else asked)))
+        self._about.update(Content(plain(asked if isinstance(asked, str) else asked.about)))
 
     @property
-    def wanted(self) -> Wanted | None:
+    def wanted(self) -> Wanted | Goal | None:
         """Return what stands there to be looked for, also after the line was left with escape."""
         asked = self._read(self._field.value.strip())
-        return asked if isinstance(asked, Wanted) else None
+        return asked if not isinstance(asked, str) else None
 
-    def _read(self, text: str) -> Wanted | str:
+    def _read(self, text: str) -> Wanted | Goal | str:
         try:
-            return wanted(text)
+            return goal(text) if text[:1] in ("@", "#") else wanted(text)
         except UserError as wrong:
             return f"✗ {wrong.lines()[0]}"
 

@@ -15,16 +15,20 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
 from trcvtui.udt.compare.compare import difference
+from trcvtui.udt.compare.drift import drifted_layouts, is_unknown
 from trcvtui.udt.compare.likelihood import (
     CAUSES,
+    DRIFTS,
+    MOST_MESSAGES,
     NONE,
+    REPEATED,
     Cutting,
     FitCause,
     LeafEvidence,
     bits_evidence,
     cut,
     evidence,
-    extra_points,
+    extra_evidence,
     gap_points,
     spoken,
     steady,
@@ -42,10 +46,9 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, StringType, Type, ValueKind
+from trcvtui.udt.types import Elementary, Enumeration, StringType, Subrange, Type, ValueKind
 
 MOST_LEAVES: Final = 256  # that are looked at
-MOST_MESSAGES: Final = 8  # the last ones
 MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
 MOST_GAPS: Final = 16  # that are looked at
 MOST_FITS: Final = 64  # that are returned; those without a cause all
@@ -57,14 +60,16 @@ TIE: Final = 1.0  # points: less is no evidence
 # The points of what is no member; those of members and causes stand in likelihood.py.
 LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
 MULTIPLE: Final = -1.0  # less, when it is several times that size
-REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
 MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
+CLEAR_OF_DRIFT: Final = 7.5  # of one that reads the same but for a member or two: padding may hide them
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
+ODD: Final = -3.2  # of one member: its value is none that machines send
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
+MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
 
 
@@ -81,7 +86,8 @@ class Fit:
     """One way to read the bytes: all profiles that mean it, the cause beside them, the points and why.
 
     `members` are the members' own points, part of `score`. `reasons` have the weightiest first. `fits_best`
-    is said of one reading at most; `doubt` says why it is not said of the first one. `same` are the readings
+    is said of one reading at most; `doubt` says why it is not said of the first one, which `is_ahead` where
+    one odd value is all that speaks against it. `same` are the readings
     that find the same value at the same place for every member: they share one `rank` (1, 1, 3), for no
     byte speaks for one of them, and differ at most in how rare their causes are.
     """
@@ -93,6 +99,7 @@ class Fit:
     cause: FitCause = NONE
     members: float = 0.0
     fits_best: bool = False
+    is_ahead: bool = False
     doubt: str = ""
     rank: int = 1
     same: tuple[str, ...] = ()
@@ -120,34 +127,58 @@ def fit(
     framed: bool = True,
     profiles: Iterable[Profile] | None = None,
     own: LayoutRules | None = None,
+    sender: str = "",
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
     `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
     `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
-    are the rules of our own side: it is named first where several mean the same.
+    are the rules of our own side: it is named first where several mean the same, after the layout that the
+    source of the type is likely to have, `sender`.
     """
     seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    asked = tuple(sorted(asked, key=lambda one: (one.layout, one.byte_order) != (own.name, own.byte_order)))
-    known: _Known = {}
+    asked = tuple(sorted(asked, key=lambda one: (one.layout != sender, _strangeness(one, own))))
+    lengths = set(map(len, seen))
+    known: _EvidenceCache = {}
+    layouts = same_layouts(type_, asked, name, own)
+    tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
+    for same, layout in layouts:
+        fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(layout.size, framed, lengths)]
+        tried.append((same, layout, fitting))
+    if framed and seen:
+        drifted = drifted_layouts(layouts, seen, own)
+        tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
-    for same, layout in same_layouts(type_, asked, name, own):
-        look = _Look(layout, known)
-        tried = (_Reading.of(same, look, cause, seen, framed) for cause in CAUSES)
-        found += [reading for reading in tried if reading is not None]
+    for same, layout, causes in tried:
+        look = _LayoutView(layout, known)
+        readings = (_Reading.of(same, look, cause, seen, framed) for cause in causes)
+        found += [reading for reading in readings if reading is not None]
     if framed and len(messages) > len(seen):
         said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
         for reading in found:
             reading.others.append(said)
-    found.sort(key=lambda one: (-one.score, one.profiles[0].byte_order != own.byte_order))
+    found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
     return tuple(_ranked(found, seen))
+
+
+def _strangeness(profile: Profile, own: LayoutRules) -> int:
+    """Return the lower the usual: our own profile, our own layout, a vendor's byte order, others."""
+    if profile.layout == own.name:
+        return int(profile.byte_order != own.byte_order)
+    return 2 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 3
 
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return the best one and those that are tied with it by their points."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE)
+
+
+def without_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the readings, but the drifts only where they are clearly ahead: of many some are, by chance."""
+    ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
+    return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 
 
 def verdict(fits: Sequence[Fit]) -> str:
@@ -156,7 +187,8 @@ def verdict(fits: Sequence[Fit]) -> str:
         return "this type cannot be laid out"
     best, tied = fits[0], leaders(fits)
     if best.fits_best:
-        after = f"; next is {fits[1].name} ({fits[1].score:+.1f})" if len(fits) > 1 else ""
+        other = next((one for one in fits if one.rank > 1), None)
+        after = f"; next is {other.name} ({other.score:+.1f})" if other else ""
         return f"{best} fits best{after}"
     if best.score <= 0 or (best.members <= 0 and len(tied) == 1):
         return f"no profile fits these bytes well; the least bad is {best}"
@@ -176,7 +208,7 @@ def _apart(one: Fit, other: Fit) -> str:
 
 # -- a layout, ready to be held against bytes ----------------------------------------------------------------
 
-_Known = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
+_EvidenceCache = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
 
 
 class _Member(NamedTuple):
@@ -187,17 +219,17 @@ class _Member(NamedTuple):
     bits: int  # BOOLs in this byte, at the last of them
 
 
-class _Look:
+class _LayoutView:
     """The leaves and the gaps of a layout that are looked at, what is known of bytes shared with others."""
 
-    def __init__(self, layout: Layout, known: _Known) -> None:
+    def __init__(self, layout: Layout, known: _EvidenceCache) -> None:
         self.layout, self.members = layout, []
         self.stop = min(layout.leaf_count, MOST_LEAVES)
         self.gaps = layout.padding()[:MOST_GAPS]
         leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
-            if leaf.bit is not None and not is_last:
+            if (leaf.bit is not None and not is_last) or is_unknown(leaf):
                 continue
             bits = 0 if leaf.bit is None else leaf.bit + 1
             form = leaf.type, *stored_form(leaf.type, layout.rules), leaf.size, layout.rules.byte_order
@@ -217,8 +249,8 @@ class _Look:
         return member.known[raw]
 
 
-class _Says(NamedTuple):
-    """What one member says, with its bytes that are nearest to it."""
+class _MemberPoints(NamedTuple):
+    """What one member says, with its bytes that say the nearest to it."""
 
     member: _Member
     points: float
@@ -234,19 +266,24 @@ class _Says(NamedTuple):
 class _Reading:
     """A layout and a cause held against the bytes."""
 
-    def __init__(self, profiles: tuple[Profile, ...], look: _Look, cause: FitCause, cutting: Cutting) -> None:
+    def __init__(
+        self, profiles: tuple[Profile, ...], look: _LayoutView, cause: FitCause, cutting: Cutting
+    ) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
         self.others: list[Reason] = []  # all reasons but the members'
-        self.said: list[_Says] = []
+        self.said: list[_MemberPoints] = []
         self.steps: list[Reason] = []
         self.read: list[tuple[_Member, list[bytes]]] = []  # each member, its bytes as the reading has them
         self.has_length = True
+        self.has_meaning = True  # what stands beside the members is known
+        self.odd = ""  # a value that machines do not send
+        self.has_plain = False  # a number that is round in no way
 
     @classmethod
     def of(
         cls,
         profiles: tuple[Profile, ...],
-        look: _Look,
+        look: _LayoutView,
         cause: FitCause,
         messages: Sequence[bytes],
         framed: bool,
@@ -272,20 +309,24 @@ class _Reading:
             return True
         if cause.of_all and all(cause.of_all(unit) == unit for unit in units):
             return False
-        extras = dict.fromkeys(self.cutting.extras) if cause.front > 0 or cause.back > 0 else {b"": None}
-        told = [extra_points(cause, extra, self.look.layout.size) for extra in extras]
-        there = [one for one in told if one is not None]
-        if len(there) < len(told):
-            return False
-        points = sum(points for points, _ in there) / len(there) * len(there) ** REPEATED
-        said = there[0][1] or f"{cause}: {cause.about}"
-        if len(extras) == 1 and len(units) > 1 and cause.n:
+        told = {}
+        for unit, (before, after) in zip(units, self.cutting.extras, strict=True):
+            if (before, after) not in told:
+                extra = extra_evidence(cause, before, unit, after)
+                if extra is None:
+                    return False
+                told[before, after] = extra
+        self.has_meaning = all(extra.has_meaning for extra in told.values())
+        points = sum(extra.points for extra in told.values()) / len(told) * len(told) ** REPEATED
+        said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
+        if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
             said += " in each message"
         self.others.append(Reason(round(cause.cost + points, 2), "", said))
         return True
 
     def judge_members(self) -> bool:
-        look, changes, has_changed = self.look, self.cause.of_member, not self.cause.of_member
+        look, changes, of_text = self.look, self.cause.of_member, self.cause.of_text
+        has_changed = not changes and not of_text
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
             if self.cause.back < 0 and isinstance(member.leaf.type, StringType):  # it may have ended before
@@ -294,6 +335,8 @@ class _Reading:
             if self.cause.front < 0 and member.start < -self.cause.front:
                 continue
             change = changes.get(member.leaf.size) if changes and _is_number(member) else None
+            if of_text and isinstance(member.leaf.type, StringType) and not look.layout.rules.text.header:
+                change = of_text
             if change:
                 changed = [change(part) for part in parts]
                 has_changed = has_changed or changed != parts
@@ -319,11 +362,16 @@ class _Reading:
         told = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
         if not told:
             return
+        self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
+        worst = min((found for found, _ in told), key=lambda found: found.points)
+        is_bounded = worst.fair == worst.points or isinstance(member.leaf.type, Enumeration | Subrange)
+        if worst.points < ODD and is_bounded and not self.odd:  # a plain number can be any
+            self.odd = f"{self.path(member)}: {worst.why}"
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
         nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
         self.said.append(
-            _Says(
+            _MemberPoints(
                 member,
                 points * share,
                 sum(found.fair for found, _ in told) * share,
@@ -351,7 +399,8 @@ class _Reading:
             return
         have = len(messages[-1])
         if not self.has_length:
-            self.others.append(Reason(LENGTH[1], "", f"{have} bytes came, the type has {size}"))
+            more = f"{abs(have - size)} {'more' if have > size else 'fewer'}"
+            self.others.append(Reason(LENGTH[1], "", f"{have} bytes came, the type has {size}: {more}"))
             return
         share = self.cutting.fitting / len(messages)
         points = LENGTH[0] * share + LENGTH[1] * (1 - share)
@@ -381,14 +430,19 @@ class _Reading:
     def own_points(self) -> float:
         return sum(one.points for one in self.said) + sum(step.points for step in self.steps)
 
+    def strangeness(self, sender: str, own: LayoutRules) -> tuple[bool, bool]:
+        """Return what puts this one after others of the same points."""
+        return self.profiles[0].layout != sender, self.profiles[0].byte_order != own.byte_order
+
     @cached_property
     def score(self) -> float:
         return round(self.own_points + sum(one.points for one in self.others), 2)
 
     @cached_property
     def fair(self) -> float:
-        """Return the points in a comparison of byte orders."""
-        return self.score + sum(one.fair - one.points for one in self.said)
+        """Return the points in a comparison of byte orders: all numbers of a sender may be round."""
+        more = sum(one.fair - one.points for one in self.said)
+        return self.score + (min(more, MOST_OF_ROUND) if self.has_plain else more)
 
     @property
     def order(self) -> float:
@@ -408,7 +462,10 @@ class _Reading:
         """Return a value that is equal for readings in which these bytes mean the same."""
         look = self.look
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
-        return self.cause.kind, self.cause.n, shape(look.layout, by_bytes=is_seen)
+        cause = self.cause
+        return (cause.kind, cause.front, cause.back, cause.member, cause.theirs), shape(
+            look.layout, by_bytes=is_seen
+        )
 
     @cached_property
     def values(self) -> object:
@@ -420,6 +477,20 @@ class _Reading:
             members.append((member.start + front, bits, form, *self.plain(member, parts)))
         return size + front + self.cause.back, tuple(members)
 
+    @property
+    def widest(self) -> int:
+        """Return the size of the largest number: up to 2, words exchanged are nothing, bytes the order."""
+        return max((member.leaf.size for member, _ in self.read if _is_number(member)), default=0)
+
+    @cached_property
+    def by_path(self) -> dict[str, list[object]]:
+        """Return the values of each member."""
+        layout = self.look.layout
+        return {
+            member.leaf.path: [decode_leaf(layout, member.leaf, part) for part in parts]
+            for member, parts in self.read
+        }
+
     def plain(self, member: _Member, parts: list[bytes]) -> Iterator[object]:
         """Yield what makes the value of a member, as it would be in big-endian."""
         rules = self.look.layout.rules
@@ -430,7 +501,7 @@ class _Reading:
             said = spoken(member.leaf, part, rules)
             yield said[::-1] if is_little and _is_number(member) else said
 
-    def is_negative(self, one: _Says) -> bool:
+    def is_negative(self, one: _MemberPoints) -> bool:
         type_ = one.member.leaf.type
         if not isinstance(type_, Elementary) or type_.kind is not ValueKind.DURATION:
             return False
@@ -443,7 +514,9 @@ class _Reading:
 
     def reasons(self) -> tuple[Reason, ...]:
         look = self.look
-        said: list[tuple[float, Reason | _Says]] = [(one.points, one) for one in self.others + self.steps]
+        said: list[tuple[float, Reason | _MemberPoints]] = [
+            (one.points, one) for one in self.others + self.steps
+        ]
         said += [(one.points, one) for one in self.said]
         said.sort(key=lambda one: -abs(one[0]))
         shown = [self.worded(one) for _, one in said[:MOST_REASONS]]
@@ -453,7 +526,7 @@ class _Reading:
             )
         return tuple(reason for reason in shown if reason.points or not reason.path)
 
-    def worded(self, one: Reason | _Says) -> Reason:
+    def worded(self, one: Reason | _MemberPoints) -> Reason:
         if isinstance(one, Reason):
             return one
         leaf, path = one.member.leaf, self.path(one.member)
@@ -480,6 +553,7 @@ def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
     rows = list(merged.values())[:MOST_FITS]
     rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR]
     doubt = _doubt([row[0] for row in rows], messages)
+    odd = f"machines seldom send such a value: {rows[0][0].odd}" if rows and rows[0][0].odd else ""
     number = 0
     for together in _shared(rows) if messages else [rows]:
         rank = number + 1
@@ -488,7 +562,8 @@ def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
             profiles = tuple(dict.fromkeys(profile for one in row for profile in one.profiles))
             yield Fit(
                 profiles, first.look.layout, first.score, first.reasons(), first.cause,
-                round(first.own_points, 2), number == 1 and not doubt, doubt if number == 1 else "",
+                round(first.own_points, 2), number == 1 and not (doubt or odd), number == 1 and not doubt,
+                (doubt or odd) if number == 1 else "",
                 rank, tuple(_called(other[0]) for other in together if other is not row),
             )  # fmt: skip
 
@@ -514,20 +589,34 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     best = ranked[0]
     if not best.has_length:
         return "no message has the length of the type"
+    if best.cause.kind in DRIFTS:
+        return "that the sender's type differs, and where, is a guess"
+    if not best.has_meaning:
+        return "what the bytes beside the members mean is not known"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
+        is_one_way = other.way == best.way or (best.cause.kind is None and best.widest <= 2)
+        if is_one_way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
+            continue
+        if other.cause.kind in DRIFTS and all(
+            other.by_path.get(path) == has for path, has in best.by_path.items()
+        ):
+            continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
-        if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
+        clear = CLEAR_OF_DRIFT - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
+        if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
                 return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
                 return f"{_called(other)} ({other.score:+.1f}) reads values that are as good"
             return f"{_called(other)} ({other.score:+.1f}) is near"
+        if best.cause.kind is None and other.cause.kind is not None:
+            continue  # numbers that are all round, and a cause: two rare things at once
         order = best.order if other.way != best.way else 0.0
-        if other.fair > best.fair + order - CLEAR:
+        if other.fair > (best.score if other.has_plain else best.fair) + order - CLEAR:
             return (
                 f"{_called(other)} may be right: without numbers that are round in a byte order "
                 "(multiples of 256) it is as good"
@@ -555,6 +644,7 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
             "text": found.profile.text or None,
             "cause": found.cause.kind,
             "n": found.cause.n,
+            "member": found.cause.member or None,
             "points": found.score,
             "fits_best": found.fits_best,
             "reasons": list(reason_lines(found)),
@@ -566,17 +656,22 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
 def fit_text(fits: Sequence[Fit], came: str) -> str:
     """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
     lines = [one_line(f"{came}: {verdict(fits)}")]
-    for number, found in enumerate(fits[:MOST_ROWS]):
+    rows = [
+        found
+        for found, before in zip(fits, (None, *fits), strict=False)
+        if found.rank != (before and before.rank)
+    ]
+    for found in rows[:MOST_ROWS]:
         lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
-        if number == 0:
+        if found is fits[0]:
             told = list(reason_lines(found))
             lines += [f"             {line}" for line in told[:MOST_PRINTED]]
             if len(told) > MOST_PRINTED:
                 lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
         elif found.same:
             lines.append(f"             no byte tells it from {same_words(found)}")
-    if len(fits) > MOST_ROWS:
-        lines.append(f"and {len(fits) - MOST_ROWS} more readings (--format json)")
+    if len(rows) > MOST_ROWS:
+        lines.append(f"and {len(rows) - MOST_ROWS} more readings (--format json)")
     return "\n".join(lines)
 
 

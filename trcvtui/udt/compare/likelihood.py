@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final, Literal, NamedTuple
 
+from trcvtui.errors import one_line
+from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Leaf
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import real_text
@@ -36,17 +38,21 @@ class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
     `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
-    those of its best order. `order` is what it says for this order against the other one.
+    those of its best order. `order` is what it says for this order against the other one. `is_plain`: it is
+    a number that is round in no way (no multiple of 256, nor one less).
     """
 
     points: float
     why: str
     fair: float
     order: float = 0.0
+    is_plain: bool = False
 
 
 ZERO: Final = math.log(0.5)  # a byte 0 by chance
 OTHER: Final = math.log(0.5 / 255)  # any other one
+MOST_MESSAGES: Final = 8  # the last ones
+REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
 DOUBT: Final = 0.02  # how often a value is none that is foreseen here
 NEVER: Final = -math.inf
 PLAIN: Final = 8.0  # a number says something of the byte order when it is so many times smaller in one
@@ -58,7 +64,7 @@ NUMBER: Final = (0.12, 0.01, 0.08, 0.5, 0.29)
 NEGATIVE: Final = 0.2
 FEW_BITS: Final = 16
 # REAL: decades from, to, and their share; the share of each count of digits, and of a number of any digits.
-DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.002), (12, 30, 0.002))
+DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.0002), (12, 30, 0.0002))
 REAL_ZERO: Final = 0.08
 DIGITS: Final = {4: (0.12, 6, 0.25), 8: (0.07, 12, 0.12)}  # by size: each count, the most digits, any digits
 REAL_BITS: Final = {4: 23, 8: 52}  # of the mantissa
@@ -162,14 +168,16 @@ def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge
     fair = max(_points(judge(leaf, row, way, order)[0], way) for way in ways)
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
+    is_plain = raw[0 if order == "little" else -1] not in (0, 255)
     if _is_round(raw) or row.kind is ValueKind.BITS:
-        return LeafEvidence(points, why, fair)
+        return LeafEvidence(points, why, fair, is_plain=is_plain)
     is_signed = row.code.islower()
     here = abs(int.from_bytes(raw, order, signed=is_signed))
     there = abs(int.from_bytes(raw[::-1], order, signed=is_signed))
     if max(here, there) < PLAIN * min(here, there):
-        return LeafEvidence(points, why, fair)
-    return LeafEvidence(points, why, fair, points - _points(judge(leaf, row, raw[::-1], order)[0], raw))
+        return LeafEvidence(points, why, fair, is_plain=is_plain)
+    swapped = _points(judge(leaf, row, raw[::-1], order)[0], raw)
+    return LeafEvidence(points, why, fair, points - swapped, is_plain)
 
 
 def _is_round(raw: bytes) -> bool:
@@ -411,8 +419,12 @@ def _short(value: float) -> str:
 
 
 HEADER, TRAILER, LONG, SHORT = "header", "trailer", "long", "short"
-WORD_SWAP, BYTE_SWAP = "word-swap", "byte-swap"
-MOST_EXTRA: Final = 8  # bytes of a header or a trailer
+WORD_SWAP, BYTE_SWAP, BLANKS = "word-swap", "byte-swap", "blanks"
+MORE, FEWER, WIDTH = "more", "fewer", "width"  # of a member of the sender's type
+DRIFTS: Final = (MORE, FEWER, WIDTH)
+MOST_EXTRA: Final = 64  # bytes of a header or a trailer
+MOST_OF_STREAM: Final = 8  # the same where no message ends, or several are one
+MOST_AFTER: Final = 4  # bytes after a message that has some before it, too
 
 Change = Callable[[bytes], bytes]
 
@@ -421,7 +433,8 @@ class FitCause(NamedTuple):
     """One cause: its kind, its number of bytes, how it is undone, and the points that it costs.
 
     `front`: bytes before the members that are no members, below 0 bytes that are missing there; `back` the
-    same after them. `of_member` changes the bytes of a number by size, `of_all` those of a whole message.
+    same after them. `of_member` changes the bytes of a number by size, `of_text` those of a text, `of_all`
+    those of a whole message. `member` is where the sender's type differs from ours, `theirs` its type there.
     """
 
     kind: str | None = None
@@ -432,10 +445,34 @@ class FitCause(NamedTuple):
     about: str = ""
     of_member: dict[int, Change] | None = None
     of_all: Change | None = None
+    of_text: Change | None = None
+    member: str = ""
+    theirs: str = ""
 
     def __str__(self) -> str:
         """Return the cause as it stands after a profile: "" for none."""
-        return _IN_WORDS.get(self.kind or "", "").format("1 byte" if self.n == 1 else f"{self.n} bytes")
+        count, more = (
+            "1 bit" if self.kind == MORE and not self.n else _bytes_text(self.n),
+            _bytes_text(self.back),
+        )
+        words = _IN_WORDS.get(self.kind or "", "").format(
+            count, member=one_line(self.member), theirs=one_line(self.theirs)
+        )
+        return f"{words} and {more} after it" if self.kind == HEADER and self.back else words
+
+    def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
+        """Return whether a message of one of these lengths can be the type of this size with this cause."""
+        period = size + self.front + self.back
+        if max(self.front, self.back) > MOST_OF_STREAM or self.front > 0 < self.back:
+            is_several = not (self.front + self.back) % max(size, 1)  # of the same type
+            return framed and period in lengths and not is_several
+        if not framed:
+            return period > 0
+        return period > 0 and any(length % period == 0 for length in lengths)
+
+
+def _bytes_text(number: int) -> str:
+    return "1 byte" if number == 1 else f"{number} bytes"
 
 
 _IN_WORDS: Final = {
@@ -445,6 +482,10 @@ _IN_WORDS: Final = {
     SHORT: "one byte short",
     WORD_SWAP: "words exchanged (CDAB)",
     BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
+    BLANKS: "texts filled with blanks",
+    MORE: "{} more before {member}",
+    FEWER: "without {member}",
+    WIDTH: "{member} as {theirs}",
 }
 
 
@@ -480,8 +521,16 @@ EXTRA: Final = (
     FitCause(LONG, 1, back=1, cost=-3.0),
     FitCause(SHORT, 1, back=-1, cost=-3.0, about="its last byte is missing"),
     FitCause(SHORT, 1, front=-1, cost=-5.0, about="its first byte is missing"),
+    *(
+        FitCause(HEADER, n, front=n, back=back, cost=-5.0)
+        for back in range(1, MOST_AFTER + 1)
+        for n in range(1, MOST_OF_STREAM + 1)
+    ),
 )
-CAUSES: Final = (NONE, *SWAPS, *EXTRA)
+BLANK_TEXTS: Final = FitCause(
+    BLANKS, cost=-2.5, about="no NUL ends them", of_text=lambda raw: raw.rstrip(b" ").ljust(len(raw), b"\0")
+)
+CAUSES: Final = (NONE, *SWAPS, BLANK_TEXTS, *EXTRA)
 
 # What stands after a message, with the logarithm of how likely.
 ENDINGS: Final = {
@@ -489,33 +538,75 @@ ENDINGS: Final = {
     b"\x04": ("EOT", 0.02), b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02),
     b"\0\r\n": ("NUL CR LF", 0.02), b"\x03\r\n": ("ETX CR LF", 0.02), b"\r\n\r\n": ("CR LF CR LF", 0.02),
 }  # fmt: skip
+CHECKSUM: Final = 0.02
+MOST_CHECKED: Final = 2048  # bytes of a message of which checksums are made
 OWN_ENDING: Final = 0.15  # anything else of two or more bytes
+ZEROS_BEFORE: Final = 0.05
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
 ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
 LENGTH_FIELD: Final = 0.5  # how often a header has the length
 
 
-def extra_points(cause: FitCause, extra: bytes, size: int) -> tuple[float, str] | None:
-    """Return what the bytes before or after one message say, and what they are; None where it is not so."""
-    shown = extra.hex(" ").upper()
-    if cause.kind == HEADER:
-        field = length_field(extra, size)
-        if field is not None:
-            part, words = field
-            return math.log(LENGTH_FIELD / 8 / cause.n) - chance(part), f"before it stands {shown}, {words}"
-        return math.log(1 - LENGTH_FIELD), f"before it stands {shown}"
-    if cause.kind == TRAILER:
-        known = ENDINGS.get(extra)
-        if known is not None:
-            return math.log(known[1]) - chance(extra), f"after it stands {shown}, {known[0]}"
-        if cause.n == 1:
-            return None  # then it is a byte too many
-        if not any(extra):
-            return math.log(ZEROS_AFTER), f"after it stand {cause.n} zeros"
-        return math.log(OWN_ENDING), f"after it stands {shown}"
+class ExtraEvidence(NamedTuple):
+    """Points of the bytes beside one message, what they are, and whether that is known."""
+
+    points: float
+    text: str
+    has_meaning: bool = True
+
+
+def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
+    """Return what the bytes before and after one message say; None where it is not so."""
     if cause.kind == LONG:
-        return -0.5, f"one byte too many: {shown}"
-    return 0.0, f"one byte too few: {cause.about}" if cause.kind == SHORT else ""
+        return ExtraEvidence(-0.5, f"one byte too many: {_hex(after)}", has_meaning=False)
+    if cause.kind == SHORT:
+        return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
+    head = _header(before, len(unit) + len(after)) if before else None
+    tail = _trailer(before, unit, after) if after else None
+    if after and (tail is None or (before and not tail.has_meaning)):
+        return None
+    if head and tail:
+        return ExtraEvidence(head.points + tail.points, f"{head.text}; {tail.text}", head.has_meaning)
+    return head or tail or ExtraEvidence(0.0, "")
+
+
+def _header(before: bytes, rest: int) -> ExtraEvidence:
+    said, field = f"before it stands {_hex(before)}", length_field(before, rest)
+    if field is None:
+        likely = 1 - LENGTH_FIELD if any(before) else ZEROS_BEFORE
+        return ExtraEvidence(math.log(likely), said, has_meaning=False)
+    part, words = field
+    points = math.log(LENGTH_FIELD / 8 / len(before)) - chance(part)
+    is_meant = len(part) * 2 >= len(before)  # else it may be one by chance
+    return ExtraEvidence(points, f"{said}, {words}", is_meant)
+
+
+def _trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
+    said = f"after it stands {_hex(after)}"
+    name, share = ENDINGS.get(after) or (_checksum(before, unit, after), CHECKSUM)
+    if name:
+        return ExtraEvidence(math.log(share) - chance(after), f"{said}, {name}")
+    if len(after) == 1:
+        return None  # then it is a byte too many
+    if not any(after):
+        return ExtraEvidence(math.log(ZEROS_AFTER), f"after it stand {len(after)} zeros", has_meaning=False)
+    return ExtraEvidence(math.log(OWN_ENDING), said, has_meaning=False)
+
+
+def _checksum(before: bytes, unit: bytes, after: bytes) -> str:
+    """Return the name of the checksum that stands after a message; "" where it is none that is known."""
+    if len(unit) > MOST_CHECKED:
+        return ""
+    for name, (width, of) in CHECKSUMS.items():
+        if width == len(after):
+            numbers = (of(before + unit), of(unit))
+            if any(number.to_bytes(width, order) == after for number in numbers for order in ORDERS):
+                return name
+    return ""
+
+
+def _hex(raw: bytes) -> str:
+    return raw.hex(" ").upper()
 
 
 def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
@@ -559,21 +650,21 @@ def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, mos
         several = max(several, count)
         whole += [(message, period * number, period) for number in range(max(count - most, 0), count)]
     units: list[bytes] = []
-    extras: list[bytes] = []
+    extras: list[tuple[bytes, bytes]] = []
     lead = bytes(max(-cause.front, 0))
     for message, start, length in whole[-most:]:
         piece = message[start : start + length]
         first, last = max(cause.front, 0), length - max(cause.back, 0)
         unit = lead + piece[first:last]
         units.append(cause.of_all(unit) if cause.of_all else unit)
-        extras.append(piece[:first] or piece[last:])
+        extras.append((piece[:first], piece[last:]))
     return Cutting(tuple(units), tuple(extras), fitting, several)
 
 
 class Cutting(NamedTuple):
-    """Messages of the type's size, what stood before or after each, how many fit, how many are in one."""
+    """Messages of the type's size, what stood before and after each, how many fit, how many are in one."""
 
     units: tuple[bytes, ...]
-    extras: tuple[bytes, ...]
+    extras: tuple[tuple[bytes, bytes], ...]
     fitting: int
     several: int

@@ -356,7 +356,9 @@ class _Rebuild:
 
     def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
         members = tuple(fill.members)
-        is_old = type_.base is None and self.pack is None and len(members) == len(type_.members)
+        is_old = (
+            not (type_.base or type_.bit_fields) and self.pack is None and len(members) == len(type_.members)
+        )
         if is_old and all(new.type is old.type for new, old in zip(members, type_.members, strict=True)):
             return type_
         pack = type_.pack if self.pack is None else self.pack

@@ -182,14 +182,15 @@ def same_layouts(
     found: dict[object, tuple[list[Profile], Layout]] = {}
     for profile in profiles:
         try:
-            layout = lay_out(type_, _beside(profile.rules, own), name)
+            layout = lay_out(type_, beside(profile.rules, own), name)
         except UserError:
             continue
         found.setdefault(shape(layout), ([], layout))[0].append(profile)
     return [(tuple(same), layout) for same, layout in found.values()]
 
 
-def _beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
+def beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
+    """Return the rules of a profile, with what our side says beside it."""
     if own is None:
         return rules
     even = own.string_even if own.name == rules.name else rules.string_even

@@ -6,7 +6,8 @@ Each STRUCT is placed once, however many members have its type.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake, noting
 from trcvtui.udt.layout.coding import coding_of
@@ -37,6 +38,13 @@ MOST_BYTES = 4 * 1024 * 1024
 MOST_LEAVES = 131_072  # twice as many as bytes fit into DATA: they stand in a list
 
 _N = TypeVar("_N", PlacedStruct, PlacedArray)
+
+
+class Span(NamedTuple):
+    """Size and alignment of what could stand in a STRUCT."""
+
+    size: int
+    align: int
 
 
 class Placing:
@@ -72,7 +80,9 @@ class Placing:
         if isinstance(type_, StringType):
             form = self.rules.text
             if form.length(type_) > form.most(type_):
-                raise mistake(where, type_text(type_), f"at most {form.most(type_)} characters")
+                expected = f"at most {form.most(type_)} characters"
+                expected += ", or a layout without a header: codesys-8" if form.header else ""
+                raise mistake(where, type_text(type_), expected)
             align = max(2 if type_.wide else 1, self.rules.text_floor)
             return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)
         row = self.rules.stored(type_)
@@ -81,9 +91,13 @@ class Placing:
 
     def place_array(self, type_: Array, where: str) -> PlacedArray:
         element = self.place(type_.element, where)
-        align = max(element.align, self.rules.array_floor)
-        pitch = _up(element.size, min(element.align, self.rules.cap))
+        pitch, align = self.pitch(element)
         return _checked(PlacedArray(type_, element, pitch, align), where)
+
+    def pitch(self, element: Node | Span) -> tuple[int, int]:
+        """Return how far it is to the next element of an ARRAY; its alignment."""
+        pitch = _up(element.size, min(element.align, self.rules.cap))
+        return pitch, max(element.align, self.rules.array_floor)
 
     def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
         """Return the members, before them what the type EXTENDS as one member without a name.
@@ -102,29 +116,60 @@ class Placing:
         return placed
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
-        cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)
-        placed: list[PlacedMember] = []
-        end, align, bit = 0, rules.struct_floor if parts else 1, 0
-        for name, inner, node in parts:
+        parts = self.parts(type_, where)
+        spots, size, align = self.spots(type_, parts)
+        placed = [
+            PlacedMember(part[0], at, part[2], bit) for part, (at, bit) in zip(parts, spots, strict=True)
+        ]
+        return _checked(PlacedStruct(placed, size, align), where)
+
+    def spots(
+        self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
+    ) -> tuple[list[tuple[int, int]], int, int]:
+        """Return offset and bit of each part of a STRUCT; its size; its alignment."""
+        cap, rules = self.cap(type_), self.rules
+        spots: list[tuple[int, int]] = []
+        end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
+        for at, (_, inner, node) in enumerate(parts):
+            end, align = self.after_bits(type_, at, end, align)
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
-            if is_bit and 0 < bit < 8:
-                placed.append(
-                    PlacedMember(name, end - 1, node, bit)
-                )  # the next bit of the byte that is begun
+            if is_bit and 0 < bit < 8:  # the next bit of the byte that is begun
+                spots.append((end - 1, bit))
                 bit += 1
                 continue
             offset = _up(end, step)
-            placed.append(PlacedMember(name, offset, node))
+            spots.append((offset, 0))
             end = _up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
-        return _checked(PlacedStruct(placed, _up(end, align), align), where)
+        end, align = self.after_bits(type_, len(parts), end, align)
+        return spots, _up(end, align), align
+
+    def after_bits(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
+        """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
+
+        One does not cross the bounds of its type; under any `#pragma pack` it does. One of no bits goes on
+        to the next bound.
+        """
+        cap, place = self.cap(type_), 8 * end
+        is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
+        for one in type_.bit_fields:
+            if one.at != at:
+                continue
+            unit = 8 * one.size
+            if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
+                place = _up(place, unit)
+            place += one.width
+            align = max(align, min(one.size, cap)) if one.is_named else align
+        return _up(place, 8) // 8, align
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
-        align = self.rules.struct_floor if parts else 1
-        end = 0
+        align = self.rules.struct_floor if parts or type_.bit_fields else 1
+        end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
+        for at in range(len(parts) + 1):
+            align = self.after_bits(type_, at, 0, align)[1]
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
             end = max(end, _up(node.size, self.end_floor(inner)))

@@ -57,13 +57,13 @@ class TextForm:
         return (self.extra + self.length(text)) * (2 if text.wide else 1)
 
 
-# `s7` and `cstr` take the same room, so a Baosky layout is the same with either. CODESYS
-# sets no limit to the length of a STRING; the limit of a whole type holds.
+# `s7` and `cstr` take the same room, so a Baosky layout is the same with either. Only a header limits the
+# length of a STRING, for it has one byte for it; else the limit of a whole type holds.
 TEXT_FORMS = {
     form.name: form
     for form in (
         TextForm("s7", header=True, extra=2, default=80, longest=254, longest_wide=254),
-        TextForm("cstr", header=False, extra=2, default=80, longest=254, longest_wide=254),
+        TextForm("cstr", header=False, extra=2, default=80, longest=1 << 22, longest_wide=1 << 21),
         TextForm("nul", header=False, extra=1, default=80, longest=1 << 22, longest_wide=1 << 21),
     )
 }

@@ -12,10 +12,10 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from trcvtui.errors import all_problems, mistake, noting
-from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
-from trcvtui.udt.ast import Declarations
-from trcvtui.udt.layout.rules import S7
+from trcvtui.errors import UserError, all_problems, mistake, noting
+from trcvtui.files import READABLE, read_bytes, reason_of
+from trcvtui.udt.ast import Declarations, SenderLayout
+from trcvtui.udt.layout.rules import CODESYS, S7
 from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
@@ -27,6 +27,8 @@ TIA: Final = SourceDialect(has_header=True, layout=S7.name)
 SIMATIC_SD: Final = SourceDialect(layout=S7.name)
 B_AND_R: Final = SourceDialect(enum_base="DINT")
 CODESYS_2: Final = SourceDialect(has_objects=True)
+# TwinCAT 3 aligns to 8 (Beckhoff). CODESYS leaves it to the device, 8 on most; B&R and C to a C compiler.
+NATURAL: Final = CODESYS.name
 _NESTED: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
 
@@ -34,7 +36,8 @@ class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
     `read` gets the text, or of a format with `root` the XML element of that name, and the name of the file.
-    `needs`: what has to be installed. `refused`: files of these extensions hold no types.
+    `needs`: what has to be installed. `refused`: files of these extensions hold no types. `sender`: the
+    layout that most devices have of which such files are.
     """
 
     name: str
@@ -43,6 +46,10 @@ class TypeFormat(NamedTuple):
     root: str = ""
     needs: str = ""
     refused: bool = False
+    sender: str = ""
+
+    def declarations(self, content: Any, name: str) -> Declarations:
+        return self.read(content, name)._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
@@ -92,17 +99,25 @@ FORMATS: Final = {
     row.name: row
     for row in (
         TypeFormat("IEC text", (".st", ".iecst", ".txt"), read_st),
-        TypeFormat("TIA source", (".udt", ".scl"), partial(read_st, dialect=TIA)),
+        TypeFormat("TIA source", (".udt", ".scl", ".db", ".awl"), partial(read_st, dialect=TIA)),
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
         TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
-        TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R)),
-        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, root="TcPlcObject"),
-        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project"),
+        TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, "TcPlcObject", sender=NATURAL),
+        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _read_openness, root="Document"),
         TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
-        TypeFormat("C header", (".h",), _read_c, needs="the extra c"),
+        TypeFormat("C header", (".h", ".hpp"), _read_c, needs="the extra c", sender=NATURAL),
     )
+}
+# What tells the format of a text without a suffix: the first that is found in it.
+_SIGNS = {
+    r"\A\s*<": "PLCopen",  # or another XML: its root element tells
+    r"\(\* @NESTEDCOMMENTS": "CODESYS 2.3",
+    r'(?im)^[ \t]*(?:TYPE[ \t]+(?:"|UDT[ \t])|DATA_BLOCK[ \t]|VERSION[ \t]*:)': "TIA source",
+    r"(?i)\bEND_(?:STRUCT|UNION|TYPE|VAR)\b": "IEC text",
+    r"(?m)^[ \t]*(?:#[ \t]*(?:include|define|pragma|if)|typedef|struct|union|enum)\b": "C header",
 }
 LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
@@ -132,10 +147,13 @@ def type_files_in(folder: Path) -> list[str]:
         return []
 
 
-def read_text(text: str, name: str, extension: str) -> Declarations:
+def read_text(text: str, name: str, extension: str = "") -> Declarations:
     """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
-    return read_xml_file(text, name) if rows[0].root else rows[0].read(text, name)
+    if not extension:
+        found = (name for sign, name in _SIGNS.items() if re.search(sign, text))
+        rows = [FORMATS[next(found, "IEC text")]]
+    return read_xml_file(text, name) if rows[0].root else rows[0].declarations(text, name)
 
 
 def read_xml_file(text: str, name: str) -> Declarations:
@@ -147,12 +165,7 @@ def read_xml_file(text: str, name: str) -> Declarations:
     if root.name not in rows:
         *others, last = (f"<{name}> ({rows[name].name})" for name in sorted(rows, key=str.casefold))
         raise mistake(root.where, f"<{root.name[:40]}>", f"{', '.join(others)} or {last}")
-    return rows[root.name].read(root, name)
-
-
-def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet:
-    """Return the types of a file, good and bad; raise UserError when it cannot be read at all."""
-    return join([_declarations(path)], str(path), constants)
+    return rows[root.name].declarations(root, name)
 
 
 def read_files(
@@ -161,7 +174,7 @@ def read_files(
     last_wins: Collection[str] = (),
     library: str = "",
 ) -> TypeSet:
-    """Return the types of several files, which may use each other's; raise UserError as read_file does.
+    """Return the types of files, good and bad, that use each other's; raise UserError if one is unreadable.
 
     `library`: types in ST that are there without any file; one of the same name in a file comes first.
     """
@@ -173,8 +186,21 @@ def read_files(
     with all_problems() as problems:
         for path in paths:
             with noting(problems):
-                files.append(_declarations(path))
+                files.append(declarations_in(path))
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
+
+
+def read_headers_with(paths: Iterable[Path], long_size: int | None) -> None:
+    """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
+    from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
+
+    headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
+    texts: list[str] = []
+    for path in headers if len(headers) > 1 else ():
+        with suppress(UserError):  # told when it is read for its types
+            texts.append(decode_text(content_of(path)))
+    LONG_SIZE.set(long_size)
+    OTHER_HEADERS.set("\n".join(texts))
 
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:
@@ -200,19 +226,24 @@ def decode_text(data: bytes) -> str:
         return data.decode("cp1252", "replace")
 
 
-def _declarations(path: Path) -> Declarations:
+def declarations_in(path: Path) -> Declarations:
+    """Return what a file declares; raise UserError when it cannot be read at all."""
     extension = os.path.splitext(path)[1]
-    if extension.lower() not in extensions():
-        found = "Is a directory" if is_folder(path) else f"suffix '{extension}'"
-        raise mistake(str(path), found, "a file of type " + ", ".join(extensions()))
-    text = decode_text(_content(path))
-    if "\0" in text[:2]:
-        found = "zero bytes, as in UTF-16 without a byte order mark"
-        raise mistake(str(path), found, "UTF-8, or UTF-16 with its mark")
-    return read_text(text, str(path), extension)
+    if extension.lower() not in ["", *extensions()]:
+        raise mistake(str(path), f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
+    return declarations_of(content_of(path), str(path), extension)
 
 
-def _content(path: Path) -> bytes:
+def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations:
+    """Return what the bytes of a file declare; without an extension the text itself tells its format."""
+    text = decode_text(data)
+    if "\0" in text:
+        found = "zero bytes, as in binary data or UTF-16 without a byte order mark"
+        raise mistake(name, found, "text in UTF-8, or in UTF-16 with its mark")
+    return read_text(text, name, extension)
+
+
+def content_of(path: Path) -> bytes:
     try:
         data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:

@@ -14,6 +14,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.sources.c_parse import (
     C_TYPES,
     FOUR_BYTES,
+    LONGS,
     NO_ONE_SIZE,
     Macros,
     evaluate,
@@ -21,7 +22,7 @@ from trcvtui.udt.sources.c_parse import (
     formula,
     parsed,
 )
-from trcvtui.udt.sources.c_source import CSource
+from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS, CSource
 from trcvtui.udt.types import ELEMENTARY
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
@@ -33,7 +34,7 @@ def read_c(text: str, name: str) -> ast.Declarations:
         from pycparser.c_parser import CParser  # type: ignore[import-untyped]
     except ImportError:
         raise mistake(name, "a C header, but no pycparser", "it: pip install 'trcvtui[c]'") from None
-    source = CSource(text, name, evaluate)
+    source = CSource(text, name, evaluate, OTHER_HEADERS.get())
     reader = _Reader(source)
     for node in parsed(CParser, source):
         reader.outer(node)
@@ -53,9 +54,10 @@ class _Reader:
         self.tags: dict[str, str] = {}
         self.aliases: dict[str, ast.Reference] = {}
         self.macros = Macros(source)
+        self.long_size = LONG_SIZE.get()
         self.constants: dict[str, ast.Number] = {}
         for name in source.numbers:
-            value = self.macros.macro(name)
+            value = None if name in source.given else self.macros.macro(name)
             if value is not None:
                 self.constants[name] = value
         self.problems: list[Problem] = []
@@ -82,7 +84,7 @@ class _Reader:
             inner = node.type
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
-            self.tagged(inner)
+            self.tagged(inner, node.name or "")
             value = fold(node.init, self.look_up) if node.init is not None and "const" in node.quals else None
             if node.name and value is not None:
                 self.constants[node.name] = value
@@ -94,23 +96,25 @@ class _Reader:
             self.tags[tag] = node.name
         elif tag == node.name:
             return  # typedef struct T T;
-        spec = self.declare(node.name, node, lambda: self.spec(node.type, 0))
+        spec = self.declare(node.name, node, lambda: self.spec(node.type, 0), tag or "")
         if isinstance(spec, ast.Reference) and spec.name.upper() in ELEMENTARY:
             self.aliases[node.name] = spec
         if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
             self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
 
-    def tagged(self, node: Any) -> None:
+    def tagged(self, node: Any, variable: str) -> None:
         if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
             return
         if node.name:
             self.tags.setdefault(node.name, node.name)
-            self.declare(node.name, node, lambda: self.inner(node, 0))
+            self.declare(node.name, node, lambda: self.inner(node, 0), variable)
         elif type(node).__name__ == "Enum":
             self.enum(node)
 
-    def declare(self, name: str, node: Any, read: Callable[[], ast.Spec]) -> ast.Spec | None:
+    def declare(self, name: str, node: Any, read: Callable[[], ast.Spec], word: str) -> ast.Spec | None:
         self.problems, self.notes = [], {}
+        if word.isupper() and "PACK" in word and word != name:
+            self.notes[f"{word} is read as a name: a macro needs --with its header"] = None
         spec: ast.Spec | None = None
         with noting(self.problems):
             spec = read()
@@ -149,6 +153,10 @@ class _Reader:
         name = " ".join(words) or "int"
         if name in self.aliases:
             return self.aliases[name]._replace(where=self.where(node))
+        if name in LONGS and self.long_size is not None:
+            self.notes[f"long is taken as {self.long_size} bytes"] = None
+            word = "int" if self.long_size == 4 else "long long"
+            return ast.Reference(C_TYPES[name.replace("long", word)], self.where(node))
         is_plc = name.isupper() and any(include.endswith(PLC_TYPES) for include in self.source.includes)
         if name in NO_ONE_SIZE and not is_plc:
             raise mistake(self.where(node), f"'{' '.join(node.names)}'", NO_ONE_SIZE[name])
@@ -162,6 +170,11 @@ class _Reader:
         for at, member in enumerate(node.decls or ()):
             with noting(self.problems):
                 members.extend(self.member(member, at, depth + 1))
+        bits = [one.name for one in members if one.width is not None and one.name]
+        if bits:
+            names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
+            told = f"bit-fields are no members: {names}; their room is padding, as gcc has it on x86-64"
+            self.notes[told] = None
         is_union = type(node).__name__ == "Union"
         return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
 
@@ -169,8 +182,11 @@ class _Reader:
         if type(node).__name__ != "Decl":
             return
         if node.bitsize is not None:
-            expected = "a whole type such as uint8_t: where a bit lies, each compiler decides"
-            raise mistake(self.where(node), f"bit-field '{node.name or ''}'", expected)
+            width = fold(node.bitsize, self.look_up)
+            if width is None or width < 0:
+                raise mistake(self.where(node), f"bit-field '{node.name or ''}'", "a number of bits")
+            yield ast.MemberSpec(node.name or "", self.spec(node.type, depth), self.where(node), width)
+            return
         if node.align:
             raise mistake(self.where(node), f"_Alignas at '{node.name}'", "a member without it")
         if node.name is None:

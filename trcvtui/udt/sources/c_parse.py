@@ -33,9 +33,10 @@ _IEC_TYPES = {
 }
 C_TYPES = {word: name for name, words in _IEC_TYPES.items() for word in words}
 FOUR_BYTES = ("int", "int unsigned")
+LONGS = ("long", "long unsigned")
 # No size of their own in C; INT, UINT and BOOL have two bytes or one in IEC 61131-3, and four on Windows.
 NO_ONE_SIZE = {
-    **dict.fromkeys(("long", "long unsigned"), "int32_t or int64_t: its size differs between compilers"),
+    **dict.fromkeys(LONGS, "int32_t or int64_t, or --long-size 4 or 8: compilers differ about it"),
     **dict.fromkeys(
         ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of one size"
     ),
@@ -187,7 +188,8 @@ def _parse(parser: Callable[[], Any], text: str, types: list[str], source: CSour
         what = found[3] if found else str(failed).rpartition(": ")[2]
     except (RecursionError, AssertionError, AttributeError, IndexError, KeyError, TypeError, ValueError):
         where, what = source.where(begin), "unknown to the C parser"
-    raise mistake(where, f"C that cannot be read ({what[:60]})", "C declarations")
+    expected = "C declarations; of a macro that another header defines, --with that header"
+    raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
 
 def _is_flat(text: str) -> bool:
@@ -210,7 +212,10 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
             )
             depth += 1
             continue
-        depth = max(0, depth - 1) if found.group() == "}" else depth
+        if depth == 0 and found.group() == "}":
+            begin = _begin(text, found.end())  # of a `namespace {`
+            continue
+        depth -= found.group() == "}"
         if depth == 0 and (found.group() == ";" or is_function):
             if not is_function:
                 yield begin, found.end()
@@ -225,7 +230,7 @@ def _begin(text: str, place: int) -> int:
 
 
 def _name_of(text: str) -> str | None:
-    found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.match(r"\s*typedef\b", text) else None
+    found = re.search(r"([A-Za-z_]\w*)\s*;\s*\Z", text) if re.search(r"\btypedef\b", text) else None
     found = found or re.search(r"\b(?:struct|union|enum)\s+([A-Za-z_]\w*)", text)
     return found.group(1) if found and found.group(1) not in KEYWORDS else None
 

@@ -1,6 +1,6 @@
 """A C header made ready for a C parser: comments, directives, macros and attributes, line by line.
 
-Only what a declaration needs: conditions, `#define` of numbers and of words, `#pragma pack`, `packed`.
+Only what a declaration needs: conditions, `#define` of numbers, words and calls, `#pragma pack`, `packed`.
 Rule: lines keep their numbers; what changes a layout is understood or refused, never passed over.
 """
 
@@ -9,17 +9,21 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable
+from contextvars import ContextVar
+from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
 
 PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
+MOST_CALLS = 256  # of macros in a line, and in what they put into it
+MOST_CALLS_IN_ALL = 50_000
 MOST_NESTED = 64
 # A macro with one of these in it is no number.
 _WORDS = """
 struct union enum typedef const volatile static extern inline restrict void char short int long float double
 signed unsigned _Bool bool return if else for while do switch case break goto sizeof __attribute__ __packed
-__declspec _Alignas
+__declspec __pragma _Alignas
 """
 KEYWORDS = frozenset(_WORDS.split())
 # Of all attributes only these change nothing in a layout and may be left out.
@@ -27,12 +31,20 @@ HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct",
 
 _SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
-_MACRO = re.compile(r"([A-Za-z_]\w*)(\(?)[ \t]*(.*)", re.DOTALL)
+_MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
+_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
+_CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
+_OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(\s*(?:(push|pop|show)\b\s*,?\s*)?(?:([A-Za-z_]\w*)\s*,?\s*)?(\w*)\s*\)\s*")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
 _HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
+
+
+# What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
+LONG_SIZE: ContextVar[int | None] = ContextVar("LONG_SIZE", default=None)
+OTHER_HEADERS = ContextVar("OTHER_HEADERS", default="")
 
 
 class CSource:
@@ -41,20 +53,31 @@ class CSource:
     `evaluate` works out a condition or the number of a macro; None when nobody can.
     """
 
-    def __init__(self, text: str, name: str, evaluate: Callable[[str, CSource], int | None]) -> None:
+    def __init__(
+        self, text: str, name: str, evaluate: Callable[[str, CSource], int | None], others: str = ""
+    ) -> None:
         self.name, self.evaluate = name, evaluate
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
-        self.numbers: dict[str, str] = {}
+        self.numbers: dict[str, str] = {"__GNUC__": "4"}  # layouts of C are those of gcc
         self.words: dict[str, str] = {}
+        self.calls: dict[str, tuple[list[str], str]] = {}
+        self._macros: tuple[dict[str, Any], ...] = self.numbers, self.words, self.calls
+        if others:
+            own = set(re.findall(r"#\s*define\s+(\w+)", text))
+            for number, known in enumerate(CSource(others, name, evaluate)._macros):
+                self._macros[number].update({one: known[one] for one in known.keys() - own})
+        self.given = frozenset(self.numbers)
         self.includes: list[str] = []
         self.packs: list[tuple[int, int | None]] = [(0, None)]
         self.braces: set[int] = set()  # of the structures that are packed by an attribute
         self._stack: list[int | None] = []
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
-        ready = "\n".join(self._lines(self._without_comments(text)))
+        self._calls_left = MOST_CALLS_IN_ALL
+        without_comments = self._without_comments(text)
+        ready = "\n".join(self._lines(_SCOPE.sub(_blank, without_comments)))
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
         self.text = self._attributes(ready)
 
@@ -105,7 +128,7 @@ class CSource:
                 not found.group().endswith("*/") or len(found.group()) < 4
             ):
                 self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
-            return re.sub(r"[^\n]", " ", found.group())
+            return _blank(found)
 
         return _SKIPPED.sub(blank, text)
 
@@ -122,10 +145,22 @@ class CSource:
             directive = _DIRECTIVE.fullmatch(line)
             if directive:
                 self._direct(directive.group(1), directive.group(2).strip(), first)
-            counts = not directive and self._counts()
-            ready.append(self._expanded(line) if counts else "")
-            ready.extend([""] * (at - first))
-            self._depth += ready[first - 1].count("{") - ready[first - 1].count("}")
+            if directive or not self._counts():
+                line = ""
+            opened = self._opened(line)
+            while opened > 0 and at < len(lines):
+                line += "\n" + lines[at]
+                opened += lines[at].count("(") - lines[at].count(")")
+                at += 1
+            line = self._expanded(line)
+            pragma = _OPERATOR.fullmatch(line.strip(" \t;"))
+            if pragma:
+                self._direct("pragma", (pragma[1] or pragma[2]).strip(), first)
+                line = ""
+            line = line.replace("_Pragma", "_Pragma_beside_a_declaration")  # the parser would pass over it
+            ready.append(line)
+            ready.extend([""] * (at - first - line.count("\n")))
+            self._depth = max(0, self._depth + line.count("{") - line.count("}"))
         if self._conditions:
             self.refuse(len(lines), "the end of the file", "#endif")
         return ready
@@ -134,11 +169,33 @@ class CSource:
         return all(counts for counts, _ in self._conditions)
 
     def _expanded(self, line: str) -> str:
-        return (
-            _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
-            if self.words
-            else line
-        )
+        if self.words:
+            line = _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
+        at, most = 0, 2 * len(line) + MOST_CALLS * LONGEST_WORDS
+        for _ in range(min(MOST_CALLS, self._calls_left) if self.calls else 0):
+            found = self._call(line, at)
+            if found is None or len(line) > most:
+                break
+            self._calls_left -= 1
+            at = found.start()
+            names, body = self.calls[found[1]]
+            given, end = _arguments(line, found.end())
+            if len(given) != len(names):
+                break  # the parser says so
+            values = dict(zip(names, given, strict=True))
+            text = _WORD.sub(lambda word, known=values: known.get(word[0], word[0]), body)  # type: ignore[misc]
+            count = line.count("\n", at, end)  # lines keep their numbers
+            text = text if text.count("\n") <= count else text.replace("\n", " ")
+            line = line[:at] + text + "\n" * (count - text.count("\n")) + line[end:]
+        return line
+
+    def _call(self, line: str, at: int = 0) -> re.Match[str] | None:
+        return next((found for found in _CALL.finditer(line, at) if found[1] in self.calls), None)
+
+    def _opened(self, line: str) -> int:
+        """Return how many brackets a call of a macro leaves open: it goes on in the next line."""
+        found = self._call(line) if self.calls else None
+        return 0 if found is None else line.count("(", found.start()) - line.count(")", found.start())
 
     # -- directives --------------------------------------------------------------------------------------
 
@@ -150,8 +207,7 @@ class CSource:
         elif kind == "define":
             self._define(rest)
         elif kind == "undef":
-            self.numbers.pop(rest, None)
-            self.words.pop(rest, None)
+            self._forget(rest)
         elif kind == "include":
             self.includes.append(rest.strip('<>" \t'))
         elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
@@ -194,15 +250,22 @@ class CSource:
         return bool(value)
 
     def _is_defined(self, name: str) -> bool:
-        return name in self.numbers or name in self.words
+        return any(name in table for table in self._macros)
+
+    def _forget(self, name: str) -> None:
+        for table in self._macros:
+            table.pop(name, None)
 
     def _define(self, rest: str) -> None:
         macro = _MACRO.fullmatch(rest)
-        if macro is None or macro.group(2):
-            return  # a macro with arguments declares no type; where one is used, the parser says so
-        name, body = macro.group(1), macro.group(3).strip()
-        self.numbers.pop(name, None)
-        self.words.pop(name, None)
+        if macro is None:
+            return
+        name, names, body = macro.group(1), macro.group(2), macro.group(3).strip()
+        self._forget(name)
+        if names:
+            if "#" not in body and "..." not in names:  # else the parser says where it is used
+                self.calls[name] = [one.strip() for one in names[1:-1].split(",")], self._expanded(body)
+            return
         words = _WORD.findall(body)
         if body and _NUMERIC.fullmatch(body) and not any(w in KEYWORDS or w in self.words for w in words):
             self.numbers[name] = body
@@ -254,9 +317,27 @@ class CSource:
                 line, _ = self.place(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
-            return re.sub(r"[^\n]", " ", found.group())
+            return _blank(found)
 
         return _ATTRIBUTE.sub(blank, text)
+
+
+def _blank(found: re.Match[str]) -> str:
+    return re.sub(r"[^\n]", " ", found.group())
+
+
+def _arguments(text: str, begin: int) -> tuple[list[str], int]:
+    """Return the arguments of a call, and where it ends; without an end none."""
+    found: list[str] = []
+    depth = 0
+    for one in re.compile("[(),]").finditer(text, begin):
+        if depth == 0 and one[0] != "(":
+            found.append(text[begin : one.start()])
+            begin = one.end()
+            if one[0] == ")":
+                return found, begin
+        depth += {"(": 1, ")": -1, ",": 0}[one[0]]
+    return [], len(text)
 
 
 def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:

@@ -1,4 +1,4 @@
-"""Siemens Openness XML (SimaticML): `SW.Types.PlcStruct`, a tree of `Member[@Name][@Datatype]`.
+"""Siemens Openness XML (SimaticML): PLC data types, global data blocks; trees of `Member[@Name][@Datatype]`.
 
 Start values, comments and the copies of a UDT's members below a member of that UDT are left out: the name
 of the type says it all.
@@ -12,9 +12,10 @@ from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.literals import QUALIFIED_NAME
+from trcvtui.udt.sources.st import OPTIMISED
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
 
-TYPE = "SW.Types.PlcStruct"
+TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
 
 _ARRAY = re.compile(r"array\s*\[([^\[\]]{1,400})\]\s*of\s+(.+)", re.IGNORECASE | re.DOTALL)
 _TEXT = re.compile(r"(w?)string\s*(?:\[([^\[\]]{1,200})\])?", re.IGNORECASE)
@@ -23,11 +24,11 @@ _QUOTED = re.compile(r'"([^"]+)"')
 
 
 def read_openness(root: Element) -> ast.Declarations:
-    """Return the PLC data types of an export; raise UserError when it holds something else."""
-    structs = list(root.all(TYPE))
+    """Return what an export declares; raise UserError when it holds something else."""
+    structs = list(root.all(TYPE, DATA_BLOCK))
     if not structs:
         others = ", ".join(f"<{child.name}>" for child in root.children if child.name.startswith("SW."))
-        raise mistake(root.where, others or "no type", f"<{TYPE}>, the export of a PLC data type")
+        raise mistake(root.where, others or "no type", f"<{TYPE}> or <{DATA_BLOCK}>")
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
     for struct in structs:
@@ -39,7 +40,7 @@ def read_openness(root: Element) -> ast.Declarations:
 def _declaration(element: Element) -> ast.Declaration:
     name = element.at("AttributeList", "Name")
     if name is None or not name.text.strip():
-        raise mistake(element.where, f"<{TYPE}> without a name", "<AttributeList> with <Name>")
+        raise mistake(element.where, f"<{element.name}> without a name", "<AttributeList> with <Name>")
     sections = element.at("AttributeList", "Interface", "Sections") or element.at("Interface", "Sections")
     if sections is None:
         found = f"'{name.text.strip()}' without members"
@@ -48,7 +49,11 @@ def _declaration(element: Element) -> ast.Declaration:
         )
     problems: list[Problem] = []
     members = [m for section in sections.all("Section") for m in _members(section, 1, problems)]
-    return ast.Declaration(name.text.strip(), ast.StructSpec(tuple(members)), element.where, tuple(problems))
+    access = element.at("AttributeList", "MemoryLayout")
+    notes = (OPTIMISED,) if access is not None and access.text.strip() == "Optimized" else ()
+    spec = ast.StructSpec(tuple(members))
+    is_data = element.name == DATA_BLOCK
+    return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes, is_data)
 
 
 def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.MemberSpec]:

@@ -1,12 +1,14 @@
-"""ST text of every dialect: TYPE ... END_TYPE, NAMESPACE, constants; all other blocks are passed over.
+"""ST text of every dialect: TYPE, DATA_BLOCK, NAMESPACE, constants; all other blocks are passed over.
 
 Rule: a mistake ends its declaration, never the file. The types themselves are read in `st_spec.py`.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from bisect import bisect_right
+from itertools import pairwise
 
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
@@ -17,6 +19,7 @@ from trcvtui.udt.sources.st_spec import SpecParser, encoded
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
 # TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
 HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
+RETENTION = ("NON_RETAIN", "RETAIN", "READ_ONLY", "UNLINKED")  # of a data block, before its STRUCT
 CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
 VARIABLES = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
 OTHER_BLOCKS = frozenset(
@@ -26,6 +29,7 @@ OTHER_BLOCKS = frozenset(
         *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION"),
     }
 )
+VARIABLES_NOTE = "variables: laid out as a STRUCT of them; where a PLC keeps variables is its own matter"
 OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
@@ -59,12 +63,18 @@ class Parser(SpecParser):
         self.layout = dialect.layout
         self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
+        words = pairwise(source.tokens)
+        self.function_blocks = {name.name for word, name in words if word.upper == "FUNCTION_BLOCK"}
 
     def file(self) -> ast.Declarations:
         """Return all declarations up to the end of the text."""
+        if self.sees("VAR", *OPENERS):
+            self.bare()
         while not self.at_end():
             if self.accept("TYPE"):
                 self.block()
+            elif self.sees("DATA_BLOCK") and self.end_of_block() is not None:
+                self.data_block()
             elif self.accept("NAMESPACE"):
                 self.skip_name()
             elif self.sees("USING"):
@@ -104,18 +114,52 @@ class Parser(SpecParser):
         """Return whether a block of another kind begins here: its word, and then its name."""
         return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
 
-    def declaration(self) -> ast.Declaration | None:
-        """Return one declaration with its own problems; None when it has not even a name."""
+    def bare(self) -> None:
+        """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
+        is_variables = self.sees("VAR")
+        declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
+        if is_variables and not (
+            self.at_end() and self.at
+        ):  # of a program: passed over like all other blocks
+            self.at = self.since = 0
+        elif declaration:
+            notes = (*declaration.notes, *([VARIABLES_NOTE] if is_variables else ()))
+            self.types.append(declaration._replace(notes=notes, is_data=is_variables))
+            self.accept("END_TYPE")
+
+    def data_block(self) -> None:
+        """Read a data block as a type of its name; that of an FB declares nothing and is passed over."""
+        end = self.end_of_block()
+        assert end is not None
+        self.advance()
+        declaration = self.declaration(is_block=True)
+        self.at = self.since = end + 1
+        of = declaration.spec.name if declaration and isinstance(declaration.spec, ast.Reference) else ""
+        if declaration and of not in self.function_blocks and not re.fullmatch("(?i)S?FB[0-9]+", of):
+            self.types.append(declaration._replace(is_data=True))
+            self.layout = S7.name
+
+    def declaration(self, name: str = "", is_block: bool = False) -> ast.Declaration | None:
+        """Return one declaration with its own problems; None when it has not even a name.
+
+        `name` is that of a type whose text has none; then the type itself begins here.
+        """
         others, self.problems = self.problems, []
         self.nested, self.notes = 0, []
-        name: StToken | None = None
+        first = self.token
         spec: ast.Spec | None = None
         try:
             if self.sees(*ACCESS) and self.is_name(1):
                 self.advance()
-            name = self.name("the name of a type or 'END_TYPE'")
-            spec = self.declared()
-            self.rest(spec, "END_TYPE")
+            if name:
+                spec = self.specified(None)
+            else:
+                first, name = self.numbered("the name of a type or 'END_TYPE'")
+                spec = self.declared(is_block)
+            if not is_block:
+                self.rest(spec, "END_TYPE")
+            elif not (self.accept(";") or self.sees("BEGIN", "END_DATA_BLOCK")):
+                raise self.refusal("'BEGIN'")
         except UserError as refused:
             self.note(refused)
             self.skip_statement()
@@ -124,21 +168,23 @@ class Parser(SpecParser):
                 self.accept(";")
         self.since = self.at
         own, self.problems = self.problems, others
-        if name is None:
+        if not name:
             self.problems += own
             return None
-        return ast.Declaration(
-            name.name, spec, self.where(name), tuple(own), tuple(dict.fromkeys(self.notes))
-        )
+        return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
-    def declared(self) -> ast.Spec:
+    def declared(self, is_block: bool) -> ast.Spec:
         """Return what stands after the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
-        self.header()
+        self.header(is_block)
         if base is None:
             base = self.extends()
             if base is not None:
                 self.accept(":")
+        return self.specified(base)
+
+    def specified(self, base: ast.Reference | None) -> ast.Spec:
+        """Return the type at the cursor with what the pragmas before it say."""
         pragmas = self.pragmas_since()
         first = self.token
         spec = encoded(self.spec(), pragmas)
@@ -164,20 +210,23 @@ class Parser(SpecParser):
         token, name = self.qualified("a type")
         return ast.Reference(name, self.where(token))
 
-    def header(self) -> None:
-        """Go after the colon, or in front of STRUCT after the header lines of a TIA source."""
+    def header(self, is_block: bool) -> None:
+        """Go after the colon, or after the header lines of a TIA source or a data block."""
         if self.accept(":"):
             return
         before = self.tokens[self.at - 1]
-        if not (self.dialect.has_header or before.shape is Shape.QUOTED or self.sees(*HEADER_LINES)):
+        has_header = is_block or self.dialect.has_header or before.shape is Shape.QUOTED
+        if not (has_header or self.sees(*HEADER_LINES)):
             raise self.refusal("':'")
-        while self.sees(*HEADER_LINES):
-            is_free, line = self.sees("TITLE"), self.source.line(self.token.place)
+        words = RETENTION if is_block else ()
+        while self.sees(*HEADER_LINES, *words):
+            first = self.advance()
+            line = self.source.line(first.place) if first.upper in HEADER_LINES else 0
             while not self.at_end() and self.source.line(self.token.place) == line:
-                if self.sees("STRUCT") and not is_free:
+                if self.sees("STRUCT", "VAR", *words) and first.upper != "TITLE":
                     break
                 self.advance()
-        if not self.sees("STRUCT"):
+        if not (self.sees("STRUCT") or is_block):
             raise self.refusal("'STRUCT'")
 
     def pack(self, pragmas: list[str], token: StToken) -> int | None:

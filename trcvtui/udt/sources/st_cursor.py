@@ -150,10 +150,11 @@ class Source:
 
 OPENERS = ("STRUCT", "UNION")
 CLOSERS = ("END_STRUCT", "END_UNION")
-BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE")
+BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE", "END_DATA_BLOCK")
 MEMBER_ENDS = (*CLOSERS, *BLOCK_ENDS)
 # No names: one of these where a name should be means that something before it is missing.
 RESERVED = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
+NAMED_BY_NUMBER = ("UDT", "DB", "FB", "SFB")  # `UDT 5` and `UDT5` of an S7 source are one name
 
 
 class Cursor:
@@ -215,16 +216,22 @@ class Cursor:
 
     def qualified(self, what: str) -> tuple[StToken, str]:
         """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go after it."""
-        first = self.name(what)
-        parts = [first.name]
+        first, name = self.numbered(what)
+        parts = [name]
         while self.sees(".") and self.is_name(1):
             self.advance()
             parts.append(self.advance().name)
         return first, ".".join(parts)
 
+    def numbered(self, what: str) -> tuple[StToken, str]:
+        """Return where a name without dots begins, and the name; go after it."""
+        token = self.name(what)
+        has_number = token.upper in NAMED_BY_NUMBER and self.token.shape is Shape.NUMBER
+        return token, token.name + self.advance().text if has_number else token.name
+
     def is_member_type(self) -> bool:
-        """Return whether this is a member called Type, as real files have it: no block begins `TYPE :`."""
-        return self.sees("TYPE") and self.tokens[self.at + 1].upper in (":", ",")
+        """Return whether this is a member called Type or Array: no block and no type begins `TYPE :`."""
+        return self.sees("TYPE", "ARRAY") and self.tokens[self.at + 1].upper in (":", ",")
 
     def block_ends(self) -> bool:
         """Return whether the block of declarations is surely over."""
@@ -263,7 +270,8 @@ class Cursor:
         if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
             self.advance()
             return
-        self.accept("#")  # TIA: a constant of the block itself
+        if not self.accept("#"):  # TIA: a constant of the block itself
+            self.accept(".")  # CODESYS: `.GVL.MAX` is global
         self.qualified("a whole number")
         if self.accept("#"):
             if self.sees("+", "-"):

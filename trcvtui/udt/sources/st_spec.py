@@ -14,7 +14,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
 from trcvtui.udt.types import ELEMENTARY, WHOLE, StringType, ValueKind
 
-QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
+QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
 _UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
@@ -39,8 +39,15 @@ class SpecParser(Cursor):
         self.nested -= 1
         return spec
 
-    def struct(self) -> ast.Spec:
-        """Return STRUCT ... END_STRUCT or UNION ... END_UNION; a bad member is noted and left out."""
+    def variables(self) -> ast.Spec:
+        """Return all of VAR ... END_VAR VAR ... END_VAR as one structure."""
+        members: list[ast.MemberSpec] = []
+        while self.sees("VAR") and self.tokens[self.at + 1].upper != "CONSTANT":
+            members += self.struct().members
+        return ast.StructSpec(tuple(members))
+
+    def struct(self) -> ast.StructSpec:
+        """Return what stands from STRUCT, UNION or VAR to its END_; a bad member is noted and left out."""
         word = self.advance().upper
         if self.sees(*QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
             self.notes += [OVERLAP] if self.sees("OVERLAP") else []
@@ -260,6 +267,7 @@ def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
 SPECS: dict[str, Callable[[SpecParser], ast.Spec]] = {
     "STRUCT": SpecParser.struct,
     "UNION": SpecParser.struct,
+    "VAR": SpecParser.variables,
     "ARRAY": SpecParser.array,
     "STRING": SpecParser.text,
     "WSTRING": SpecParser.text,

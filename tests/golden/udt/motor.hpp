@@ -1,0 +1,1 @@
+typedef struct { bool on; double speed; } Motor;

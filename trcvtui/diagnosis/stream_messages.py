@@ -1,0 +1,47 @@
+"""The whole messages of a received stream: as a peer sent them, as jobs that bring one each, or by pauses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from trcvtui.diagnosis.evidence import Evidence
+from trcvtui.history.records import HistoryWindow
+from trcvtui.history.stream_index import bursts_in
+from trcvtui.plc.ledger import A_HOLE, A_PACKET
+
+
+class StreamMessage(NamedTuple):
+    """One message at its positions; `by_pauses`: only what came between two pauses, which may be several."""
+
+    name: str
+    positions: range
+    by_pauses: bool = False
+    content: bytes = b""
+
+
+def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
+    """Return the messages of which every byte is known, oldest first; none where nothing tells their ends."""
+    sent = [span for span in window.messages if span.peer not in (A_PACKET, A_HOLE)]
+    if sent:
+        found = [
+            StreamMessage(f"{span.peer} message {span.number}", range(span.position, span.stop))
+            for span in sent
+            if span.begins and span.ends
+        ]
+    elif e.is_datagram or e.is_message or e.buffer is not None:
+        found = [
+            StreamMessage(f"{job.instance} job {job.number}", range(job.position, job.stop))
+            for job in window.jobs
+            if job.done
+        ]
+    else:
+        last = window.recvs[-1] if window.recvs else None
+        has_last = last is not None and last.offset + last.size == e.facts.received
+        bursts = bursts_in(window.recvs, has_last and not e.is_arriving)
+        found = [
+            StreamMessage(f"message by pauses from byte {each.start}", each, by_pauses=True)
+            for each in bursts
+        ]
+    return [
+        each._replace(content=window.cut(each.positions)) for each in found if window.knows(each.positions)
+    ]

@@ -1,0 +1,40 @@
+"""Checksums of a message, as machines send them."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from typing import Final
+
+CRC16_START, CRC16_POLYNOMIAL = 0xFFFF, 0xA001
+
+
+def _xor8(content: bytes) -> int:
+    found = 0
+    for byte in content:
+        found ^= byte
+    return found
+
+
+def _crc16_row(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte >> 1) ^ (CRC16_POLYNOMIAL if byte & 1 else 0)
+    return byte
+
+
+_CRC16: Final = tuple(_crc16_row(byte) for byte in range(256))
+
+
+def _crc16_modbus(content: bytes) -> int:
+    crc = CRC16_START
+    for byte in content:
+        crc = (crc >> 8) ^ _CRC16[(crc ^ byte) & 0xFF]
+    return crc
+
+
+CHECKSUMS: Final[dict[str, tuple[int, Callable[[bytes], int]]]] = {
+    "sum8": (1, lambda content: sum(content) & 0xFF),
+    "xor8": (1, _xor8),
+    "crc16-modbus": (2, _crc16_modbus),
+    "crc32": (4, zlib.crc32),
+}

@@ -1,0 +1,153 @@
+"""Types and constants that a type lacks, found in the files beside its own or in a folder.
+
+Rule: every file that declares such a name comes along whole, so that two that differ are refused as a second
+declaration is, and none is chosen. A broken file hides no good one.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property
+from typing import Any, Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.udt.ast import Declaration, Declarations
+from trcvtui.udt.constants import plain_name
+from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
+from trcvtui.udt.sources import content_of, declarations_in, decode_text, type_files_in
+from trcvtui.udt.type_set import TypeSet, join
+
+MOST: Final = 5000  # files, and folders
+MOST_BYTES: Final = 64 * 1024 * 1024
+MOST_TOLD: Final = 8  # names in one line
+TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
+
+
+class TypeFolder:
+    """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
+
+    def __init__(self, path: str, place: str, without: Iterable[str] = (), is_whole: bool = True) -> None:
+        self.path, self.place, self.is_whole = path, place, is_whole
+        self.without = {os.path.realpath(each) for each in without}
+        self.read: dict[str, Declarations] = {}
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """Return the text of each file, in lower case; raise UserError when there is too much of it."""
+        texts: dict[str, str] = {}
+        size = 0
+        for number, (folder, inner, _) in enumerate(os.walk(self.path)):
+            inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
+            for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+                with suppress(UserError):
+                    if os.path.realpath(path) not in self.without:
+                        data = content_of(path)
+                        size += len(data)
+                        texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
+                if len(texts) > MOST or size > MOST_BYTES:
+                    break
+            if max(number, len(texts)) > MOST or size > MOST_BYTES:
+                found = f"a folder of more than {MOST} type files or {MOST_BYTES >> 20} MiB"
+                raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")
+        return texts
+
+    def declarations(self, file: str) -> Declarations:
+        """Return what a file declares, nothing if it cannot be read."""
+        if file not in self.read:
+            self.read[file] = Declarations(())
+            with suppress(UserError):
+                self.read[file] = declarations_in(os.path.normpath(os.path.join(self.path, file)))
+        return self.read[file]
+
+    def all(self) -> list[Declarations]:
+        return _once(map(self.declarations, self.texts))
+
+    def declaring(self, name: str, kind: str) -> dict[str, Declarations]:
+        """Return the files that declare a name; the broken ones if all are."""
+        last = plain_name(name).casefold().rpartition(".")[2]
+        spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
+        sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
+        found: dict[bool, dict[str, Declarations]] = {True: {}, False: {}}
+        for file in [file for file, text in self.texts.items() if sought.search(text)]:
+            declared = self.declarations(file)
+            owners = [each for each in declared.types if last in _names(each, kind)]
+            constants = declared.constants if kind == CONSTANT else ()
+            if owners or any(plain_name(each.name).casefold().split(".")[-1] == last for each in constants):
+                is_good = not any(each.spec is None or each.problems for each in owners)
+                found[is_good][file] = declared
+        return found[True] or found[False]
+
+
+def _names(declared: Declaration, kind: str) -> list[str]:
+    if kind == CONSTANT:
+        return [name.casefold() for name, _ in getattr(declared.spec, "values", ())]
+    return [] if declared.is_data and kind == TYPE else [declared.name.casefold()]
+
+
+def find_types(
+    files: Sequence[Declarations],
+    folders: Sequence[TypeFolder],
+    names: Collection[str],
+    where: str,
+    constants: Mapping[str, int],
+) -> tuple[TypeSet, list[str]]:
+    """Return the types of files, and of folders what the named types lack, with a line on each folder."""
+    told: dict[str, dict[str, dict[str, Declarations]]] = {}
+    sought: set[tuple[str, str]] = set()
+    types = join(files, where, constants)
+    while new := set(_lacking(types, names)) - sought:
+        sought |= new
+        for name, kind in sorted(new):
+            for folder in folders:
+                if found := folder.declaring(name, kind):
+                    told.setdefault(folder.place, {})[name] = found
+                    files = _once([*files, *found.values()])
+                    break
+        types = join(files, where, constants)
+    return types, [_line(names, place, found) for place, found in told.items()]
+
+
+def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    for name in names:
+        if not {name.casefold(), name.casefold().rpartition(".")[2]} & (
+            types.types.keys() | types.broken.keys()
+        ):
+            yield name, TYPE_OR_DATA
+        for problem in types.broken.get(name.casefold(), ()):
+            lacked = unknown_name(problem)
+            if problem.found == f"'{lacked}'" and problem.expected in (KNOWN_TYPE, unknown_constant(lacked)):
+                yield lacked, TYPE if problem.expected == KNOWN_TYPE else CONSTANT
+
+
+def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
+    lacked = [name for name in found if name not in users]
+    files = dict.fromkeys(file for each in found.values() for file in each)
+    return f"{_short(users)}{' uses ' if lacked else ''}{_short(lacked)}: found in {_short(files)} {place}"
+
+
+def _short(names: Collection[str]) -> str:
+    return ", ".join([*list(names)[:MOST_TOLD], "..."][: len(names)])
+
+
+def _once(files: Iterable[Declarations]) -> list[Declarations]:
+    """Leave out each declaration that an earlier file has as well, word for word."""
+    known: set[Any] = set()
+    kept: list[Declarations] = []
+    for file in files:
+        bare = [_bare((each.name, each.spec, file.layout)) for each in file.types]
+        new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
+        kept.append(file._replace(types=tuple(new)))
+        known |= set(bare)
+    return kept
+
+
+def _bare(part: Any) -> Any:
+    """Return a part of a declaration without its places."""
+    if isinstance(part, tuple):
+        names = getattr(part, "_fields", ())
+        kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
+        return type(part), *map(_bare, kept)
+    return part.casefold().removeprefix("_.") if isinstance(part, str) else part  # `_.T` of SIMATIC SD is T

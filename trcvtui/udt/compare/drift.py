@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from heapq import nlargest
+from itertools import islice
 from operator import itemgetter
 from typing import Final, NamedTuple
 
@@ -13,16 +14,15 @@ from trcvtui.errors import UserError
 from trcvtui.udt.compare.likelihood import (
     FEWER,
     MORE,
-    MOST_MESSAGES,
-    NONE,
     REPEATED,
     WIDTH,
     FitCause,
+    LeafEvidence,
     evidence,
 )
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, beside, lay_out
-from trcvtui.udt.layout.layout_tree import Node, leaves_of
-from trcvtui.udt.layout.placing import Placing, Span
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf
+from trcvtui.udt.layout.placing import Placing, Span, up
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -38,13 +38,16 @@ from trcvtui.udt.types import (
 )
 
 MOST_MEMBERS: Final = 64  # of a STRUCT whose drifts are tried
-MOST_LEAVES: Final = 1024
+MOST_LEAVES: Final = 256
 MOST_DRIFTS: Final = 24  # that are returned
+MOST_TRIED: Final = 4000  # of one layout that have the right size
+FIRST_SIGHT: Final = 3  # messages, the last ones, by which those are chosen
 MOST_MORE: Final = 256  # bytes of a member more
+LARGEST_ALIGN: Final = 8
 SLACK: Final = 7  # bytes that gaps can take or give
 COST: Final = -8.0  # points of a drift
 EACH_BYTE: Final = -0.4  # of a member more, up to 8
-UNKNOWN: Final = "?"  # the name of a member that our type does not have
+UNKNOWN: Final = "\0"  # the name of a member that our type does not have: no source can have it
 FILLERS: Final = tuple(ELEMENTARY[name] for name in ("BOOL", "BYTE", "WORD", "DWORD", "LWORD"))
 FAMILIES: Final = (
     ("SINT", "INT", "DINT", "LINT"),
@@ -58,12 +61,11 @@ _Part = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
-    """A drifted type with its size; `spots` has where in it what lies that our type has, too."""
+    """One drift: what it is, the size of the type then, and the type, which is made only where that fits."""
 
     cause: FitCause
-    type: Type
     span: Node | Span
-    spots: Sequence[tuple[Type, int]] = ()
+    type: Callable[[], Type]
 
 
 def is_unknown(leaf: Leaf) -> bool:
@@ -77,8 +79,9 @@ def drifted_layouts(
     """Yield the likeliest ways in which a drifted type has the size of the messages, each once."""
     size = len(messages[-1])
     asked = [(profile, layout) for profiles, layout in layouts for profile in profiles]
-    known: dict[LayoutRules, list[_Drift]] = {}  # of one byte order: the drifts are the same in both
-    found: dict[object, tuple[float, int, Profile, _Drift]] = {}
+    known: dict[LayoutRules, list[tuple[FitCause, Type, Node]]] = {}  # the same in both byte orders
+    found: dict[object, tuple[float, Profile, FitCause, Type]] = {}
+    judge = _Judge(messages)
     for profile, layout in asked:
         is_several = size > layout.size and not size % max(layout.size, 1)  # messages in one
         if is_several or not 0 < layout.leaf_count <= MOST_LEAVES:
@@ -87,43 +90,56 @@ def drifted_layouts(
         in_order = replace(rules, byte_order="big")
         if in_order not in known:
             drifts = _Drifts(rules).of(layout.type, size - layout.size, "")
-            known[in_order] = [drift for drift in drifts if drift.span.size == size]
-        judge = _Judge(rules, messages)
-        for drift in known[in_order]:
-            points = drift.cause.cost + sum(judge.points(type_, offset) for type_, offset in drift.spots)
-            key = rules.byte_order, profile.text, drift.cause.member, drift.cause.theirs, round(points, 6)
-            found.setdefault(key, (points, -len(found), profile, drift))
+            fitting = ((drift.cause, drift.type()) for drift in drifts if drift.span.size == size)
+            place = Placing(rules).place
+            known[in_order] = [(*one, place(one[1], "")) for one in islice(fitting, MOST_TRIED)]
+        for cause, type_, node in known[in_order]:
+            points = cause.cost + judge.points(node, 0, rules)
+            key = rules.byte_order, profile.text, cause.member, cause.theirs, round(points, 6)
+            found.setdefault(key, (points, profile, cause, type_))
     seen = {_places(layout, shift) for _, layout in asked for shift in (0, size - layout.size)}
-    for _, _, profile, drift in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0, 1)):
-        layout = lay_out(drift.type, beside(profile.rules, own), layouts[0][1].name)
+    for _, profile, cause, type_ in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
+        layout = lay_out(type_, beside(profile.rules, own), layouts[0][1].name)
         places = _places(layout)
         if places not in seen:
             seen.add(places)
-            yield (profile,), layout, drift.cause
+            yield (profile,), layout, cause
 
 
 class _Judge:
-    """What the messages say for members at given places: a first sight, each place looked at once."""
+    """What the messages say for members at given places: at first sight, each place looked at once."""
 
-    def __init__(self, rules: LayoutRules, messages: Sequence[bytes]) -> None:
-        self.placing, self.messages = Placing(rules), messages[-MOST_MESSAGES:]
-        self.known: dict[tuple[int, int], tuple[float, Type]] = {}
+    def __init__(self, messages: Sequence[bytes]) -> None:
+        self.messages = messages[-FIRST_SIGHT:]
+        self.at_place: dict[tuple[int, int, str], tuple[float, Node]] = {}
+        self.of_bytes: dict[object, LeafEvidence | None] = {}
 
-    def points(self, type_: Type, offset: int) -> float:
-        key = id(type_), offset
-        if key not in self.known:
-            leaves = leaves_of(self.placing.place(type_, ""), "", offset)
-            points = sum(self.leaf_points(leaf) for leaf in leaves if not is_unknown(leaf))
-            self.known[key] = points, type_
-        return self.known[key][0]
+    def points(self, node: Node, offset: int, rules: LayoutRules) -> float:
+        key = id(node), offset, rules.byte_order
+        if key not in self.at_place:
+            if isinstance(node, PlacedLeaf):
+                points = self.leaf_points(node, offset, rules)
+            elif isinstance(node, PlacedArray):
+                starts = (node.place(number)[0] for number in range(node.count))
+                points = sum(self.points(node.element, offset + start, rules) for start in starts)
+            else:
+                parts = zip(node.names, node.offsets, node.nodes, strict=True)
+                points = sum(
+                    self.points(part, offset + start, rules) for name, start, part in parts if name != UNKNOWN
+                )
+            self.at_place[key] = points, node
+        return self.at_place[key][0]
 
-    def leaf_points(self, leaf: Leaf) -> float:
-        parts = {message[leaf.offset : leaf.offset + leaf.size] for message in self.messages}
-        told = [
-            found.points
-            for part in parts
-            if len(part) == leaf.size and (found := evidence(leaf, part, self.placing.rules))
-        ]
+    def leaf_points(self, node: PlacedLeaf, offset: int, rules: LayoutRules) -> float:
+        told = []
+        for part in {message[offset : offset + node.size] for message in self.messages}:
+            key = node.type, stored_form(node.type, rules), rules.byte_order, node.is_bit, part
+            if key not in self.of_bytes:
+                leaf = Leaf("", node.type, offset, node.size, node.coding, 0 if node.is_bit else None)
+                self.of_bytes[key] = evidence(leaf, part, rules) if len(part) == node.size else None
+            found = self.of_bytes[key]
+            if found is not None:
+                told.append(found.points)
         return sum(told) / len(told) * len(told) ** REPEATED if told else 0.0
 
 
@@ -137,6 +153,46 @@ def _places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
     )
 
 
+class _Sizes:
+    """The size of a STRUCT with others in place of some parts: what follows lies alike at like remainders."""
+
+    def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_Part]) -> None:
+        self.placing, self.type, self.parts = placing, type_, parts
+        self.before = [placing.spots(type_, parts[:at])[1:] for at in range(len(parts) + 1)]
+        self.starts = [*(offset for offset, _ in placing.spots(type_, parts)[0]), up(*self.before[-1])]
+        self.known: dict[tuple[int, int], tuple[list[int], int, int]] = {}
+        self.has_bits = _has_bit(parts)
+
+    def span(self, at: int, stop: int, *new: _Part) -> tuple[Span, int]:
+        """Return the size with these for the parts from `at` to `stop`, how far what follows is moved."""
+        if self.has_bits or _has_bit(new):  # where the next one lies tells no remainder
+            spots, end, align = self.placing.spots(self.type, [*self.parts[:at], *new, *self.parts[stop:]])
+            starts = [offset for offset, _ in spots[at + len(new) :]]
+        else:
+            end, align = self.before[at]
+            _, end, own = self.placing.spots(self.type, [_filled(end), *new])
+            bytes_before = end - end % LARGEST_ALIGN
+            starts, end, last = self.after(stop, end % LARGEST_ALIGN)
+            starts, end = [bytes_before + start for start in starts[:1]], bytes_before + end
+            align = max(align, own, last)
+        size = up(end, align)
+        return Span(size, align), (starts[0] if starts else size) - self.starts[stop]
+
+    def after(self, stop: int, filled: int) -> tuple[list[int], int, int]:
+        if (stop, filled) not in self.known:
+            spots, end, align = self.placing.spots(self.type, [_filled(filled), *self.parts[stop:]])
+            self.known[stop, filled] = [offset for offset, _ in spots[1:]], end, align
+        return self.known[stop, filled]
+
+
+def _filled(size: int) -> _Part:
+    return "", ELEMENTARY["BYTE"], Span(size, 1)
+
+
+def _has_bit(parts: Sequence[_Part]) -> bool:
+    return any(isinstance(node, PlacedLeaf) and node.is_bit for _, _, node in parts)
+
+
 class _Drifts:
     """The drifts of a type in one layout, each with its size: few have that of the messages."""
 
@@ -147,67 +203,67 @@ class _Drifts:
         """Yield the drifts that can make the type about `spare` bytes larger."""
         match type_:
             case Array(element=element, count=count):
-                for cause, other, span, _ in self.of(element, spare // count, path):
-                    pitch, align = self.placing.pitch(span)
-                    whole = replace(type_, element=other)
-                    yield _Drift(cause, whole, Span(pitch * count, align), ((whole, 0),))
+                for drift in self.of(element, spare // count, path):
+                    pitch, align = self.placing.pitch(drift.span)
+                    yield _Drift(
+                        drift.cause, Span(pitch * count, align), partial(_array_of, type_, drift.type)
+                    )
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.of_struct(type_, spare, path)
             case _:
-                drifts: list[_Drift] = []
                 for other in _widths(type_, spare):
                     about = f"here it is {type_text(type_)}"
                     cause = FitCause(WIDTH, 0, 0, 0, COST, about, member=path, theirs=type_text(other))
-                    with suppress(UserError):  # a text that this layout cannot hold
-                        drifts.append(_Drift(cause, other, self.placing.place(other, path), ((other, 0),)))
-                yield from drifts
+                    try:
+                        node = self.placing.place(other, path)
+                    except UserError:  # a text that this layout cannot hold
+                        continue
+                    yield _Drift(cause, node, partial(_same, other))
 
     def of_struct(self, type_: Struct, spare: int, path: str) -> Iterator[_Drift]:
         parts = self.placing.parts(type_, path)
         first = len(parts) - len(type_.members)  # 1 where it EXTENDS another one
-        spots, size, _ = self.placing.spots(type_, parts)
-        starts = [*(offset for offset, _ in spots), size]
-
-        def changed(cause: FitCause, at: int, stop: int, *new: _Part) -> tuple[_Drift, int]:
-            now = [*parts[:at], *new, *parts[stop:]]
-            offsets, size, align = self.placing.spots(type_, now)
-            if at < first:
-                base = new[0][1]
-                assert isinstance(base, Struct)
-                other = replace(type_, base=base)
-            else:
-                members = (Member(name, inner) for name, inner, _ in new)
-                other = replace(
-                    type_, members=(*type_.members[: at - first], *members, *type_.members[stop - first :])
-                )
-            after = at + len(new)
-            start = offsets[after][0] if after < len(offsets) else size
-            spots = [
-                (inner, offset)
-                for (name, inner, _), (offset, _) in zip(now, offsets, strict=True)
-                if name != UNKNOWN
-            ]
-            return _Drift(cause, other, Span(size, align), spots), start - starts[stop]
-
+        span = _Sizes(self.placing, type_, parts).span
         paths = [f"{path}.{name}" if path and name else path or name for name, _, _ in parts]
         for at, (name, inner, _) in enumerate(parts):
             for drift in self.of(inner, spare, paths[at]):
-                yield changed(drift.cause, at, at + 1, (name, drift.type, drift.span))[0]
+                found, _ = span(at, at + 1, (name, inner, drift.span))
+                yield _Drift(drift.cause, found, partial(_with, type_, at, at + 1, first, name, drift.type))
             if spare <= 0 and at >= first:
                 cause = FitCause(FEWER, cost=COST, about="the sender may not have it", member=paths[at])
-                yield changed(cause, at, at + 1)[0]
+                yield _Drift(cause, span(at, at + 1)[0], partial(_with, type_, at, at + 1, first))
         for at in range(first, len(parts) + 1):
             seen = set()
+            place = paths[at] if at < len(parts) else f"the end of {path}" if path else "the end"
             for filler in _fillers(spare):
-                node = self.placing.place(filler, path)
-                drift, shift = changed(NONE, at, at, (UNKNOWN, filler, node))
-                if (drift.span, shift) in seen:
-                    continue
-                seen.add((drift.span, shift))
-                place = paths[at] if at < len(parts) else f"the end of {path}" if path else "the end"
-                about = "the sender may have them"
-                cost = COST + EACH_BYTE * min(max(shift, 0), 8)
-                yield drift._replace(cause=FitCause(MORE, shift, cost=cost, about=about, member=place))
+                found, shift = span(at, at, (UNKNOWN, filler, self.placing.place(filler, path)))
+                if (found, shift) not in seen:
+                    seen.add((found, shift))
+                    cost = COST + EACH_BYTE * min(max(shift, 0), 8)
+                    about = "the sender may have them"
+                    cause = FitCause(MORE, shift, cost=cost, about=about, member=place)
+                    made = partial(_with, type_, at, at, first, UNKNOWN, partial(_same, filler))
+                    yield _Drift(cause, found, made)
+
+
+def _same(type_: Type) -> Type:
+    return type_
+
+
+def _array_of(type_: Array, element: Callable[[], Type]) -> Type:
+    return replace(type_, element=element())
+
+
+def _with(
+    type_: Struct, at: int, stop: int, first: int, name: str = "", new: Callable[[], Type] | None = None
+) -> Type:
+    """Return the STRUCT with one member, or none, in place of those from `at` to `stop`."""
+    if new is not None and at < first:
+        base = new()
+        assert isinstance(base, Struct)
+        return replace(type_, base=base)
+    members = () if new is None else (Member(name, new()),)
+    return replace(type_, members=(*type_.members[: at - first], *members, *type_.members[stop - first :]))
 
 
 def _fillers(spare: int) -> Iterator[Type]:

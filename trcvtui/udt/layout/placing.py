@@ -48,33 +48,37 @@ class Span(NamedTuple):
 
 
 class Placing:
-    """One laying out, with the structures and unions that are placed so far."""
+    """One laying out, with the types that are placed so far."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.rules = rules
-        self.placed: dict[Struct | Union, PlacedStruct] = {}
-        self.refused: set[Struct | Union] = set()
+        self.placed: dict[int, tuple[Node, Type]] = {}  # by `id`: to hash a type costs more
+        self.refused: set[Type] = set()
 
     def place(self, type_: Type, where: str) -> Node:
         """Return the type laid out; raise UserError when something in it cannot be, or is too large."""
+        if self.refused and type_ in self.refused:
+            raise UserError(())  # what is wrong in it is told where it stands first
+        if id(type_) not in self.placed:
+            try:
+                self.placed[id(type_)] = self.place_new(type_, where), type_
+            except UserError:
+                if isinstance(type_, Struct | Union):
+                    self.refused.add(type_)
+                raise
+        return self.placed[id(type_)][0]
+
+    def place_new(self, type_: Type, where: str) -> Node:
         match type_:
             case Array():
                 return self.place_array(type_, where)
-            case Struct() | Union():
-                if type_ in self.refused:
-                    raise UserError(())  # what is wrong in it is told where it stands first
-                if type_ not in self.placed:
-                    place = self.place_struct if isinstance(type_, Struct) else self.place_union
-                    try:
-                        self.placed[type_] = place(type_, where)
-                    except UserError:
-                        self.refused.add(type_)
-                        raise
-                return self.placed[type_]
+            case Struct():
+                return self.place_struct(type_, where)
+            case Union():
+                return self.place_union(type_, where)
             case Unplaced(name=name, why=why):
                 raise mistake(where, f"{name}, {why}", "a type that can be laid out")
-            case _:
-                return self.place_leaf(type_, where)
+        return self.place_leaf(type_, where)
 
     def place_leaf(self, type_: LeafType, where: str) -> PlacedLeaf:
         if isinstance(type_, StringType):
@@ -96,7 +100,7 @@ class Placing:
 
     def pitch(self, element: Node | Span) -> tuple[int, int]:
         """Return how far it is to the next element of an ARRAY; its alignment."""
-        pitch = _up(element.size, min(element.align, self.rules.cap))
+        pitch = up(element.size, min(element.align, self.rules.cap))
         return pitch, max(element.align, self.rules.array_floor)
 
     def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
@@ -117,21 +121,22 @@ class Placing:
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
         parts = self.parts(type_, where)
-        spots, size, align = self.spots(type_, parts)
+        spots, end, align = self.spots(type_, parts)
         placed = [
             PlacedMember(part[0], at, part[2], bit) for part, (at, bit) in zip(parts, spots, strict=True)
         ]
-        return _checked(PlacedStruct(placed, size, align), where)
+        return _checked(PlacedStruct(placed, up(end, align), align), where)
 
     def spots(
         self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
     ) -> tuple[list[tuple[int, int]], int, int]:
-        """Return offset and bit of each part of a STRUCT; its size; its alignment."""
+        """Return offset and bit of each part of a STRUCT, the end of the last one, the alignment."""
         cap, rules = self.cap(type_), self.rules
         spots: list[tuple[int, int]] = []
         end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
         for at, (_, inner, node) in enumerate(parts):
-            end, align = self.after_bits(type_, at, end, align)
+            if type_.bit_fields:
+                end, align = self.after_bits(type_, at, end, align)
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -139,12 +144,12 @@ class Placing:
                 spots.append((end - 1, bit))
                 bit += 1
                 continue
-            offset = _up(end, step)
+            offset = up(end, step)
             spots.append((offset, 0))
-            end = _up(offset + node.size, self.end_floor(inner))
+            end = up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
         end, align = self.after_bits(type_, len(parts), end, align)
-        return spots, _up(end, align), align
+        return spots, end, align
 
     def after_bits(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
         """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
@@ -159,10 +164,10 @@ class Placing:
                 continue
             unit = 8 * one.size
             if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
-                place = _up(place, unit)
+                place = up(place, unit)
             place += one.width
             align = max(align, min(one.size, cap)) if one.is_named else align
-        return _up(place, 8) // 8, align
+        return up(place, 8) // 8, align
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, parts = self.cap(type_), self.parts(type_, where)
@@ -172,9 +177,9 @@ class Placing:
             align = self.after_bits(type_, at, 0, align)[1]
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
-            end = max(end, _up(node.size, self.end_floor(inner)))
+            end = max(end, up(node.size, self.end_floor(inner)))
         placed = [PlacedMember(name, 0, node) for name, _, node in parts]
-        return _checked(PlacedUnion(placed, _up(end, align), align), where)
+        return _checked(PlacedUnion(placed, up(end, align), align), where)
 
     def cap(self, type_: Struct | Union) -> int:
         """Return the largest alignment of the type's members: its own pack_mode, if the layout has such."""
@@ -189,7 +194,8 @@ class Placing:
         return 2 if isinstance(type_, StringType) and self.rules.string_even else 1
 
 
-def _up(offset: int, align: int) -> int:
+def up(offset: int, align: int) -> int:
+    """Return the next multiple of an alignment."""
     return -(-offset // align) * align
 
 
@@ -248,7 +254,7 @@ class Filling:
             raise Unreachable(path, f"{why} under {self.rules.name}")
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
-        self._add(name, type_, offset, _up(offset + node.size, self.placing.end_floor(type_)))
+        self._add(name, type_, offset, up(offset + node.size, self.placing.end_floor(type_)))
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
@@ -262,7 +268,7 @@ class Filling:
 
     def least(self, size: int) -> int:
         """Return the least size of this or more that the type can have."""
-        return _up(max(size, self.end), self.align)
+        return up(max(size, self.end), self.align)
 
     def finish(self, size: int, path: str) -> None:
         """Pad to the size; raise Unreachable when the type cannot have it."""
@@ -275,25 +281,25 @@ class Filling:
         """Put a member of a UNION at its begin."""
         node = self.placing.place(type_, path)
         self.align = max(self.align, min(node.align, self.cap), self.rules.member_floor)
-        self._add(name, type_, 0, max(self.end, _up(node.size, self.placing.end_floor(type_))))
+        self._add(name, type_, 0, max(self.end, up(node.size, self.placing.end_floor(type_))))
 
     def cover(self, size: int, path: str) -> None:
         """Give a UNION its size by a member that is padding; raise Unreachable."""
         if self.end > size or size % self.align:
             why = f"a UNION of {size} bytes: under {self.rules.name} it is a multiple of {self.align}"
             raise Unreachable(path, why)
-        if _up(self.end, self.align) != size:
+        if up(self.end, self.align) != size:
             pad = Array(((0, size - 1),), BYTE)
             self.overlay(self._pad_name(), pad, None, path)
-        if _up(self.end, self.align) != size:
+        if up(self.end, self.align) != size:
             raise Unreachable(path, f"a UNION of {size} bytes cannot be reached under {self.rules.name}")
 
     def _fill_to(self, offset: int, step: int, path: str) -> None:
         kept = len(self.members), self.end, self.bits, self._pads, self.align
-        while self.end <= offset and _up(self.end, step) < offset:
+        while self.end <= offset and up(self.end, step) < offset:
             if not self._pad_once(offset):
                 break
-        if _up(self.end, step) != offset:
+        if up(self.end, step) != offset:
             end = kept[1]
             del self.members[kept[0] :]
             _, self.end, self.bits, self._pads, self.align = kept
@@ -304,14 +310,14 @@ class Filling:
         """Add one padding member before the offset: an ARRAY where one can lie, else a BYTE."""
         floor, member_floor = self.rules.array_floor, self.rules.member_floor
         size = offset - self.end
-        if _up(self.end + size, floor) > offset:
+        if up(self.end + size, floor) > offset:
             size -= 1
         array_step = max(min(floor, self.cap), member_floor)
         if size > 1 and self.end % array_step == 0:
             self.align = max(self.align, array_step)
-            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), self.end, _up(self.end + size, floor))
+            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), self.end, up(self.end + size, floor))
         else:
-            start = _up(self.end, member_floor)
+            start = up(self.end, member_floor)
             if start >= offset:
                 return False
             self._add(self._pad_name(), BYTE, start, start + 1)

@@ -55,6 +55,8 @@ FAMILIES: Final = (
     ("BYTE", "WORD", "DWORD", "LWORD"),
     ("REAL", "LREAL"),
     ("TIME", "LTIME"),
+    ("DINT", "UDINT", "REAL"),
+    ("LINT", "ULINT", "LREAL"),
 )
 
 _Part = tuple[str, Type, Node | Span]

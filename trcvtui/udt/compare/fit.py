@@ -22,6 +22,7 @@ from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
     NONE,
     REPEATED,
+    SHORT,
     Cutting,
     FitCause,
     LeafEvidence,
@@ -589,6 +590,17 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     best = ranked[0]
     if not best.has_length:
         return "no message has the length of the type"
+    others = len(messages) - best.cutting.fitting
+    if others and len(messages) > 1:
+        return f"{others} of {len(messages)} messages have another length"
+    if best.cutting.several > 1 and len(messages) > 1:
+        return "every message is several times as long as the type"
+    if best.cause.kind == SHORT and any(_is_number(member) and not parts for member, parts in best.read):
+        return "the byte that is missing is one of a number"
+    ending = {message[-2:] for message in messages}
+    last = best.read[-1][0] if best.read else None
+    if best.cause.kind is None and last and last.leaf.size > 1 and _is_number(last) and ending <= {b"\r\n"}:
+        return "every message ends in CR LF, here a number"
     if best.cause.kind in DRIFTS:
         return "that the sender's type differs, and where, is a guess"
     if not best.has_meaning:
@@ -602,7 +614,7 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         if is_one_way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
             continue
         if other.cause.kind in DRIFTS and all(
-            other.by_path.get(path) == has for path, has in best.by_path.items()
+            best.by_path[path] == has for path, has in other.by_path.items()
         ):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR

@@ -373,10 +373,10 @@ def _behind(raw: bytes, start: int) -> float:
 
 def _letters(raw: bytes, unit: int, rules: LayoutRules) -> float:
     order = _order(rules)
-    gains = [
-        _letter(int.from_bytes(raw[at : at + unit], order)) - chance(raw[at : at + unit])
-        for at in range(0, len(raw), unit)
-    ]
+    codes = [int.from_bytes(raw[at : at + unit], order) for at in range(0, len(raw), unit)]
+    gains = [_letter(code) - chance(raw[at * unit : (at + 1) * unit]) for at, code in enumerate(codes)]
+    if any(code < 0x20 and code not in (9, 10, 13) for code in codes):
+        return NEVER  # machines send no control codes in a text
     good = min(sum(gain for gain in gains if gain > 0), MOST_OF_TEXT)
     return chance(raw) + good + sum(gain for gain in gains if gain < 0)
 

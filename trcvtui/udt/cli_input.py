@@ -11,6 +11,7 @@ import sys
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
@@ -31,13 +32,10 @@ def given_messages(given: str) -> list[bytes]:
     from trcvtui.udt.byte_text import parse_hex
 
     name = _file_of(given)
-    if name is None:
-        where, messages = "HEX", [parse_hex(given, "HEX")]
-    else:
-        where, text = _where(name), _text(name)
-        parse_hex(text, where)  # so that a mistake is told with its line in the file
-        messages = [parse_hex(part) for part in re.split(r"\n[ \t\r]*\n", text)]
-    found = [message for message in messages if message]
+    where, text = ("HEX", given) if name is None else (_where(name), _text(name))
+    parse_hex(text, where)  # so that a mistake is told with its line in the file
+    messages = re.split(r"\n[ \t\r]*\n", text) if name is not None else [text]
+    found = [message for part in messages if (message := parse_hex(part))]
     if not found:
         raise mistake(where, "no bytes", "a message")
     return found
@@ -112,10 +110,8 @@ def _where(name: str) -> str:
 
 
 def _read(name: str) -> bytes:
-    from trcvtui.files import reason_of
-
     try:
-        data = _content(name)
+        data = _stdin() if name == STDIN else read_bytes(name, LARGEST)
     except (OSError, ValueError) as failed:
         raise mistake(_where(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST:
@@ -132,14 +128,10 @@ def _text(name: str) -> str:
         raise mistake(_where(name), found, "text; `xxd -p` makes hex text of a binary file") from None
 
 
-def _content(name: str) -> bytes:
-    if name == STDIN:
-        stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
-        if stdin is None:
-            raise OSError("nothing, it is closed")
-        if stdin.isatty() and sys.stderr is not None:
-            sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
-        return bytes(stdin.read(LARGEST + 1))
-    from trcvtui.files import read_bytes
-
-    return read_bytes(name, LARGEST)
+def _stdin() -> bytes:
+    stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
+    if stdin is None:
+        raise OSError("nothing, it is closed")
+    if stdin.isatty() and sys.stderr is not None:
+        sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
+    return bytes(stdin.read(LARGEST + 1))

@@ -58,32 +58,22 @@ SWAP8 := (ROL(x, 8) AND 16#000000FF000000FF) OR (ROL(x, 24) AND 16#0000FF000000F
 END_FUNCTION
 """,
     # REAL_TO_DWORD rounds to a whole number in CODESYS; the bits come through a UNION.
-    "REAL_BITS": """TYPE U_REAL_BITS :
+    **{
+        f"{real}_BITS": f"""TYPE U_{real}_BITS :
 UNION
-    r : REAL;
-    d : DWORD;
+    r : {real};
+    d : {bits};
 END_UNION
 END_TYPE
-FUNCTION REAL_BITS : DWORD
-VAR_INPUT x : REAL; END_VAR
-VAR u : U_REAL_BITS; END_VAR
+FUNCTION {real}_BITS : {bits}
+VAR_INPUT x : {real}; END_VAR
+VAR u : U_{real}_BITS; END_VAR
 u.r := x;
-REAL_BITS := u.d;
+{real}_BITS := u.d;
 END_FUNCTION
-""",
-    "LREAL_BITS": """TYPE U_LREAL_BITS :
-UNION
-    r : LREAL;
-    d : LWORD;
-END_UNION
-END_TYPE
-FUNCTION LREAL_BITS : LWORD
-VAR_INPUT x : LREAL; END_VAR
-VAR u : U_LREAL_BITS; END_VAR
-u.r := x;
-LREAL_BITS := u.d;
-END_FUNCTION
-""",
+"""
+        for real, bits in (("REAL", "DWORD"), ("LREAL", "LWORD"))
+    },
 }
 
 

@@ -31,7 +31,7 @@ from trcvtui.udt.layout.rules import (
     rules_for,
 )
 from trcvtui.udt.layout.value_text import stored_form
-from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, parts_of, type_text
+from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, all_parts, type_text
 
 __all__ = [
     "BYTE_ORDERS",
@@ -240,10 +240,4 @@ class _Shapes:
 
 def has_text(type_: Type) -> bool:
     """Return whether a STRING or WSTRING is in the type."""
-    waiting, seen = [type_], {id(type_)}
-    for one in waiting:
-        if isinstance(one, StringType):
-            return True
-        waiting += [part for part in parts_of(one) if id(part) not in seen]
-        seen.update(map(id, parts_of(one)))
-    return False
+    return any(isinstance(one, StringType) for one in all_parts(type_))

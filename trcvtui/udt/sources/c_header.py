@@ -28,7 +28,7 @@ from trcvtui.udt.types import ELEMENTARY
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
 
-def read_c(text: str, name: str) -> ast.Declarations:
+def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
     try:
         from pycparser.c_parser import CParser  # type: ignore[import-untyped]

@@ -1,25 +1,18 @@
-"""C headers: what a member is read as, what is refused by name, and the same offsets as gcc."""
+"""C headers: what a member is read as, and what is refused by name."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests import golden
-from tests.udt.st_texts import problems_of
+from tests.udt.st_texts import lines_of, problems_of
 from trcvtui.errors import UserError
-from trcvtui.udt.ast import ArraySpec, Declaration, Declarations, Formula, PointerSpec, Reference, StructSpec
+from trcvtui.udt.ast import ArraySpec, Declaration, Formula, PointerSpec, Reference, StructSpec
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources.c_header import read_c_header
 from trcvtui.udt.type_set import join
-
-
-def lines_of(read: Declarations) -> list[str]:
-    return [str(problem) for problem in problems_of(read)]
 
 
 def only(text: str) -> Declaration:
@@ -227,44 +220,3 @@ def test_without_pycparser_one_line_says_how_to_get_it(monkeypatch: pytest.Monke
     assert refused.value.lines() == [
         "device.h: found a C header, but no pycparser, expected it: pip install 'trcvtui[c]'"
     ]
-
-
-PROBE = """#include <stdint.h>
-#include <stdbool.h>
-enum Mode { OFF, ON };
-typedef struct { uint8_t a; double b; } Inner;
-#pragma pack(push, 2)
-typedef struct { uint8_t a; Inner b; uint32_t c[3]; union { uint16_t d; float e; } f; } Tight;
-#pragma pack(pop)
-typedef struct {
-  char a; struct { char x; int64_t y; } __attribute__((packed)) b; bool c; enum Mode d;
-} Mixed;
-typedef struct { Tight a[2]; uint8_t b; Mixed c; void *p; } All;
-"""
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
-def test_a_header_is_laid_out_as_gcc_does(tmp_path: Path) -> None:
-    places = {
-        "Inner": ("a", "b"),
-        "Tight": ("a", "b.a", "b.b", "c[1]", "f.d", "f.e"),
-        "Mixed": ("a", "b.x", "b.y", "c", "d"),
-        "All": ("a[1].b.b", "a[1].c[2]", "b", "c.b.y", "c.d", "p"),
-    }
-    prints = "".join(
-        f'printf("%zu\\n", sizeof({name}));'
-        + "".join(f'printf("%zu\\n", __builtin_offsetof({name}, {path}));' for path in paths)
-        for name, paths in places.items()
-    )
-    source = tmp_path / "probe.c"
-    source.write_text(f"{PROBE}#include <stdio.h>\nint main(void) {{ {prints} return 0; }}")
-    subprocess.run(["gcc", "-o", str(tmp_path / "probe"), str(source)], check=True)
-    said = subprocess.run([str(tmp_path / "probe")], check=True, capture_output=True, text=True).stdout
-    types = join([read_c_header(PROBE, "H")], "H")
-    assert types.problems == ()
-    ours: list[int] = []
-    for name, paths in places.items():
-        laid = lay_out(types.named(name), rules_for("codesys-8"), name)
-        offsets = {leaf.path.removeprefix(f"{name}."): leaf.offset for leaf in laid.leaves()}
-        ours += [laid.size, *(offsets[path] for path in paths)]
-    assert ours == [int(line) for line in said.split()]

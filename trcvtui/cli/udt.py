@@ -62,10 +62,6 @@ def _last_words() -> str:
     return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
-def _add_show(parser: CommandParser) -> None:
-    _add_type(parser, _printing("show"), ("text", "json"))
-
-
 def _printing(answer: str) -> Callable[[Args], int]:
     """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
 
@@ -151,7 +147,10 @@ def _cure(args: Args) -> int:
 
 COMMANDS = {
     "types": ("all types of a file", _add_types),
-    "show": ("members with offset, size, type; padding", _add_show),
+    "show": (
+        "members with offset, size, type; padding",
+        lambda parser: _add_type(parser, _printing("show"), ("text", "json")),
+    ),
     "decode": ("bytes to values, as far as they go", _add_decode),
     "encode": ("values to bytes, as hex on stdout", _add_encode),
     "export": ("the type for Wireshark", _add_export),

@@ -157,9 +157,8 @@ class _Swapping:
         pairs = zip(members, type_.members, strict=True)
         if base is type_.base and all(new.type is old.type for new, old in pairs):
             return type_
-        return Struct(
-            f"{type_.name}_swapped" if type_.name else "", members, base, type_.pack, type_.bit_fields
-        )
+        name = f"{type_.name}_swapped" if type_.name else ""
+        return Struct(name, members, base, type_.pack, type_.bit_fields)
 
     def stored(self, type_: Type) -> Elementary | None:
         return self.rules.stored(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None

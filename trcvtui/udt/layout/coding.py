@@ -134,12 +134,10 @@ def _end(raw: bytes, unit: int) -> int:
 
 def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
     unit = 2 if type_.wide else 1
-    codes = "" if type_.wide else ", codes 0 to 255" if has_nul else ", codes 1 to 255"
-    expected = f"text of at most {longest} characters{codes}"
-    if type_.utf8:
-        expected = f"text of at most {longest} bytes in UTF-8" + ("" if has_nul else ", none of code 0")
-    if type_.wide and not has_nul:
-        expected += ", none of code 0"
+    codes = "" if has_nul else ", none of code 0"
+    if not (type_.wide or type_.utf8):
+        codes = f", codes {0 if has_nul else 1} to 255"
+    expected = f"text of at most {longest} {'bytes in UTF-8' if type_.utf8 else 'characters'}{codes}"
 
     def characters_of(value: object) -> bytes:
         if not isinstance(value, str) or ("\0" in value and not has_nul):

@@ -21,11 +21,10 @@ from trcvtui.udt.layout.layout_tree import (
     find,
     leaves_of,
 )
-from trcvtui.udt.layout.placing import MOST_BYTES, MOST_LEAVES, Placing
+from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
 from trcvtui.udt.layout.rules import (
     BYTE_ORDERS,
     DEFAULT_LAYOUT,
-    LAYOUT_ALIASES,
     LAYOUTS,
     LayoutRules,
     rules_for,
@@ -37,8 +36,6 @@ __all__ = [
     "BYTE_ORDERS",
     "DEFAULT_LAYOUT",
     "LAYOUTS",
-    "LAYOUT_ALIASES",
-    "MOST_BYTES",
     "MOST_LEAVES",
     "Layout",
     "LayoutRules",

@@ -6,10 +6,10 @@ a bit-field and an alignment of its own are refused by name. `int` and enumerati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-from trcvtui.errors import Problem, mistake, noting
+from trcvtui.errors import Problem, mistake, need, noting
 from trcvtui.udt import ast
 from trcvtui.udt.sources.c_parse import (
     C_TYPES,
@@ -30,13 +30,10 @@ PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131
 
 def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
-    try:
-        from pycparser.c_parser import CParser  # type: ignore[import-untyped]
-    except ImportError:
-        raise mistake(name, "a C header, but no pycparser", "it: pip install 'trcvtui[c]'") from None
+    parser = need("pycparser.c_parser", "c", name, "a C header, but no pycparser").CParser
     source = CSource(text, name, evaluate, OTHER_HEADERS.get())
     reader = _Reader(source)
-    for node in parsed(CParser, source):
+    for node in parsed(parser, source):
         reader.outer(node)
     return ast.Declarations(
         tuple(reader.types),
@@ -168,8 +165,9 @@ class _Reader:
         place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
         members: list[ast.MemberSpec] = []
         for at, member in enumerate(node.decls or ()):
-            with noting(self.problems):
-                members.extend(self.member(member, at, depth + 1))
+            if type(member).__name__ == "Decl":
+                with noting(self.problems):
+                    members.append(self.member(member, at, depth + 1))
         bits = [one.name for one in members if one.width is not None and one.name]
         if bits:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
@@ -178,24 +176,20 @@ class _Reader:
         is_union = type(node).__name__ == "Union"
         return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
 
-    def member(self, node: Any, at: int, depth: int) -> Iterator[ast.MemberSpec]:
-        if type(node).__name__ != "Decl":
-            return
+    def member(self, node: Any, at: int, depth: int) -> ast.MemberSpec:
+        name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
             width = fold(node.bitsize, self.look_up)
             if width is None or width < 0:
-                raise mistake(self.where(node), f"bit-field '{node.name or ''}'", "a number of bits")
-            yield ast.MemberSpec(node.name or "", self.spec(node.type, depth), self.where(node), width)
-            return
-        if node.align:
-            raise mistake(self.where(node), f"_Alignas at '{node.name}'", "a member without it")
-        if node.name is None:
+                raise mistake(where, f"bit-field '{name}'", "a number of bits")
+        elif node.align:
+            raise mistake(where, f"_Alignas at '{node.name}'", "a member without it")
+        elif not name:
             if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
-                raise mistake(self.where(node), "a member without a name", "a name")
+                raise mistake(where, "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            yield ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
-            return
-        yield ast.MemberSpec(node.name, self.spec(node.type, depth), self.where(node))
+            return ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), where)
+        return ast.MemberSpec(name, self.spec(node.type, depth), where, width)
 
     def array(self, node: Any, depth: int) -> ast.Spec:
         bounds: list[tuple[ast.Number, ast.Number]] = []
@@ -218,9 +212,8 @@ class _Reader:
         if length is None:
             text = formula(node.dim)
             if text is None:
-                raise mistake(
-                    where, "a length that is no number", "a number, or + - * / of names and numbers"
-                )
+                expected = "a number, or + - * / of names and numbers"
+                raise mistake(where, "a length that is no number", expected)
             return ast.Formula(f"{text} - 1", where)
         if length < 1:
             raise mistake(where, f"[{length}]", "a length of 1 or more")

@@ -42,8 +42,7 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
     if plain is not None:
         read = read_inside(plain)
         if read.types or read.problems:
-            for type_ in read.types:
-                yield named(type_, name)
+            yield from (named(type_, name) for type_ in read.types)
             if read.problems:
                 yield ast.Declaration(name, None, plain.where, read.problems)
             return
@@ -121,7 +120,8 @@ class _TypeWalk:
         inner = _inner(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
-        return SPECS.get(inner.name, _TypeWalk.elementary)(self, inner, deeper(depth, inner))
+        depth = deeper(depth, inner)
+        return SPECS[inner.name](self, inner, depth) if inner.name in SPECS else _reference(inner)
 
     def struct(self, element: Element, depth: int) -> ast.Spec:
         members: list[ast.MemberSpec] = []
@@ -160,24 +160,18 @@ class _TypeWalk:
     def derived(self, element: Element, _depth: int) -> ast.Spec:
         name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        return (
-            ast.Reference(name, element.where)
-            if re.fullmatch(QUALIFIED_NAME, name)
-            else read_spec(name, element.where)
-        )
+        if re.fullmatch(QUALIFIED_NAME, name):
+            return ast.Reference(name, element.where)
+        return read_spec(name, element.where)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
         return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
 
-    def elementary(self, element: Element, _depth: int) -> ast.Spec:
-        return _reference(element)
-
 
 def _inner(element: Element | None) -> Element | None:
     """Return the element that stands for a type in <type> or <baseType>; None without."""
-    return (
-        next((child for child in element.children if child.name not in NOT_TYPES), None) if element else None
-    )
+    children = element.children if element else ()
+    return next((child for child in children if child.name not in NOT_TYPES), None)
 
 
 def _value(value: Element) -> ast.Number | None:

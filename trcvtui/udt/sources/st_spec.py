@@ -11,7 +11,16 @@ from collections.abc import Callable
 
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
-from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
+from trcvtui.udt.sources.st_cursor import (
+    CLOSERS,
+    IEC,
+    MEMBER_ENDS,
+    Cursor,
+    Shape,
+    Source,
+    SourceDialect,
+    StToken,
+)
 from trcvtui.udt.types import ELEMENTARY, WHOLE, StringType, ValueKind
 
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
@@ -70,9 +79,7 @@ class SpecParser(Cursor):
     def member(self, end: str) -> list[ast.MemberSpec]:
         """Return the members of one line: `A, B : LREAL := 1.0;`."""
         first = self.at
-        names = [self.name(f"a member or '{end}'")]
-        while self.accept(","):
-            names.append(self.name("the name of a member"))
+        names = self.names(f"a member or '{end}'", "the name of a member")
         if self.sees("AT"):
             self.skip_to(":", ";", *MEMBER_ENDS)
         self.expect(":")
@@ -80,6 +87,13 @@ class SpecParser(Cursor):
         spec = encoded(self.spec(), pragmas)
         self.rest(spec, end)
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
+
+    def names(self, first: str, more: str) -> list[StToken]:
+        """Return names with commas between them; raise UserError with what was expected."""
+        names = [self.name(first)]
+        while self.accept(","):
+            names.append(self.name(more))
+        return names
 
     def pragmas(self, first: int, last: int) -> list[str]:
         """Return the pragmas in front of the tokens of number first..last."""

@@ -23,18 +23,16 @@ def given_bytes(given: str) -> bytes:
     """Return the bytes of hex text: the argument itself, the content of `@FILE`, or stdin for `-`."""
     from trcvtui.udt.byte_text import parse_hex
 
-    name = _file_of(given)
-    return parse_hex(given, "HEX") if name is None else parse_hex(_text(name), _where(name))
+    return parse_hex(*_hex_of(given))
 
 
 def given_messages(given: str) -> list[bytes]:
     """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
     from trcvtui.udt.byte_text import parse_hex
 
-    name = _file_of(given)
-    where, text = ("HEX", given) if name is None else (_where(name), _text(name))
+    text, where = _hex_of(given)
     parse_hex(text, where)  # so that a mistake is told with its line in the file
-    messages = re.split(r"\n[ \t\r]*\n", text) if name is not None else [text]
+    messages = [text] if where == "HEX" else re.split(r"\n[ \t\r]*\n", text)
     found = [message for part in messages if (message := parse_hex(part))]
     if not found:
         raise mistake(where, "no bytes", "a message")
@@ -100,9 +98,12 @@ def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 _KINDS: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
 
 
-def _file_of(given: str) -> str | None:
-    """Return the file of `@FILE`, `-` for stdin; None where the argument itself is the hex."""
-    return given.removeprefix("@") if given == STDIN or given.startswith("@") else None
+def _hex_of(given: str) -> tuple[str, str]:
+    """Return hex text, and where it stands."""
+    if given != STDIN and not given.startswith("@"):
+        return given, "HEX"
+    name = given.removeprefix("@")
+    return _text(name), _where(name)
 
 
 def _where(name: str) -> str:

@@ -73,9 +73,8 @@ def list_types(args: SimpleNamespace) -> str:
     table = [("type", "size", "layout", "where, or what is wrong")]
     for row in rows:
         where = [*row["problems"], row["where"]][0]
-        table.append(
-            (row["type"], "" if row["size"] is None else str(row["size"]), row["layout"] or "", where)
-        )
+        size = "" if row["size"] is None else str(row["size"])
+        table.append((row["type"], size, row["layout"] or "", where))
     return "\n".join(in_columns(table, "lrll"))
 
 

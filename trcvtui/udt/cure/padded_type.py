@@ -31,6 +31,7 @@ from trcvtui.udt.types import (
     type_text,
 )
 
+Replacement = tuple[LeafType | None, str]  # a type in place of another, and a note or why there is none
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
@@ -41,10 +42,8 @@ class MemberNote(NamedTuple):
     text: str
 
 
-def substitute(
-    node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules, path: str
-) -> tuple[LeafType | None, str]:
-    """Return the type under our rules for a leaf under theirs, and a note; None and why there is none."""
+def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
+    """Return the type under our rules for a leaf under theirs."""
     if node.is_bit:
         return _bit(theirs, ours)
     if isinstance(node.type, StringType):
@@ -64,7 +63,7 @@ def substitute(
     return ELEMENTARY[bits], note
 
 
-def _bit(theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
+def _bit(theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if "BOOL" in ours.bits:
         return ELEMENTARY["BOOL"], ""
     if ours.takes_pack:  # only CODESYS has BIT
@@ -72,9 +71,7 @@ def _bit(theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
     return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
 
 
-def _text(
-    type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules
-) -> tuple[LeafType | None, str]:
+def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if theirs.text.header != ours.text.header:
         forms = ("a NUL after", "two lengths before")
         there, here = forms[theirs.text.header], forms[ours.text.header]
@@ -270,7 +267,7 @@ class _Rebuild:
                 return self.once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
-                found, why = substitute(node, self.theirs, self.rules, path)
+                found, why = substitute(node, self.theirs, self.rules)
                 if found is None:
                     raise Unreachable(path, why)
                 if why:

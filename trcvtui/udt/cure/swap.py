@@ -240,10 +240,6 @@ class _Swapping:
 
 
 def _has_name(type_: Type) -> bool:
-    match type_:
-        case Array(element=element):
-            return _has_name(element)
-        case Struct(name=name):
-            return bool(name)
-        case _:
-            return True
+    while isinstance(type_, Array):
+        type_ = type_.element
+    return not isinstance(type_, Struct) or bool(type_.name)

@@ -164,16 +164,18 @@ def _weekday(ns: int) -> int:
     return (ns // DAY + 4) % 7 + 1
 
 
-def _clock_ns(hour: int, minute: int, second: int, ns: int) -> int | None:
-    """Return the nanoseconds since midnight; None when it is no time of day."""
-    if hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
+def _moment(year: int, month: int, day: int, hour: int, minute: int, second: int, ns: int) -> int | None:
+    """Return the nanoseconds since 1970; None when it is no date or no time of day."""
+    date = date_ns(year, month, day)
+    if date is None or hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
         return None
-    return hour * HOUR + minute * MINUTE + second * SECOND + ns
+    return date + hour * HOUR + minute * MINUTE + second * SECOND + ns
 
 
-def _clock(ns: int) -> tuple[int, int, int, int]:
-    ns %= DAY
-    return ns // HOUR, ns // MINUTE % 60, ns // SECOND % 60, ns % SECOND
+def _parts(ns: int) -> tuple[int, int, int, int, int, int, int]:
+    """Return the parts of a moment, as `_moment` takes them."""
+    clock = ns % DAY
+    return *calendar(ns // DAY), clock // HOUR, clock // MINUTE % 60, clock // SECOND % 60, clock % SECOND
 
 
 # -- DATE_AND_TIME in BCD, and DTL ---------------------------------------------------------------------------
@@ -220,16 +222,14 @@ def _bcd_read(raw: bytes) -> tuple[int | None, int]:
     if not digits[:15].isdecimal():
         return None, 0
     year, month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(0, 12, 2))
-    date = date_ns(year + (1900 if year >= 90 else 2000), month, day)
-    clock = _clock_ns(hour, minute, second, int(digits[12:15]) * MS)
-    return None if date is None or clock is None else date + clock, raw[7] & 15
+    year += 1900 if year >= 90 else 2000
+    return _moment(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
 
 
 def _bcd(ns: int) -> bytes | None:
-    year, month, day = calendar(ns // DAY)
+    year, month, day, hour, minute, second, rest = _parts(ns)
     if ns % MS or not FIRST_BCD_YEAR <= year <= LAST_BCD_YEAR:
         return None
-    hour, minute, second, rest = _clock(ns)
     digits = f"{year % 100:02d}{month:02d}{day:02d}{hour:02d}{minute:02d}{second:02d}{rest // MS:03d}"
     return bytes.fromhex(f"{digits}{_weekday(ns)}")
 
@@ -239,16 +239,12 @@ def dtl_coding(rules: LayoutRules) -> Coding:
     fields = struct.Struct(BYTE_ORDERS[rules.byte_order] + "H6BI")
 
     def read(raw: bytes) -> tuple[int | None, int]:
-        year, month, day, weekday, hour, minute, second, rest = fields.unpack(raw)
-        date, clock = date_ns(year, month, day), _clock_ns(hour, minute, second, rest)
-        return None if date is None or clock is None else date + clock, weekday
+        year, month, day, weekday, *clock = fields.unpack(raw)
+        return _moment(year, month, day, *clock), weekday
 
     def bytes_of(ns: int) -> bytes | None:
-        year, month, day = calendar(ns // DAY)
-        if not 0 <= year <= 0xFFFF:
-            return None
-        hour, minute, second, rest = _clock(ns)
-        return fields.pack(year, month, day, _weekday(ns), hour, minute, second, rest)
+        year, month, day, *clock = _parts(ns)
+        return fields.pack(year, month, day, _weekday(ns), *clock) if 0 <= year <= 0xFFFF else None
 
     return _dated(12, "DTL#", "DTL such as DTL#2024-01-31-12:30:15.25", read, bytes_of)
 
@@ -279,11 +275,10 @@ def s5time_coding(rules: LayoutRules) -> Coding:
         text, _, beside = value.partition(" (") if isinstance(value, str) else ("", "", "")
         ns = parse_s5time(text)
         raw = None if ns is None or ns % MS else _s5(ns // MS)
-        word = parse_hex_text(beside.removesuffix(")"), 2)
         if raw is not None and beside:
+            word = parse_hex_text(beside.removesuffix(")"), 2) if beside.endswith(")") else None
             found = None if word is None else int.from_bytes(word, "big")
-            is_same = found is not None and ns is not None and _s5_ms(found) == ns // MS
-            raw = found if is_same and beside.endswith(")") else None
+            raw = found if found is not None and _s5_ms(found) == _s5_ms(raw) else None
         if raw is None:
             raise Refused(
                 "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."

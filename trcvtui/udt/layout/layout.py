@@ -114,9 +114,8 @@ class Layout:
             where, found = f"{self.name}, '{path[:60]}'", f"'{str(unknown)[:60]}'"
             raise mistake(where, found, "a member or an index within bounds") from None
         if not isinstance(node, PlacedLeaf):
-            raise mistake(
-                self.name, f"'{path[:60]}', which has members of its own", "the path of one of them"
-            )
+            found = f"'{path[:60]}', which has members of its own"
+            raise mistake(self.name, found, "the path of one of them")
         return number
 
     def padding(self) -> list[tuple[int, int]]:

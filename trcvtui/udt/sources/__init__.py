@@ -37,19 +37,21 @@ class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
     `read` gets the text and the name of the file, of a format with `root` the XML element of that name.
-    `needs`: what has to be installed. `refused`: files of these extensions hold no types. `sender`: the
+    `needs`: what has to be installed. `refused`: what such files hold and where the types are. `sender`: the
     layout that most devices have of which such files are.
     """
 
     name: str
     extensions: tuple[str, ...]
-    read: Callable[..., Declarations]
+    read: Callable[..., Declarations] = read_st
     root: str = ""
     needs: str = ""
-    refused: bool = False
+    refused: tuple[str, str] | tuple[()] = ()
     sender: str = ""
 
     def declarations(self, content: Any, name: str) -> Declarations:
+        if self.refused:
+            raise mistake(name, *self.refused)
         read = self.read(content) if self.root else self.read(content, name)
         return read._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
 
@@ -70,15 +72,8 @@ def _later(module: str) -> Callable[..., Declarations]:
     return read
 
 
-def _refused(found: str, expected: str) -> Callable[[str, str], Declarations]:
-    def refuse(_: str, name: str) -> Declarations:
-        raise mistake(name, found, expected)
-
-    return refuse
-
-
-_NO_TEXTS = _refused("the texts of a SIMATIC SD file", "the .s7dcl file beside it")
-_NO_EXPORT = _refused("a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)")
+_NO_TEXTS = "the texts of a SIMATIC SD file", "the .s7dcl file beside it"
+_NO_EXPORT = "a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 
 FORMATS: Final = {
     row.name: row
@@ -86,13 +81,13 @@ FORMATS: Final = {
         TypeFormat("IEC text", (".st", ".iecst", ".txt"), read_st),
         TypeFormat("TIA source", (".udt", ".scl", ".db", ".awl"), partial(read_st, dialect=TIA)),
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
-        TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
+        TypeFormat("SIMATIC SD texts", (".s7res",), refused=_NO_TEXTS),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
         TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _later("twincat"), "TcPlcObject", sender=NATURAL),
         TypeFormat("PLCopen", (".xml",), _later("plcopen"), root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _later("openness"), root="Document"),
-        TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
+        TypeFormat("CODESYS 3 export", (".export",), refused=_NO_EXPORT),
         TypeFormat("C header", (".h", ".hpp"), _later("c_header"), needs="the extra c", sender=NATURAL),
     )
 }
@@ -198,17 +193,15 @@ def decode_text(data: bytes) -> str:
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
+    codecs = ["utf-8"]
     if data[:400].lstrip(b"\0 \t\r\n").startswith(b"<"):
         from trcvtui.udt.sources.xml_source import xml_codec
 
-        declared = xml_codec(data)
-        if declared:
-            with suppress(LookupError, UnicodeError):
-                return data.decode(declared)
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
+        codecs = [xml_codec(data) or "utf-8", "utf-8"]
+    for codec in codecs:
+        with suppress(LookupError, UnicodeError):
+            return data.decode(codec)
+    return data.decode("cp1252", "replace")
 
 
 def declarations_in(path: Path) -> Declarations:

@@ -50,13 +50,10 @@ class _Reader:
         self.types: list[ast.Declaration] = []
         self.tags: dict[str, str] = {}
         self.aliases: dict[str, ast.Reference] = {}
-        self.macros = Macros(source)
         self.long_size = LONG_SIZE.get()
-        self.constants: dict[str, ast.Number] = {}
-        for name in source.numbers:
-            value = None if name in source.given else self.macros.macro(name)
-            if value is not None:
-                self.constants[name] = value
+        macros = Macros(source)
+        numbers = ((name, macros.macro(name)) for name in source.numbers if name not in source.given)
+        self.constants = {name: value for name, value in numbers if value is not None}
         self.problems: list[Problem] = []
         self.notes: dict[str, None] = {}
 
@@ -64,10 +61,6 @@ class _Reader:
         """Return file, line and column of a node, both from 1."""
         place = getattr(node, "coord", None)
         return self.source.name if place is None else f"{self.source.name}:{place.line}:{place.column or 1}"
-
-    def look_up(self, name: str) -> int | None:
-        known = self.constants.get(name)
-        return known if isinstance(known, int) else None
 
     # -- declarations ------------------------------------------------------------------------------------
 
@@ -82,7 +75,11 @@ class _Reader:
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
             self.tagged(inner, node.name or "")
-            value = fold(node.init, self.look_up) if node.init is not None and "const" in node.quals else None
+            value = (
+                fold(node.init, self.constants.get)
+                if node.init is not None and "const" in node.quals
+                else None
+            )
             if node.name and value is not None:
                 self.constants[node.name] = value
 
@@ -179,7 +176,7 @@ class _Reader:
     def member(self, node: Any, at: int, depth: int) -> ast.MemberSpec:
         name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
-            width = fold(node.bitsize, self.look_up)
+            width = fold(node.bitsize, self.constants.get)
             if width is None or width < 0:
                 raise mistake(where, f"bit-field '{name}'", "a number of bits")
         elif node.align:
@@ -208,7 +205,7 @@ class _Reader:
         where = self.where(node)
         if node.dim is None:
             raise mistake(where, "an array without a length", "[N]")
-        length = fold(node.dim, self.look_up)
+        length = fold(node.dim, self.constants.get)
         if length is None:
             text = formula(node.dim)
             if text is None:
@@ -224,7 +221,7 @@ class _Reader:
         values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
         for row in node.values.enumerators:
-            given = fold(row.value, self.look_up)
+            given = fold(row.value, self.constants.get)
             number = given if row.value is not None else None if number is None else number + 1
             if number is not None:
                 self.constants[row.name] = number

@@ -111,10 +111,9 @@ def find_types(
 
 
 def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    known = types.types.keys() | types.broken.keys()
     for name in names:
-        if not {name.casefold(), name.casefold().rpartition(".")[2]} & (
-            types.types.keys() | types.broken.keys()
-        ):
+        if known.isdisjoint({name.casefold(), name.casefold().rpartition(".")[2]}):
             yield name, TYPE_OR_DATA
         for problem in types.broken.get(name.casefold(), ()):
             lacked = unknown_name(problem)

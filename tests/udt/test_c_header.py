@@ -9,10 +9,11 @@ import pytest
 from tests import golden
 from tests.udt.st_texts import lines_of, problems_of
 from trcvtui.errors import UserError
-from trcvtui.udt.ast import ArraySpec, Declaration, Formula, PointerSpec, Reference, StructSpec
+from trcvtui.udt.ast import ArraySpec, Declaration, Formula, Reference, StructSpec
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources.c_header import read_c_header
 from trcvtui.udt.type_set import join
+from trcvtui.udt.types import Pointer
 
 
 def only(text: str) -> Declaration:
@@ -61,9 +62,9 @@ def test_arrays_pointers_and_several_names() -> None:
     assert found["a"] == "UINT"
     assert isinstance(found["b"], ArraySpec) and found["b"].bounds == ((0, 2), (0, 1))
     assert [found[name] for name in ("p", "q", "next")] == [
-        PointerSpec("POINTER TO void"),
-        PointerSpec("POINTER TO a function"),
-        PointerSpec("POINTER TO tag"),
+        Pointer("POINTER TO void"),
+        Pointer("POINTER TO a function"),
+        Pointer("POINTER TO tag"),
     ]
 
 

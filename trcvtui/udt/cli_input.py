@@ -32,7 +32,7 @@ def given_messages(given: str) -> list[bytes]:
 
     text, where = _hex_of(given)
     parse_hex(text, where)  # so that a mistake is told with its line in the file
-    messages = [text] if where == "HEX" else re.split(r"\n[ \t\r]*\n", text)
+    messages = [text] if text == given else re.split(r"\n[ \t\r]*\n", text)
     found = [message for part in messages if (message := parse_hex(part))]
     if not found:
         raise mistake(where, "no bytes", "a message")

@@ -131,7 +131,7 @@ class Resolver:
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
         """Return the type of a specification and how deep it nests; None when something in it is bad."""
         match spec:
-            case StringType():
+            case StringType() | Pointer() | Unplaced():
                 return spec, 0
             case ast.Reference():
                 return self.look_up(spec, user)
@@ -145,10 +145,6 @@ class Resolver:
                 return self.build_text(spec, user), 0
             case ast.RangeSpec():
                 return self.build_range(spec, user), 0
-            case ast.PointerSpec(text):
-                return Pointer(text), 0
-            case ast.UnplacedSpec():
-                return Unplaced(spec.name, spec.why), 0
 
     def build_array(self, spec: ast.ArraySpec, user: str) -> tuple[Type | None, int]:
         element, depth = self.build(spec.element, "", user)

@@ -65,11 +65,9 @@ class Placing:
                     raise UserError(())  # what is wrong in it is told where it stands first
                 if type_ not in self.placed:
                     place = self.place_struct if isinstance(type_, Struct) else self.place_union
-                    try:
-                        self.placed[type_] = place(type_, where)
-                    except UserError:
-                        self.refused.add(type_)
-                        raise
+                    self.refused.add(type_)
+                    self.placed[type_] = place(type_, where)
+                    self.refused.discard(type_)
                 return self.placed[type_]
             case Unplaced(name=name, why=why):
                 raise mistake(where, f"{name}, {why}", "a type that can be laid out")

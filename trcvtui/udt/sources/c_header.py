@@ -23,7 +23,7 @@ from trcvtui.udt.sources.c_parse import (
     parsed,
 )
 from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.types import ELEMENTARY
+from trcvtui.udt.types import ELEMENTARY, Pointer
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
@@ -75,11 +75,8 @@ class _Reader:
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
             self.tagged(inner, node.name or "")
-            value = (
-                fold(node.init, self.constants.get)
-                if node.init is not None and "const" in node.quals
-                else None
-            )
+            is_constant = node.init is not None and "const" in node.quals
+            value = fold(node.init, self.constants.get) if is_constant else None
             if node.name and value is not None:
                 self.constants[node.name] = value
 
@@ -125,7 +122,7 @@ class _Reader:
             case "ArrayDecl":
                 return self.array(node, depth)
             case "PtrDecl":
-                return ast.PointerSpec("POINTER TO " + _target(node.type))
+                return Pointer("POINTER TO " + _target(node.type))
         raise mistake(self.where(node), "a function", "a type with a size")
 
     def inner(self, node: Any, depth: int) -> ast.Spec:

@@ -14,6 +14,7 @@ from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.literals import QUALIFIED_NAME
 from trcvtui.udt.sources.st import OPTIMISED
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.types import Pointer
 
 TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
 
@@ -74,7 +75,7 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> as
     if string := _TEXT.fullmatch(text):
         return text_type(string.group(2) or "", bool(string.group(1)), member.where)
     if _POINTER.fullmatch(text):
-        return ast.PointerSpec(text)
+        return Pointer(text)
     if quoted := _QUOTED.fullmatch(text):
         return ast.Reference(quoted.group(1), member.where)
     if re.fullmatch(QUALIFIED_NAME, text):

@@ -16,6 +16,7 @@ from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.types import Pointer
 
 NOT_TYPES = ("documentation", "addData")
 
@@ -155,7 +156,7 @@ class _TypeWalk:
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:
         target = _inner(element.at("baseType"))
-        return ast.PointerSpec("POINTER TO " + (_reference(target).name if target else "?"))
+        return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
         name = element.needed("name")

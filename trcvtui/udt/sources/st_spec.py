@@ -11,17 +11,8 @@ from collections.abc import Callable
 
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
-from trcvtui.udt.sources.st_cursor import (
-    CLOSERS,
-    IEC,
-    MEMBER_ENDS,
-    Cursor,
-    Shape,
-    Source,
-    SourceDialect,
-    StToken,
-)
-from trcvtui.udt.types import ELEMENTARY, WHOLE, StringType, ValueKind
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
+from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE, Pointer, StringType, Unplaced, ValueKind
 
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
@@ -88,13 +79,6 @@ class SpecParser(Cursor):
         self.rest(spec, end)
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
-    def names(self, first: str, more: str) -> list[StToken]:
-        """Return names with commas between them; raise UserError with what was expected."""
-        names = [self.name(first)]
-        while self.accept(","):
-            names.append(self.name(more))
-        return names
-
     def pragmas(self, first: int, last: int) -> list[str]:
         """Return the pragmas in front of the tokens of number first..last."""
         pragmas = self.source.pragmas
@@ -160,7 +144,7 @@ class SpecParser(Cursor):
         if self.advance().upper != "REF_TO":
             self.expect("TO")
         self.spec()
-        return ast.PointerSpec(self.text_from(first))
+        return Pointer(self.text_from(first))
 
     def named(self) -> ast.Spec:
         """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
@@ -173,7 +157,7 @@ class SpecParser(Cursor):
             return self.subrange(reference)
         if row is None and not (self.nested == 1 and self.has_values()):
             self.brackets()
-            return ast.UnplacedSpec(name, "an FB instance", reference.where)
+            return Unplaced(name, FB_INSTANCE)
         if self.has_values():
             if row is not None and row.kind not in WHOLE:  # AX: named values of a REAL, a STRING
                 self.brackets()

@@ -149,4 +149,4 @@ def _bare(part: Any) -> Any:
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
         return type(part), *map(_bare, kept)
-    return part.casefold().removeprefix("_.") if isinstance(part, str) else part  # `_.T` of SIMATIC SD is T
+    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

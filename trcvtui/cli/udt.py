@@ -117,7 +117,7 @@ def _add_compare(parser: CommandParser) -> None:
 def _add_fit(parser: CommandParser) -> None:
     _add_type(parser, _printing("fit"), ("text", "json"))
     parser.description = (
-        "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
+        "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
         "best, 1 where that is not sure. The layout options say what our own side uses: it is named first "
         "where several mean the same."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 import subprocess
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -142,8 +143,8 @@ class _Writer:
                 return self.name(type_, pack)
             case Elementary(code=code) | Subrange(base=Elementary(code=code)):
                 return C_TYPES[code]
-            case Enumeration(base=Elementary(code=code)):
-                return C_TYPES[code]
+            case Enumeration(base=base):
+                return C_TYPES[base.code]
             case _:
                 return "void *"
 
@@ -166,18 +167,17 @@ def _designators(type_: Type, path: str = "") -> Iterator[str]:
 def measured(batch: Sequence[Case], folder: Path) -> list[Measured]:
     """Compile the types and return what gcc says of each."""
     writer = _Writer()
-    numbers: list[str] = []
-    counts: list[int] = []
-    for case in batch:
-        name = writer.name(case.type, case.pack)
-        leaves = [f"offsetof({name}, {leaf})" for leaf in _designators(case.type)]
-        numbers += [f"sizeof({name})", f"_Alignof({name})", *leaves]
-        counts.append(len(leaves))
-    found = _run(HEAD + "\n".join(writer.lines) + "\n", numbers, folder)
-    return list(_split(found, counts))
+    asked = [(writer.name(case.type, case.pack), [*_designators(case.type)]) for case in batch]
+    return _measured(HEAD + "\n".join(writer.lines) + "\n", asked, folder)
 
 
 WHOLE = ("char", "int8_t", "unsigned short", "int", "uint32_t", "long", "unsigned long", "long long")
+INNER = (
+    "struct { char x; int64_t y; }",
+    "struct { char x; int y; } NAME_PACKED",
+    "union { short x; float y; }",
+)
+PLAIN = (*WHOLE, *INNER, "float", "double", "bool", "enum Mode", "void *")
 BITS = {"uint8_t": 8, "unsigned short": 16, "int": 32, "unsigned": 32, "long": 64, "uint64_t": 64, "bool": 1}
 C_HEAD = """#include <stdbool.h>
 #include <stdint.h>
@@ -185,6 +185,7 @@ C_HEAD = """#include <stdbool.h>
 #define MAVPACKED( one ) one __attribute__((packed))
 #define BEGIN(n) _Pragma("pack(push, 1)")
 #define END _Pragma("pack(pop)")
+enum Mode { OFF, ON };
 """
 
 
@@ -224,26 +225,22 @@ def _field(random: Random, name: str, known: list[str]) -> str:
         width = random.choice((0, 1, BITS[base], random.randint(1, BITS[base])))
         return f"{base} {name if width and random.random() < 0.8 else ''} : {width};"
     size = f"[{random.randint(1, 3)}]" if random.random() < 0.2 else ""
-    base = (
-        random.choice(known[-20:])
-        if known and chance < 0.65
-        else random.choice((*WHOLE, "float", "double", "bool"))
-    )
+    base = random.choice(known[-20:] if known and chance < 0.65 else PLAIN)
     return f"{base} {name}{size};"
 
 
 def measured_header(given: Header, folder: Path) -> list[Measured]:
     """Compile a header and return what gcc says of each of its types."""
     (folder / "types.h").write_text(given.text)
+    head = '#include <stddef.h>\n#include <stdio.h>\n#include "types.h"\n'
+    return _measured(head, [*given.members.items()], folder)
+
+
+def _measured(head: str, asked: Sequence[tuple[str, list[str]]], folder: Path) -> list[Measured]:
     numbers: list[str] = []
-    for name, members in given.members.items():
-        places = [f"__builtin_offsetof({name}, {member})" for member in members]
-        numbers += [f"sizeof({name})", f"_Alignof({name})", *places]
-    found = _run('#include <stdio.h>\n#include "types.h"\n', numbers, folder)
-    return list(_split(found, [len(members) for members in given.members.values()]))
-
-
-def _run(head: str, numbers: Sequence[str], folder: Path) -> list[int]:
+    for name, places in asked:
+        offsets = [f"offsetof({name}, {place})" for place in places]
+        numbers += [f"sizeof({name})", f"_Alignof({name})", *offsets]
     table = f"static const uint32_t numbers[] = {{\n{','.join(numbers)}\n}};\n"
     main = "int main(void) { return fwrite(numbers, sizeof numbers, 1, stdout) != 1; }\n"
     source, program = folder / "types.c", folder / "types"
@@ -251,11 +248,6 @@ def _run(head: str, numbers: Sequence[str], folder: Path) -> list[int]:
     subprocess.run(
         ["gcc", "-std=gnu11", "-w", "-Wno-packed-bitfield-compat", "-o", program, source], check=True
     )
-    return array.array("I", subprocess.run([program], capture_output=True, check=True).stdout).tolist()
-
-
-def _split(found: list[int], counts: Sequence[int]) -> Iterator[Measured]:
-    at = 0
-    for count in counts:
-        yield Measured(found[at], found[at + 1], found[at + 2 : at + 2 + count])
-        at += 2 + count
+    answer = subprocess.run([program], capture_output=True, check=True).stdout
+    found = iter(array.array("I", answer))
+    return [Measured(next(found), next(found), [*islice(found, len(places))]) for _, places in asked]

@@ -12,14 +12,12 @@ from trcvtui.udt.ast import (
     EnumSpec,
     MemberSpec,
     Number,
-    PointerSpec,
     RangeSpec,
     Reference,
     Spec,
     StructSpec,
-    UnplacedSpec,
 )
-from trcvtui.udt.types import ELEMENTARY, StringType, ValueKind
+from trcvtui.udt.types import ELEMENTARY, Pointer, StringType, Unplaced, ValueKind
 
 HERE = ""
 GAPS = [
@@ -57,8 +55,8 @@ leaves: st.SearchStrategy[Spec] = st.one_of(
     st.sampled_from([*ELEMENTARY, "Lib.T", "_.Kind", "motor_data"]).map(_reference),
     st.builds(StringType, st.none() | st.integers(1, 300), st.booleans()),
     st.builds(lambda base, b: RangeSpec(_reference(base), *b), whole, ranges),
-    st.sampled_from(["POINTER TO INT", "REFERENCE TO Lib.T", "REF_TO ARRAY[0..9] OF BYTE"]).map(PointerSpec),
-    st.just(UnplacedSpec("Lib.Cyl", "an FB instance", HERE)),
+    st.sampled_from(["POINTER TO INT", "REFERENCE TO Lib.T", "REF_TO ARRAY[0..9] OF BYTE"]).map(Pointer),
+    st.just(Unplaced("Lib.Cyl", "an FB instance")),
     st.builds(
         lambda base, own: EnumSpec(
             _reference(base) if base else None, tuple((f"v{n}", number) for n, number in enumerate(own))
@@ -85,7 +83,7 @@ def declarations(draw: Any) -> list[Declaration]:
         if isinstance(spec, StructSpec):
             base = draw(st.none() | st.sampled_from(["Base", "Lib.Base"]).map(_reference))
             spec = spec._replace(base=base, pack=draw(st.none() | st.sampled_from([0, 1, 2, 4, 8])))
-        if not isinstance(spec, UnplacedSpec):  # an alias of an FB with arguments is an enumeration
+        if not isinstance(spec, Unplaced):  # an alias of an FB with arguments is an enumeration
             found.append(Declaration(f"{draw(names)}{n}", spec, HERE))
     return found
 
@@ -135,9 +133,9 @@ class Writer:
                 return word if length is None else word + self.one_of(f"[{length}]", f"( {length} )")
             case RangeSpec(base, low, high):
                 return f"{base.name}({self.number(low)}..{self.number(high)})"
-            case PointerSpec(text):
+            case Pointer(text):
                 return text
-            case UnplacedSpec(name):
+            case Unplaced(name):
                 return f"{name}(MAIN._a, b := 5)"
             case EnumSpec(base, values):
                 return self.enumeration(base, values)

@@ -63,3 +63,7 @@ def _bare(value: object) -> object:
 def problems_of(read: Declarations) -> tuple[Problem, ...]:
     """Return what is wrong in the types, and beside them."""
     return (*(problem for type_ in read.types for problem in type_.problems), *read.problems)
+
+
+def lines_of(read: Declarations) -> list[str]:
+    return [str(problem) for problem in problems_of(read)]

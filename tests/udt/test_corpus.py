@@ -104,19 +104,6 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
     assert unplaced(valve) == ["TON", "Lib.FB_Drive"]
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(3600 if FULL else 60)
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
-    data = path.read_bytes()
-    for end in cuts(len(data), sample=2_000_000 // (len(data) + 10_000)):
-        types = join([read_text(decode_text(data[:end]), "cut", path.suffix)], "cut")
-        for problem in types.problems:
-            assert problem.where.startswith("cut:")
-            assert "\n" not in str(problem)
-        lay_out_all(types)
-
-
 XML_FILES = files(".xml", ".tcdut", ".tcgvl", ".h")
 SOURCES = (".scl", ".s7dcl", ".udt")
 
@@ -152,20 +139,24 @@ def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, sour
     assert sides[:2] == sides[2:] and sides[0][1]
 
 
-@pytest.mark.timeout(1800 if FULL else 120)
-@pytest.mark.parametrize("path", XML_FILES, ids=lambda path: path.name)
-def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
+@pytest.mark.slow
+@pytest.mark.timeout(3600 if FULL else 120)
+@pytest.mark.parametrize("path", EVERY_FILE, ids=lambda path: path.name)
+def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
     data = path.read_bytes()
-    whole = len(data.rstrip())
-    for length in cuts(len(data), 30):
+    is_xml = path in XML_FILES and path.suffix != ".h"
+    whole = len(data.rstrip()) if is_xml else 0
+    for end in cuts(len(data), 30 if path in XML_FILES else 2_000_000 // (len(data) + 10_000)):
         try:
-            types = join([read_text(decode_text(data[:length]), path.name, path.suffix)], path.name)
+            types = join([read_text(decode_text(data[:end]), "cut", path.suffix)], "cut")
         except UserError as refused:
             (line,) = refused.lines()
-            assert line.startswith(path.name)
+            assert line.startswith("cut") and path in XML_FILES
         else:
-            assert length >= whole or path.suffix == ".h", "XML that breaks off is no XML"
-            assert all(str(problem).startswith(path.name) for problem in types.problems)
+            assert end >= whole, "XML that breaks off is no XML"
+            lines = [str(problem) for problem in types.problems]
+            assert all(line.startswith("cut:") and "\n" not in line for line in lines)
+            lay_out_all(types)
 
 
 def test_own_samples_hold_what_they_say() -> None:

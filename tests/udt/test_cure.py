@@ -377,26 +377,11 @@ def test_every_kind_of_number_is_swapped() -> None:
     )
     members += "m : ARRAY[1..2, 0..1] OF STRUCT x : ARRAY[3..4] OF INT; b : BOOL; END_STRUCT;"
     values: dict[str, object] = {
-        "a": -3,
-        "i": -300,
-        "u": 70000,
-        "l": -5_000_000_000,
-        "w": 258,
-        "d": 0x01020304,
-        "q": 0x0102030405060708,
-        "r": -1.5,
-        "lr": 1234.5678,
-        "t": "T#1h",
-        "lt": "LTIME#5s",
-        "dt": "DATE#2026-02-03",
-        "tod": "TOD#12:30:00",
-        "c": "x",
-        "e": 258,
-        "s": 513,
-        "m[1,0].x[3]": 300,
-        "m[2,1].x[4]": -400,
-        "m[2,0].b": True,
-    }
+        "a": -3, "i": -300, "u": 70000, "l": -5_000_000_000, "w": 258, "d": 0x01020304,
+        "q": 0x0102030405060708, "r": -1.5, "lr": 1234.5678, "t": "T#1h", "lt": "LTIME#5s",
+        "dt": "DATE#2026-02-03", "tod": "TOD#12:30:00", "c": "x", "e": 258, "s": 513,
+        "m[1,0].x[3]": 300, "m[2,1].x[4]": -400, "m[2,0].b": True,
+    }  # fmt: skip
     for layout in ("natural8", "s7-standard"):
         sent = layout_of(members, layout)
         ours = lay_out(sent.type, rules_for(layout, OTHER[sent.rules.byte_order]))

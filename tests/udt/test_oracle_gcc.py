@@ -15,7 +15,7 @@ import pytest
 from tests.udt.oracle_gcc import Case, Measured, cases, header, measured, measured_header
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import PlacedStruct
-from trcvtui.udt.sources.c_header import read_c
+from trcvtui.udt.sources.c_header import read_c_header
 from trcvtui.udt.sources.c_source import LONG_SIZE
 from trcvtui.udt.type_set import join
 
@@ -47,7 +47,7 @@ def test_random_types_lie_where_gcc_puts_them(tmp_path: Path) -> None:
 def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_path: Path) -> None:
     given = header(COUNT, SEED)
     before = LONG_SIZE.set(8)
-    types = join([read_c(given.text, "H")], "H")
+    types = join([read_c_header(given.text, "H")], "H")
     LONG_SIZE.reset(before)
     assert [str(problem) for problem in types.problems] == []
     for (name, members), theirs in zip(given.members.items(), measured_header(given, tmp_path), strict=True):

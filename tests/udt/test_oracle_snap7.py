@@ -14,19 +14,14 @@ from tests.udt.udt_strategies import values_of
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
 from trcvtui.udt.sources import parse_type
+from trcvtui.udt.types import ROWS, WHOLE
 
 getters = pytest.importorskip("snap7.util.getters", reason="python-snap7 is not installed: no other opinion")
 
 S7 = rules_for("s7-standard")
 UNITS = {
-    "d": 86_400_000_000,
-    "h": 3_600_000_000,
-    "m": 60_000_000,
-    "s": 1_000_000,
-    "ms": 1000,
-    "us": 1,
-    "ns": 0,
-}
+    "d": 86_400_000_000, "h": 3_600_000_000, "m": 60_000_000, "s": 1_000_000, "ms": 1000, "us": 1, "ns": 0,
+}  # fmt: skip
 
 
 def microseconds(literal: str) -> int:
@@ -67,20 +62,7 @@ def value_of(type_: str, raw: bytes) -> str:
     return value
 
 
-INTEGERS = (
-    "BYTE",
-    "WORD",
-    "DWORD",
-    "LWORD",
-    "SINT",
-    "INT",
-    "DINT",
-    "LINT",
-    "USINT",
-    "UINT",
-    "UDINT",
-    "ULINT",
-)
+INTEGERS = [row.name for row in ROWS if row.kind in WHOLE]
 
 
 @given(st.sampled_from(INTEGERS), st.binary(min_size=8, max_size=8))

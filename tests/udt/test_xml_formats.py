@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as hyp
 
 from tests import golden
-from tests.udt.st_texts import bare, problems_of
+from tests.udt.st_texts import bare, lines_of, problems_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
 from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
@@ -52,10 +52,6 @@ def data_type(type_: str, added: str = "", name: str = "T") -> str:
 
 def st(text: str) -> object:
     return bare(read_st(text, "F"))
-
-
-def lines_of(read: Declarations) -> list[str]:
-    return [str(problem) for problem in problems_of(read)]
 
 
 def line_of(text: str) -> str:

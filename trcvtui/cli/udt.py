@@ -62,10 +62,6 @@ def _last_words() -> str:
     return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
-def _add_show(parser: CommandParser) -> None:
-    _add_type(parser, _printing("show"), ("text", "json"))
-
-
 def _printing(answer: str) -> Callable[[Args], int]:
     """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
 
@@ -121,7 +117,7 @@ def _add_compare(parser: CommandParser) -> None:
 def _add_fit(parser: CommandParser) -> None:
     _add_type(parser, _printing("fit"), ("text", "json"))
     parser.description = (
-        "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
+        "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that came. Exit 0 where one fits "
         "best, 1 where that is not sure. The layout options say what our own side uses: it is named first "
         "where several mean the same."
@@ -151,7 +147,10 @@ def _cure(args: Args) -> int:
 
 COMMANDS = {
     "types": ("all types of a file", _add_types),
-    "show": ("members with offset, size, type; padding", _add_show),
+    "show": (
+        "members with offset, size, type; padding",
+        lambda parser: _add_type(parser, _printing("show"), ("text", "json")),
+    ),
     "decode": ("bytes to values, as far as they go", _add_decode),
     "encode": ("values to bytes, as hex on stdout", _add_encode),
     "export": ("the type for Wireshark", _add_export),

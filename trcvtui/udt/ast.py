@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem
-from trcvtui.udt.types import StringType
+from trcvtui.udt.types import Pointer, StringType, Unplaced
 
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
@@ -49,20 +49,6 @@ class RangeSpec(NamedTuple):
     high: Number
 
 
-class PointerSpec(NamedTuple):
-    """POINTER TO, REFERENCE TO, REF_TO, with the text of the declaration; its target need not be known."""
-
-    text: str
-
-
-class UnplacedSpec(NamedTuple):
-    """What cannot be laid out: the name of the type as declared, and why (`an FB instance`)."""
-
-    name: str
-    why: str
-    where: str
-
-
 class ArraySpec(NamedTuple):
     """ARRAY with its bounds."""
 
@@ -98,17 +84,8 @@ class EnumSpec(NamedTuple):
     values: tuple[tuple[str, Number | None], ...]
 
 
-Spec = (
-    Reference
-    | StringType
-    | TextSpec
-    | RangeSpec
-    | PointerSpec
-    | UnplacedSpec
-    | ArraySpec
-    | StructSpec
-    | EnumSpec
-)
+# A type without names to look up is itself its specification.
+Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | ArraySpec | StructSpec | EnumSpec
 
 
 class Declaration(NamedTuple):

@@ -11,6 +11,7 @@ import sys
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
@@ -22,22 +23,17 @@ def given_bytes(given: str) -> bytes:
     """Return the bytes of hex text: the argument itself, the content of `@FILE`, or stdin for `-`."""
     from trcvtui.udt.byte_text import parse_hex
 
-    name = _file_of(given)
-    return parse_hex(given, "HEX") if name is None else parse_hex(_text(name), _where(name))
+    return parse_hex(*_hex_of(given))
 
 
 def given_messages(given: str) -> list[bytes]:
     """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
     from trcvtui.udt.byte_text import parse_hex
 
-    name = _file_of(given)
-    if name is None:
-        where, messages = "HEX", [parse_hex(given, "HEX")]
-    else:
-        where, text = _where(name), _text(name)
-        parse_hex(text, where)  # so that a mistake is told with its line in the file
-        messages = [parse_hex(part) for part in re.split(r"\n[ \t\r]*\n", text)]
-    found = [message for message in messages if message]
+    text, where = _hex_of(given)
+    parse_hex(text, where)  # so that a mistake is told with its line in the file
+    messages = [text] if text == given else re.split(r"\n[ \t\r]*\n", text)
+    found = [message for part in messages if (message := parse_hex(part))]
     if not found:
         raise mistake(where, "no bytes", "a message")
     return found
@@ -102,9 +98,12 @@ def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 _KINDS: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
 
 
-def _file_of(given: str) -> str | None:
-    """Return the file of `@FILE`, `-` for stdin; None where the argument itself is the hex."""
-    return given.removeprefix("@") if given == STDIN or given.startswith("@") else None
+def _hex_of(given: str) -> tuple[str, str]:
+    """Return hex text, and where it stands."""
+    if given != STDIN and not given.startswith("@"):
+        return given, "HEX"
+    name = given.removeprefix("@")
+    return _text(name), _where(name)
 
 
 def _where(name: str) -> str:
@@ -112,10 +111,8 @@ def _where(name: str) -> str:
 
 
 def _read(name: str) -> bytes:
-    from trcvtui.files import reason_of
-
     try:
-        data = _content(name)
+        data = _stdin() if name == STDIN else read_bytes(name, LARGEST)
     except (OSError, ValueError) as failed:
         raise mistake(_where(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST:
@@ -132,14 +129,10 @@ def _text(name: str) -> str:
         raise mistake(_where(name), found, "text; `xxd -p` makes hex text of a binary file") from None
 
 
-def _content(name: str) -> bytes:
-    if name == STDIN:
-        stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
-        if stdin is None:
-            raise OSError("nothing, it is closed")
-        if stdin.isatty() and sys.stderr is not None:
-            sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
-        return bytes(stdin.read(LARGEST + 1))
-    from trcvtui.files import read_bytes
-
-    return read_bytes(name, LARGEST)
+def _stdin() -> bytes:
+    stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
+    if stdin is None:
+        raise OSError("nothing, it is closed")
+    if stdin.isatty() and sys.stderr is not None:
+        sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
+    return bytes(stdin.read(LARGEST + 1))

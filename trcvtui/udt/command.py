@@ -22,40 +22,29 @@ from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import read_headers_with
 from trcvtui.udt.type_set import TypeSet
-from trcvtui.udt.types import Enumeration, Struct, Type, Union, parts_of
+from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
 
 
 def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list[str]:
     """Return each note of a type and of all types in it once, with the name of its type before it."""
     found = {f"{name}: {note}": None for note in types.notes.get(name.casefold(), ())}
-    for inner in _named(type_, set()):
-        own = inner.name or name
-        for note in (*types.notes.get(own.casefold(), ()), *_empty(inner), *_packing(inner, rules)):
-            found[f"{own}: {note}"] = None
+    for inner in all_parts(type_):
+        if isinstance(inner, Struct | Union | Enumeration):
+            own = inner.name or name
+            for note in (*types.notes.get(own.casefold(), ()), *_hints(inner, rules)):
+                found[f"{own}: {note}"] = None
     return list(found)
 
 
-def _empty(type_: Struct | Union | Enumeration) -> Iterator[str]:
-    if not isinstance(type_, Enumeration) and not (type_.members or type_.base or type_.bit_fields):
+def _hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[str]:
+    if isinstance(type_, Enumeration):
+        return
+    if not (type_.members or type_.base or type_.bit_fields):
         word = "UNION" if isinstance(type_, Union) else "STRUCT"
         yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
-
-
-def _packing(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[str]:
-    pack = None if isinstance(type_, Enumeration) else type_.pack
-    if pack is None or rules.takes_pack or (max(pack, 1) == rules.cap and rules.struct_floor == 1):
-        return
-    yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
-
-
-def _named(type_: Type, seen: set[Type]) -> Iterator[Struct | Union | Enumeration]:
-    if isinstance(type_, Struct | Union | Enumeration):
-        if type_ in seen:
-            return
-        seen.add(type_)
-        yield type_
-    for part in parts_of(type_):
-        yield from _named(part, seen)
+    pack = type_.pack
+    if pack is not None and not (rules.takes_pack or (max(pack, 1) == rules.cap and rules.struct_floor == 1)):
+        yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
 
 
 EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
@@ -84,9 +73,8 @@ def list_types(args: SimpleNamespace) -> str:
     table = [("type", "size", "layout", "where, or what is wrong")]
     for row in rows:
         where = [*row["problems"], row["where"]][0]
-        table.append(
-            (row["type"], "" if row["size"] is None else str(row["size"]), row["layout"] or "", where)
-        )
+        size = "" if row["size"] is None else str(row["size"])
+        table.append((row["type"], size, row["layout"] or "", where))
     return "\n".join(in_columns(table, "lrll"))
 
 
@@ -155,9 +143,7 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
         from trcvtui.udt.report import json_lines
 
         return json_lines(fit_json(fits)), is_sure
-    sizes = " + ".join(f"{len(message)}" for message in messages[:8]) + (
-        " + ..." if len(messages) > 8 else ""
-    )
+    sizes = " + ".join([*(str(len(message)) for message in messages[:8]), "..."][: len(messages)])
     return fit_text(fits, f"{ours.name}, {sizes} bytes"), is_sure
 
 
@@ -198,9 +184,8 @@ def only_layout(path: str) -> tuple[Layout, SenderLayout]:
     inner = {
         part.name.casefold()
         for _, type_ in types.types.values()
-        for top in parts_of(type_)
-        for part in _named(top, set())
-        if part.name
+        for part in list(all_parts(type_))[1:]
+        if isinstance(part, Struct | Union | Enumeration)
     }
     declared = [each.name for file in own for each in file.types]
     outer = [name for name in declared if name.casefold() not in inner]
@@ -213,15 +198,12 @@ def only_layout(path: str) -> tuple[Layout, SenderLayout]:
 
 def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
     """Return what the options say of the layout; raise UserError for one that says nothing known."""
-    return LayoutChoice(*(_option(field, getattr(args, field)) for field in LayoutChoice._fields))
-
-
-def _option(field: str, text: str | None) -> Any:
-    return (
-        None
-        if text is None
-        else choice_of(field, text, OPTION_NAMES.get(field, f"--{field.replace('_', '-')}"))
-    )
+    found: dict[str, Any] = {}
+    for field in LayoutChoice._fields:
+        if (text := getattr(args, field)) is not None:
+            name = OPTION_NAMES.get(field, f"--{field.replace('_', '-')}")
+            found[field] = choice_of(field, text, name)
+    return LayoutChoice(**found)
 
 
 def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
@@ -295,7 +277,7 @@ def asked_for(problem: Problem) -> Problem:
 
 
 def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
-    sides = [SimpleNamespace(**side) for side in _sides(args)]
+    sides = _sides(args)
     choices = [choice_of_options(side) for side in sides]
     for choice in choices:
         choice.rules()
@@ -312,16 +294,15 @@ def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
     return layouts[0], layouts[1]
 
 
-def _sides(args: SimpleNamespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
-    ours: dict[str, str | None] = {}
-    theirs: dict[str, str | None] = {}
+def _sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespace]:
+    ours, theirs = {}, {}
     for option in ("type", *LayoutChoice._fields):
-        given: list[str] = getattr(args, option)
+        given = getattr(args, option)
         if len(given) > 2:
             found = f"{len(given)} of them"
             raise mistake(f"--{option.replace('_', '-')}", found, "one for both sides, or one for each")
         ours[option], theirs[option] = (given[0], given[-1]) if given else (None, None)
-    return ours, theirs
+    return SimpleNamespace(**ours), SimpleNamespace(**theirs)
 
 
 def constants_of(given: Sequence[str]) -> dict[str, int]:

@@ -69,9 +69,8 @@ class Resolver:
             expected = f"one declaration of it; the first is at {first.where}"
             self.refuse(key, Problem(declaration.where, f"'{declaration.name}' a second time", expected))
         if declaration.name.upper() in ELEMENTARY and declaration.name.upper() not in VENDOR_NAMES:
-            self.refuse(
-                key, Problem(declaration.where, f"'{declaration.name}'", "a name that no IEC type has")
-            )
+            expected = "a name that no IEC type has"
+            self.refuse(key, Problem(declaration.where, f"'{declaration.name}'", expected))
 
     def refuse(self, key: str, *problems: Problem) -> None:
         bad = self.bad.setdefault(key, {})
@@ -132,7 +131,7 @@ class Resolver:
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
         """Return the type of a specification and how deep it nests; None when something in it is bad."""
         match spec:
-            case StringType():
+            case StringType() | Pointer() | Unplaced():
                 return spec, 0
             case ast.Reference():
                 return self.look_up(spec, user)
@@ -146,10 +145,6 @@ class Resolver:
                 return self.build_text(spec, user), 0
             case ast.RangeSpec():
                 return self.build_range(spec, user), 0
-            case ast.PointerSpec(text):
-                return Pointer(text), 0
-            case ast.UnplacedSpec():
-                return Unplaced(spec.name, spec.why), 0
 
     def build_array(self, spec: ast.ArraySpec, user: str) -> tuple[Type | None, int]:
         element, depth = self.build(spec.element, "", user)
@@ -167,19 +162,13 @@ class Resolver:
         return None if length is None else StringType(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: ast.RangeSpec, user: str) -> Type | None:
-        base = self.look_up(spec.base, user)[0]
+        base = self.look_up_integer(spec.base, user)
         unknown = self.unknown_in(spec.low, spec.high)
         limits = None if unknown else self.limits(spec.low, spec.high, user)
-        if isinstance(base, Subrange):
-            base = base.base
-        if base is not None and not (isinstance(base, Elementary) and base.kind in WHOLE):
-            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
-            return None
         if base is not None and unknown:
-            text = f"{base.name}({_number_text(spec.low)}..{_number_text(spec.high)})"
-            told = (
-                f"{spec.base.where}: {text} without a known {', '.join(unknown)} is laid out as {base.name}"
-            )
+            bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
+            text = f"{base.name}({'..'.join(bounds)}) without a known {', '.join(unknown)}"
+            told = f"{spec.base.where}: {text} is laid out as {base.name}"
             self.notes.setdefault(user, {})[told] = None
             return base
         if base is None or limits is None:
@@ -210,11 +199,10 @@ class Resolver:
                 members.append(Member(member.name, type_))
         if len(members) + len(bits) < len(spec.members) or (spec.base is not None and base is None):
             return None, deepest + 1
-        if spec.is_union:
-            assert not isinstance(base, Struct)
-            return Union(name, tuple(members), base, spec.pack, tuple(bits)), deepest + 1
-        assert not isinstance(base, Union)
-        return Struct(name, tuple(members), base, spec.pack, tuple(bits)), deepest + 1
+        made = Union if spec.is_union else Struct
+        # A base is of its own kind.
+        type_ = made(name, tuple(members), base, spec.pack, tuple(bits))  # type: ignore[arg-type]
+        return type_, deepest + 1
 
     def build_bits(self, member: ast.MemberSpec, width: int, at: int, user: str) -> Iterator[BitField]:
         base = self.build(member.spec, "", user)[0]
@@ -236,14 +224,8 @@ class Resolver:
         return None, depth
 
     def build_enum(self, spec: ast.EnumSpec, name: str, user: str) -> Type | None:
-        base = ELEMENTARY["INT"] if spec.base is None else self.look_up(spec.base, user)[0]
-        if isinstance(base, Subrange):
-            base = base.base
-        if isinstance(base, Elementary) and base.kind in WHOLE:
-            return Enumeration(name, base, self.values(spec, name), spec.base is not None)
-        if base is not None and spec.base is not None:
-            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
-        return None
+        base = self.look_up_integer(spec.base, user) if spec.base else ELEMENTARY["INT"]
+        return base and Enumeration(name, base, self.values(spec, name), spec.base is not None)
 
     def values(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
         """Return names and numbers; None for what cannot be worked out: only the size is known."""
@@ -284,16 +266,24 @@ class Resolver:
                 found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
             expected = "a type that does not contain itself"
             if self.is_base(reference, user):
-                found, expected = (
-                    f"'{reference.name}', which extends this",
-                    "a type that does not extend itself",
-                )
+                found = f"'{reference.name}', which extends this"
+                expected = "a type that does not extend itself"
             self.refuse(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0
+
+    def look_up_integer(self, reference: ast.Reference, user: str) -> Elementary | None:
+        """Return the integer type of this name, of a subrange its base."""
+        base = self.look_up(reference, user)[0]
+        row = base.base if isinstance(base, Subrange) else base
+        if isinstance(row, Elementary) and row.kind in WHOLE:
+            return row
+        if row is not None:
+            self.refuse(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
+        return None
 
     def circle(self, key: str, user: str) -> list[str]:
         """Return the names of declarations from a user over this key back to it, the shortest way.
@@ -378,10 +368,6 @@ def unknown_name(problem: Problem) -> str:
     """Return the name of the type or constant that a problem says is unknown."""
     name, reason, _ = problem.found[1:].rpartition("', which ")
     return name if reason else problem.found[1:-1]
-
-
-def _number_text(number: ast.Number) -> str:
-    return number.text if isinstance(number, ast.Formula) else str(number)
 
 
 def references(spec: ast.Spec) -> Iterator[ast.Reference]:

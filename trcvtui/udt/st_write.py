@@ -133,11 +133,8 @@ class _Renaming:
         taken = NameScope(st_word, str.casefold)
         values = tuple((taken(name), number) for name, number in type_.values)
         name = self.names(type_.name) if type_.name else ""
-        return (
-            type_
-            if (name, values) == (type_.name, type_.values)
-            else replace(type_, name=name, values=values)
-        )
+        is_same = (name, values) == (type_.name, type_.values)
+        return type_ if is_same else replace(type_, name=name, values=values)
 
 
 INDENT: Final = "    "
@@ -235,11 +232,8 @@ def _scl_type(type_: Struct, name: str) -> str:
 
 def _scl_body(type_: Struct, indent: str) -> str:
     inner = indent + INDENT
-    lines = [
-        f"{inner}{scl_name(member.name)} : {_scl_spec(member.type, inner)};\n"
-        for member in all_members(type_)
-    ]
-    return "".join(lines)
+    members = all_members(type_)
+    return "".join(f"{inner}{scl_name(one.name)} : {_scl_spec(one.type, inner)};\n" for one in members)
 
 
 def _scl_spec(type_: Type, indent: str) -> str:

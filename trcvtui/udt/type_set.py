@@ -129,14 +129,11 @@ def join(
 
 def _once_each(problems: Iterable[Problem]) -> Iterable[Problem]:
     """Leave out what is unknown a second time: one name, one line, at the first place."""
-    told: set[str] = set()
+    first: dict[object, Problem] = {}
     for problem in problems:
-        if problem.expected.startswith(KNOWN):
-            key = problem.found.casefold() + problem.expected.casefold()
-            if key in told:
-                continue
-            told.add(key)
-        yield problem
+        unknown = problem.found.casefold() + problem.expected.casefold()
+        first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
+    return first.values()
 
 
 def _reading_order(problem: Problem) -> list[str | int]:

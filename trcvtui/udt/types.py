@@ -5,6 +5,7 @@ Rule: a type says nothing about places: sizes, gaps and byte order come from its
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
@@ -235,6 +236,17 @@ def parts_of(type_: Type) -> list[Type]:
             return [*([type_.base] if type_.base else []), *(member.type for member in type_.members)]
         case _:
             return []
+
+
+def all_parts(type_: Type) -> Iterator[Type]:
+    """Yield a type and all types in it, each once, in declared order."""
+    waiting, seen = [type_], set()
+    while waiting:
+        one = waiting.pop()
+        if id(one) not in seen:
+            seen.add(id(one))
+            yield one
+            waiting += reversed(parts_of(one))
 
 
 def type_text(type_: Type) -> str:

@@ -31,6 +31,7 @@ from trcvtui.udt.types import (
     type_text,
 )
 
+Replacement = tuple[LeafType | None, str]  # a type in place of another, and a note or why there is none
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
@@ -41,10 +42,8 @@ class MemberNote(NamedTuple):
     text: str
 
 
-def substitute(
-    node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules, path: str
-) -> tuple[LeafType | None, str]:
-    """Return the type under our rules for a leaf under theirs, and a note; None and why there is none."""
+def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
+    """Return the type under our rules for a leaf under theirs."""
     if node.is_bit:
         return _bit(theirs, ours)
     if isinstance(node.type, StringType):
@@ -60,12 +59,11 @@ def substitute(
     bits = BIT_STRINGS.get(node.size)
     if bits is None:
         return None, f"{stored.name} is stored in its own way in {theirs.name}"
-    return ELEMENTARY[
-        bits
-    ], f"{stored.name} is stored in its own way in {theirs.name}: here {bits}, to convert"
+    note = f"{stored.name} is stored in its own way in {theirs.name}: here {bits}, to convert"
+    return ELEMENTARY[bits], note
 
 
-def _bit(theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
+def _bit(theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if "BOOL" in ours.bits:
         return ELEMENTARY["BOOL"], ""
     if ours.takes_pack:  # only CODESYS has BIT
@@ -73,9 +71,7 @@ def _bit(theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
     return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
 
 
-def _text(
-    type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules
-) -> tuple[LeafType | None, str]:
+def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if theirs.text.header != ours.text.header:
         forms = ("a NUL after", "two lengths before")
         there, here = forms[theirs.text.header], forms[ours.text.header]
@@ -96,45 +92,35 @@ def prove(wanted: Node, found: Node, raw: Collection[RawMember]) -> None:
     """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
     if found.size < wanted.size:
         raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
-    _Proof(raw).node(wanted, found, "")
+    _prove(wanted, found, "", raw, set())
 
 
-class _Proof:
-    def __init__(self, raw: Collection[RawMember]) -> None:
-        self.raw = raw
-        self._proved: set[tuple[int, int]] = set()
-
-    def node(self, wanted: Node, found: Node, path: str) -> None:
-        key = id(wanted), id(found)
-        if key in self._proved:
-            return
-        if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
-            self.struct(wanted, found, path)
-        elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
-            ours, theirs = found, wanted
-            if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
-                raise Unreachable(path, "its elements come to lie elsewhere")
-            self.node(wanted.element, found.element, path + "[]")
-        elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
-            (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
-        ):
-            raise Unreachable(path, "it has another size")
-        self._proved.add(key)
-
-    def struct(self, wanted: PlacedStruct, found: PlacedStruct, path: str) -> None:
-        own = {one.name.casefold(): (one.offset, one.bit, one.node) for one in found.flat()}
+def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], proved: set[object]) -> None:
+    if (key := (id(wanted), id(found))) in proved:
+        return
+    if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
+        own = {one.name.casefold(): one for one in found.flat()}
         for name, offset, bit, node, _ in wanted.flat():
-            below = f"{path}.{name}" if path else name
-            is_raw = (id(wanted), name) in self.raw
-            if is_raw and (bit is not None or name.casefold() not in own):
+            one = own.get(name.casefold())
+            is_raw = (id(wanted), name) in raw
+            if is_raw and (bit is not None or one is None):
                 continue
-            at, own_bit, lies = own.get(name.casefold(), (-1, None, node))
-            if at != offset or (is_raw and lies.size != node.size):
-                raise Unreachable(below, "it comes to lie elsewhere")
+            if one is None or one.offset != offset or (is_raw and one.node.size != node.size):
+                raise Unreachable(_below(path, name), "it comes to lie elsewhere")
             if not is_raw:
-                if own_bit != bit:
-                    raise Unreachable(below, "it comes to lie at another bit")
-                self.node(node, lies, below)
+                if one.bit != bit:
+                    raise Unreachable(_below(path, name), "it comes to lie at another bit")
+                _prove(node, one.node, _below(path, name), raw, proved)
+    elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
+        ours, theirs = found, wanted
+        if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
+            raise Unreachable(path, "its elements come to lie elsewhere")
+        _prove(wanted.element, found.element, path + "[]", raw, proved)
+    elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
+        (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
+    ):
+        raise Unreachable(path, "it has another size")
+    proved.add(key)
 
 
 MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
@@ -227,9 +213,8 @@ def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: 
 def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> PaddedType:
     """Return the type as bytes and nothing else, which every layout can hold."""
     raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-    return PaddedType(
-        raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (UnreachedMember("", why),), ()
-    )
+    layout = lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}")
+    return PaddedType(raw, layout, (UnreachedMember("", why),), ())
 
 
 def _suffix(wanted: Layout) -> str:
@@ -282,7 +267,7 @@ class _Rebuild:
                 return self.once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
-                found, why = substitute(node, self.theirs, self.rules, path)
+                found, why = substitute(node, self.theirs, self.rules)
                 if found is None:
                     raise Unreachable(path, why)
                 if why:
@@ -356,10 +341,8 @@ class _Rebuild:
 
     def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
         members = tuple(fill.members)
-        is_old = (
-            not (type_.base or type_.bit_fields) and self.pack is None and len(members) == len(type_.members)
-        )
-        if is_old and all(new.type is old.type for new, old in zip(members, type_.members, strict=True)):
+        is_old = self.pack is None and not type_.base and not type_.bit_fields
+        if is_old and [id(one.type) for one in members] == [id(one.type) for one in type_.members]:
             return type_
         pack = type_.pack if self.pack is None else self.pack
         name = type_.name

@@ -58,32 +58,22 @@ SWAP8 := (ROL(x, 8) AND 16#000000FF000000FF) OR (ROL(x, 24) AND 16#0000FF000000F
 END_FUNCTION
 """,
     # REAL_TO_DWORD rounds to a whole number in CODESYS; the bits come through a UNION.
-    "REAL_BITS": """TYPE U_REAL_BITS :
+    **{
+        f"{real}_BITS": f"""TYPE U_{real}_BITS :
 UNION
-    r : REAL;
-    d : DWORD;
+    r : {real};
+    d : {bits};
 END_UNION
 END_TYPE
-FUNCTION REAL_BITS : DWORD
-VAR_INPUT x : REAL; END_VAR
-VAR u : U_REAL_BITS; END_VAR
+FUNCTION {real}_BITS : {bits}
+VAR_INPUT x : {real}; END_VAR
+VAR u : U_{real}_BITS; END_VAR
 u.r := x;
-REAL_BITS := u.d;
+{real}_BITS := u.d;
 END_FUNCTION
-""",
-    "LREAL_BITS": """TYPE U_LREAL_BITS :
-UNION
-    r : LREAL;
-    d : LWORD;
-END_UNION
-END_TYPE
-FUNCTION LREAL_BITS : LWORD
-VAR_INPUT x : LREAL; END_VAR
-VAR u : U_LREAL_BITS; END_VAR
-u.r := x;
-LREAL_BITS := u.d;
-END_FUNCTION
-""",
+"""
+        for real, bits in (("REAL", "DWORD"), ("LREAL", "LWORD"))
+    },
 }
 
 
@@ -167,9 +157,8 @@ class _Swapping:
         pairs = zip(members, type_.members, strict=True)
         if base is type_.base and all(new.type is old.type for new, old in pairs):
             return type_
-        return Struct(
-            f"{type_.name}_swapped" if type_.name else "", members, base, type_.pack, type_.bit_fields
-        )
+        name = f"{type_.name}_swapped" if type_.name else ""
+        return Struct(name, members, base, type_.pack, type_.bit_fields)
 
     def stored(self, type_: Type) -> Elementary | None:
         return self.rules.stored(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
@@ -251,10 +240,6 @@ class _Swapping:
 
 
 def _has_name(type_: Type) -> bool:
-    match type_:
-        case Array(element=element):
-            return _has_name(element)
-        case Struct(name=name):
-            return bool(name)
-        case _:
-            return True
+    while isinstance(type_, Array):
+        type_ = type_.element
+    return not isinstance(type_, Struct) or bool(type_.name)

@@ -134,12 +134,10 @@ def _end(raw: bytes, unit: int) -> int:
 
 def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
     unit = 2 if type_.wide else 1
-    codes = "" if type_.wide else ", codes 0 to 255" if has_nul else ", codes 1 to 255"
-    expected = f"text of at most {longest} characters{codes}"
-    if type_.utf8:
-        expected = f"text of at most {longest} bytes in UTF-8" + ("" if has_nul else ", none of code 0")
-    if type_.wide and not has_nul:
-        expected += ", none of code 0"
+    codes = "" if has_nul else ", none of code 0"
+    if not (type_.wide or type_.utf8):
+        codes = f", codes {0 if has_nul else 1} to 255"
+    expected = f"text of at most {longest} {'bytes in UTF-8' if type_.utf8 else 'characters'}{codes}"
 
     def characters_of(value: object) -> bytes:
         if not isinstance(value, str) or ("\0" in value and not has_nul):
@@ -159,7 +157,6 @@ def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Ca
 
 FIRST_BCD_YEAR, LAST_BCD_YEAR = 1990, 2089
 HOUR, MINUTE = 3600 * SECOND, 60 * SECOND
-NO_DATE = "no date"
 
 
 def _weekday(ns: int) -> int:
@@ -167,99 +164,89 @@ def _weekday(ns: int) -> int:
     return (ns // DAY + 4) % 7 + 1
 
 
-def _clock_ns(hour: int, minute: int, second: int, ns: int) -> int | None:
-    """Return the nanoseconds since midnight; None when it is no time of day."""
-    if hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
+def _moment(year: int, month: int, day: int, hour: int, minute: int, second: int, ns: int) -> int | None:
+    """Return the nanoseconds since 1970; None when it is no date or no time of day."""
+    date = date_ns(year, month, day)
+    if date is None or hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
         return None
-    return hour * HOUR + minute * MINUTE + second * SECOND + ns
+    return date + hour * HOUR + minute * MINUTE + second * SECOND + ns
 
 
-def _clock(ns: int) -> tuple[int, int, int, int]:
-    ns %= DAY
-    return ns // HOUR, ns // MINUTE % 60, ns // SECOND % 60, ns % SECOND
+def _parts(ns: int) -> tuple[int, int, int, int, int, int, int]:
+    """Return the parts of a moment, as `_moment` takes them."""
+    clock = ns % DAY
+    return *calendar(ns // DAY), clock // HOUR, clock // MINUTE % 60, clock // SECOND % 60, clock % SECOND
 
 
-# -- DATE_AND_TIME in BCD ------------------------------------------------------------------------------------
+# -- DATE_AND_TIME in BCD, and DTL ---------------------------------------------------------------------------
+
+
+def _dated(
+    size: int,
+    prefix: str,
+    expected: str,
+    read: Callable[[bytes], tuple[int | None, int]],
+    bytes_of: Callable[[int], bytes | None],
+) -> Coding:
+    """Return how a date of so many bytes is stored; `read` has nanoseconds, None of no date, and weekday."""
+
+    def to_value(raw: bytes) -> Value:
+        ns, _ = read(raw)
+        return hex_text(raw) if ns is None else date_and_time_text(prefix, ns)
+
+    def to_raw(value: object) -> bytes:
+        raw = parse_hex_text(value, size)
+        ns = parse_date_and_time(value) if raw is None and isinstance(value, str) else None
+        raw = raw if ns is None else bytes_of(ns)
+        if raw is None:
+            raise Refused(f"{expected}, or its {size} bytes as 16#...")
+        return raw
+
+    def odd(raw: bytes) -> str:
+        ns, weekday = read(raw)
+        if ns is None:
+            return "no date"
+        return "" if weekday == _weekday(ns) else f"weekday {weekday}, not {_weekday(ns)}"
+
+    return Coding(f"{size}s", to_value, to_raw, odd)
 
 
 def bcd_coding(_: LayoutRules) -> Coding:
     """Return DATE_AND_TIME of 8 bytes: YY MM DD hh mm ss, milliseconds in 3 digits, day of the week."""
-
-    def to_value(raw: bytes) -> Value:
-        ns = _bcd_ns(raw)
-        return hex_text(raw) if ns is None else date_and_time_text("DT#", ns)
-
-    def to_raw(value: object) -> bytes:
-        raw = parse_hex_text(value, 8)
-        ns = parse_date_and_time(value) if raw is None and isinstance(value, str) else None
-        if raw is None and (
-            ns is None or ns % MS or not FIRST_BCD_YEAR <= calendar(ns // DAY)[0] <= LAST_BCD_YEAR
-        ):
-            raise Refused(
-                "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999, or its 8 bytes as 16#..."
-            )
-        return _bcd(ns) if ns is not None else raw or b""
-
-    def odd(raw: bytes) -> str:
-        ns = _bcd_ns(raw)
-        return NO_DATE if ns is None else _odd_weekday(raw[7] & 15, ns)
-
-    return Coding("8s", to_value, to_raw, odd)
+    expected = "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999"
+    return _dated(8, "DT#", expected, _bcd_read, _bcd)
 
 
-def _bcd_ns(raw: bytes) -> int | None:
+def _bcd_read(raw: bytes) -> tuple[int | None, int]:
     digits = raw.hex()
     if not digits[:15].isdecimal():
-        return None
+        return None, 0
     year, month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(0, 12, 2))
-    date = date_ns(year + (1900 if year >= 90 else 2000), month, day)
-    clock = _clock_ns(hour, minute, second, int(digits[12:15]) * MS)
-    return None if date is None or clock is None else date + clock
+    year += 1900 if year >= 90 else 2000
+    return _moment(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
 
 
-def _bcd(ns: int) -> bytes:
-    year, month, day = calendar(ns // DAY)
-    hour, minute, second, rest = _clock(ns)
+def _bcd(ns: int) -> bytes | None:
+    year, month, day, hour, minute, second, rest = _parts(ns)
+    if ns % MS or not FIRST_BCD_YEAR <= year <= LAST_BCD_YEAR:
+        return None
     digits = f"{year % 100:02d}{month:02d}{day:02d}{hour:02d}{minute:02d}{second:02d}{rest // MS:03d}"
     return bytes.fromhex(f"{digits}{_weekday(ns)}")
-
-
-def _odd_weekday(found: int, ns: int) -> str:
-    return "" if found == _weekday(ns) else f"weekday {found}, not {_weekday(ns)}"
-
-
-# -- DTL -----------------------------------------------------------------------------------------------------
 
 
 def dtl_coding(rules: LayoutRules) -> Coding:
     """Return DTL of 12 bytes: UINT year, month, day, weekday, hour, minute, second, UDINT nanoseconds."""
     fields = struct.Struct(BYTE_ORDERS[rules.byte_order] + "H6BI")
 
-    def ns_of(raw: bytes) -> int | None:
-        year, month, day, _, hour, minute, second, rest = fields.unpack(raw)
-        date, clock = date_ns(year, month, day), _clock_ns(hour, minute, second, rest)
-        return None if date is None or clock is None else date + clock
+    def read(raw: bytes) -> tuple[int | None, int]:
+        year, month, day, weekday, *clock = fields.unpack(raw)
+        return _moment(year, month, day, *clock), weekday
 
-    def to_value(raw: bytes) -> Value:
-        ns = ns_of(raw)
-        return hex_text(raw) if ns is None else date_and_time_text("DTL#", ns)
+    def bytes_of(ns: int) -> bytes | None:
+        year, month, day, *clock = _parts(ns)
+        return fields.pack(year, month, day, _weekday(ns), *clock) if 0 <= year <= 0xFFFF else None
 
-    def to_raw(value: object) -> bytes:
-        raw = parse_hex_text(value, 12)
-        if raw is not None:
-            return raw
-        ns = parse_date_and_time(value) if isinstance(value, str) else None
-        year, month, day = (-1, 0, 0) if ns is None else calendar(ns // DAY)
-        if ns is None or not 0 <= year <= 0xFFFF:
-            raise Refused("DTL such as DTL#2024-01-31-12:30:15.25, or its 12 bytes as 16#...")
-        hour, minute, second, rest = _clock(ns)
-        return fields.pack(year, month, day, _weekday(ns), hour, minute, second, rest)
-
-    def odd(raw: bytes) -> str:
-        ns = ns_of(raw)
-        return NO_DATE if ns is None else _odd_weekday(raw[4], ns)
-
-    return Coding("12s", to_value, to_raw, odd)
+    return _dated(12, "DTL#", "DTL such as DTL#2024-01-31-12:30:15.25", read, bytes_of)
 
 
 # -- S5TIME --------------------------------------------------------------------------------------------------
@@ -288,11 +275,10 @@ def s5time_coding(rules: LayoutRules) -> Coding:
         text, _, beside = value.partition(" (") if isinstance(value, str) else ("", "", "")
         ns = parse_s5time(text)
         raw = None if ns is None or ns % MS else _s5(ns // MS)
-        word = parse_hex_text(beside.removesuffix(")"), 2)
         if raw is not None and beside:
+            word = parse_hex_text(beside.removesuffix(")"), 2) if beside.endswith(")") else None
             found = None if word is None else int.from_bytes(word, "big")
-            is_same = found is not None and ns is not None and _s5_ms(found) == ns // MS
-            raw = found if is_same and beside.endswith(")") else None
+            raw = found if found is not None and _s5_ms(found) == _s5_ms(raw) else None
         if raw is None:
             raise Refused(
                 "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."
@@ -320,8 +306,6 @@ def _s5(ms: int) -> int | None:
             return number << 12 | int(str(ms // base), 16)
     return None
 
-
-__all__ = ["Coding", "Refused", "Value", "coding_of"]
 
 LARGEST_REAL = 3.4028235677973366e38  # the first number that rounds to no REAL (24 bits, 2**127)
 BOOL_TEXTS = {"TRUE": True, "FALSE": False, "1": True, "0": False}

@@ -21,24 +21,21 @@ from trcvtui.udt.layout.layout_tree import (
     find,
     leaves_of,
 )
-from trcvtui.udt.layout.placing import MOST_BYTES, MOST_LEAVES, Placing
+from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
 from trcvtui.udt.layout.rules import (
     BYTE_ORDERS,
     DEFAULT_LAYOUT,
-    LAYOUT_ALIASES,
     LAYOUTS,
     LayoutRules,
     rules_for,
 )
 from trcvtui.udt.layout.value_text import stored_form
-from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, parts_of, type_text
+from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, all_parts, type_text
 
 __all__ = [
     "BYTE_ORDERS",
     "DEFAULT_LAYOUT",
     "LAYOUTS",
-    "LAYOUT_ALIASES",
-    "MOST_BYTES",
     "MOST_LEAVES",
     "Layout",
     "LayoutRules",
@@ -117,9 +114,8 @@ class Layout:
             where, found = f"{self.name}, '{path[:60]}'", f"'{str(unknown)[:60]}'"
             raise mistake(where, found, "a member or an index within bounds") from None
         if not isinstance(node, PlacedLeaf):
-            raise mistake(
-                self.name, f"'{path[:60]}', which has members of its own", "the path of one of them"
-            )
+            found = f"'{path[:60]}', which has members of its own"
+            raise mistake(self.name, found, "the path of one of them")
         return number
 
     def padding(self) -> list[tuple[int, int]]:
@@ -240,10 +236,4 @@ class _Shapes:
 
 def has_text(type_: Type) -> bool:
     """Return whether a STRING or WSTRING is in the type."""
-    waiting, seen = [type_], {id(type_)}
-    for one in waiting:
-        if isinstance(one, StringType):
-            return True
-        waiting += [part for part in parts_of(one) if id(part) not in seen]
-        seen.update(map(id, parts_of(one)))
-    return False
+    return any(isinstance(one, StringType) for one in all_parts(type_))

@@ -122,9 +122,8 @@ class Placing:
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
         parts = self.parts(type_, where)
         spots, end, align = self.spots(type_, parts)
-        placed = [
-            PlacedMember(part[0], at, part[2], bit) for part, (at, bit) in zip(parts, spots, strict=True)
-        ]
+        pairs = zip(parts, spots, strict=True)
+        placed = [PlacedMember(name, at, node, bit) for (name, _, node), (at, bit) in pairs]
         return _checked(PlacedStruct(placed, up(end, align), align), where)
 
     def spots(
@@ -173,8 +172,7 @@ class Placing:
         cap, parts = self.cap(type_), self.parts(type_, where)
         align = self.rules.struct_floor if parts or type_.bit_fields else 1
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
-        for at in range(len(parts) + 1):
-            align = self.after_bits(type_, at, 0, align)[1]
+        align = max([align, *(min(one.size, cap) for one in type_.bit_fields if one.is_named)])
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
             end = max(end, up(node.size, self.end_floor(inner)))
@@ -241,7 +239,7 @@ class Filling:
         if is_bit and bit:
             if (self.bits, self.end) != (bit, offset + 1):
                 raise Unreachable(path, f"bit {bit} of byte {offset} does not follow a bit")
-            self._add(name, type_, offset, self.end)
+            self._add(name, type_, self.end)
             self.bits += 1
             return
         if is_bit and 0 < self.bits < 8 and offset == self.end:
@@ -254,7 +252,7 @@ class Filling:
             raise Unreachable(path, f"{why} under {self.rules.name}")
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
-        self._add(name, type_, offset, up(offset + node.size, self.placing.end_floor(type_)))
+        self._add(name, type_, up(offset + node.size, self.placing.end_floor(type_)))
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
@@ -262,7 +260,7 @@ class Filling:
         if is_bit and self.end > offset:
             return
         if is_bit:
-            self.put(self._free(f"{name}_bits"), BYTE, offset, None, path)
+            self.put(free_name(f"{name}_bits", self.taken), BYTE, offset, None, path)
         elif size:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
@@ -281,7 +279,7 @@ class Filling:
         """Put a member of a UNION at its begin."""
         node = self.placing.place(type_, path)
         self.align = max(self.align, min(node.align, self.cap), self.rules.member_floor)
-        self._add(name, type_, 0, max(self.end, up(node.size, self.placing.end_floor(type_))))
+        self._add(name, type_, max(self.end, up(node.size, self.placing.end_floor(type_))))
 
     def cover(self, size: int, path: str) -> None:
         """Give a UNION its size by a member that is padding; raise Unreachable."""
@@ -315,25 +313,22 @@ class Filling:
         array_step = max(min(floor, self.cap), member_floor)
         if size > 1 and self.end % array_step == 0:
             self.align = max(self.align, array_step)
-            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), self.end, up(self.end + size, floor))
+            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), up(self.end + size, floor))
         else:
             start = up(self.end, member_floor)
             if start >= offset:
                 return False
-            self._add(self._pad_name(), BYTE, start, start + 1)
+            self._add(self._pad_name(), BYTE, start + 1)
         self.bits = 0
         return True
 
-    def _add(self, name: str, type_: Type, offset: int, end: int) -> None:
+    def _add(self, name: str, type_: Type, end: int) -> None:
         self.members.append(Member(name, type_))
         self.end = end
 
     def _pad_name(self) -> str:
         self._pads += 1
-        return self._free(f"_pad{self._pads}")
-
-    def _free(self, name: str) -> str:
-        return free_name(name, self.taken)
+        return free_name(f"_pad{self._pads}", self.taken)
 
 
 def free_name(name: str, taken: set[str]) -> str:

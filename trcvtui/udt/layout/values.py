@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping
 from itertools import product
 
-from trcvtui.errors import Problem, UserError, all_problems
+from trcvtui.errors import Problem, UserError, all_problems, noting
 from trcvtui.udt.layout.codec import Data, Values
 from trcvtui.udt.layout.coding import Refused, Value
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
@@ -127,7 +127,7 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     overlay = Overlay(layout, data) if layout.root.overlaps else None
     with all_problems() as problems:
         for path, value in values.items():
-            try:
+            with noting(problems):
                 number = layout.number_of(path)
                 if value is None:
                     continue
@@ -136,8 +136,6 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
                 else:
                     leaf = layout.leaf(number)
                     overlay.add(leaf, encode_leaf(layout, leaf, value))
-            except UserError as refused:
-                problems += refused.problems
     if overlay is not None:
         overlay.write()
     return bytes(data)

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import UserError, all_problems, mistake, noting
@@ -35,21 +36,24 @@ _NESTED: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
-    `read` gets the text, or of a format with `root` the XML element of that name, and the name of the file.
-    `needs`: what has to be installed. `refused`: files of these extensions hold no types. `sender`: the
+    `read` gets the text and the name of the file, of a format with `root` the XML element of that name.
+    `needs`: what has to be installed. `refused`: what such files hold and where the types are. `sender`: the
     layout that most devices have of which such files are.
     """
 
     name: str
     extensions: tuple[str, ...]
-    read: Callable[[Any, str], Declarations]
+    read: Callable[..., Declarations] = read_st
     root: str = ""
     needs: str = ""
-    refused: bool = False
+    refused: tuple[str, str] | tuple[()] = ()
     sender: str = ""
 
     def declarations(self, content: Any, name: str) -> Declarations:
-        return self.read(content, name)._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
+        if self.refused:
+            raise mistake(name, *self.refused)
+        read = self.read(content) if self.root else self.read(content, name)
+        return read._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
@@ -58,42 +62,18 @@ def _read_codesys_2(text: str, name: str) -> Declarations:
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))
 
 
-# The readers of XML and of C are imported by the first such file.
+def _later(module: str) -> Callable[..., Declarations]:
+    """Return the reader of a module for XML or C, which the first such file imports."""
+
+    def read(*given: Any) -> Declarations:
+        declared: Declarations = getattr(import_module(f"{__name__}.{module}"), f"read_{module}")(*given)
+        return declared
+
+    return read
 
 
-def _read_twincat(root: Any, _: str) -> Declarations:
-    from trcvtui.udt.sources.twincat import read_twincat
-
-    return read_twincat(root)
-
-
-def _read_plcopen(root: Any, _: str) -> Declarations:
-    from trcvtui.udt.sources.plcopen import read_plcopen
-
-    return read_plcopen(root)
-
-
-def _read_openness(root: Any, _: str) -> Declarations:
-    from trcvtui.udt.sources.openness import read_openness
-
-    return read_openness(root)
-
-
-def _read_c(text: str, name: str) -> Declarations:
-    from trcvtui.udt.sources.c_header import read_c
-
-    return read_c(text, name)
-
-
-def _refused(found: str, expected: str) -> Callable[[str, str], Declarations]:
-    def refuse(_: str, name: str) -> Declarations:
-        raise mistake(name, found, expected)
-
-    return refuse
-
-
-_NO_TEXTS = _refused("the texts of a SIMATIC SD file", "the .s7dcl file beside it")
-_NO_EXPORT = _refused("a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)")
+_NO_TEXTS = "the texts of a SIMATIC SD file", "the .s7dcl file beside it"
+_NO_EXPORT = "a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 
 FORMATS: Final = {
     row.name: row
@@ -101,14 +81,14 @@ FORMATS: Final = {
         TypeFormat("IEC text", (".st", ".iecst", ".txt"), read_st),
         TypeFormat("TIA source", (".udt", ".scl", ".db", ".awl"), partial(read_st, dialect=TIA)),
         TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
-        TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
+        TypeFormat("SIMATIC SD texts", (".s7res",), refused=_NO_TEXTS),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
-        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, "TcPlcObject", sender=NATURAL),
-        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project", sender=NATURAL),
-        TypeFormat("Siemens Openness", (".xml",), _read_openness, root="Document"),
-        TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
-        TypeFormat("C header", (".h", ".hpp"), _read_c, needs="the extra c", sender=NATURAL),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _later("twincat"), "TcPlcObject", sender=NATURAL),
+        TypeFormat("PLCopen", (".xml",), _later("plcopen"), root="project", sender=NATURAL),
+        TypeFormat("Siemens Openness", (".xml",), _later("openness"), root="Document"),
+        TypeFormat("CODESYS 3 export", (".export",), refused=_NO_EXPORT),
+        TypeFormat("C header", (".h", ".hpp"), _later("c_header"), needs="the extra c", sender=NATURAL),
     )
 }
 # What tells the format of a text without a suffix: the first that is found in it.
@@ -213,17 +193,15 @@ def decode_text(data: bytes) -> str:
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
+    codecs = ["utf-8"]
     if data[:400].lstrip(b"\0 \t\r\n").startswith(b"<"):
         from trcvtui.udt.sources.xml_source import xml_codec
 
-        declared = xml_codec(data)
-        if declared:
-            with suppress(LookupError, UnicodeError):
-                return data.decode(declared)
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
+        codecs = [xml_codec(data) or "utf-8", "utf-8"]
+    for codec in codecs:
+        with suppress(LookupError, UnicodeError):
+            return data.decode(codec)
+    return data.decode("cp1252", "replace")
 
 
 def declarations_in(path: Path) -> Declarations:

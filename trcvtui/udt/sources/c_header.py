@@ -6,10 +6,10 @@ a bit-field and an alignment of its own are refused by name. `int` and enumerati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-from trcvtui.errors import Problem, mistake, noting
+from trcvtui.errors import Problem, mistake, need, noting
 from trcvtui.udt import ast
 from trcvtui.udt.sources.c_parse import (
     C_TYPES,
@@ -23,20 +23,17 @@ from trcvtui.udt.sources.c_parse import (
     parsed,
 )
 from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.types import ELEMENTARY
+from trcvtui.udt.types import ELEMENTARY, Pointer
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
 
-def read_c(text: str, name: str) -> ast.Declarations:
+def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
-    try:
-        from pycparser.c_parser import CParser  # type: ignore[import-untyped]
-    except ImportError:
-        raise mistake(name, "a C header, but no pycparser", "it: pip install 'trcvtui[c]'") from None
+    parser = need("pycparser.c_parser", "c", name, "a C header, but no pycparser").CParser
     source = CSource(text, name, evaluate, OTHER_HEADERS.get())
     reader = _Reader(source)
-    for node in parsed(CParser, source):
+    for node in parsed(parser, source):
         reader.outer(node)
     return ast.Declarations(
         tuple(reader.types),
@@ -53,13 +50,10 @@ class _Reader:
         self.types: list[ast.Declaration] = []
         self.tags: dict[str, str] = {}
         self.aliases: dict[str, ast.Reference] = {}
-        self.macros = Macros(source)
         self.long_size = LONG_SIZE.get()
-        self.constants: dict[str, ast.Number] = {}
-        for name in source.numbers:
-            value = None if name in source.given else self.macros.macro(name)
-            if value is not None:
-                self.constants[name] = value
+        macros = Macros(source)
+        numbers = ((name, macros.macro(name)) for name in source.numbers if name not in source.given)
+        self.constants = {name: value for name, value in numbers if value is not None}
         self.problems: list[Problem] = []
         self.notes: dict[str, None] = {}
 
@@ -67,10 +61,6 @@ class _Reader:
         """Return file, line and column of a node, both from 1."""
         place = getattr(node, "coord", None)
         return self.source.name if place is None else f"{self.source.name}:{place.line}:{place.column or 1}"
-
-    def look_up(self, name: str) -> int | None:
-        known = self.constants.get(name)
-        return known if isinstance(known, int) else None
 
     # -- declarations ------------------------------------------------------------------------------------
 
@@ -85,7 +75,8 @@ class _Reader:
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
                 inner = inner.type
             self.tagged(inner, node.name or "")
-            value = fold(node.init, self.look_up) if node.init is not None and "const" in node.quals else None
+            is_constant = node.init is not None and "const" in node.quals
+            value = fold(node.init, self.constants.get) if is_constant else None
             if node.name and value is not None:
                 self.constants[node.name] = value
 
@@ -131,7 +122,7 @@ class _Reader:
             case "ArrayDecl":
                 return self.array(node, depth)
             case "PtrDecl":
-                return ast.PointerSpec("POINTER TO " + _target(node.type))
+                return Pointer("POINTER TO " + _target(node.type))
         raise mistake(self.where(node), "a function", "a type with a size")
 
     def inner(self, node: Any, depth: int) -> ast.Spec:
@@ -168,8 +159,9 @@ class _Reader:
         place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
         members: list[ast.MemberSpec] = []
         for at, member in enumerate(node.decls or ()):
-            with noting(self.problems):
-                members.extend(self.member(member, at, depth + 1))
+            if type(member).__name__ == "Decl":
+                with noting(self.problems):
+                    members.append(self.member(member, at, depth + 1))
         bits = [one.name for one in members if one.width is not None and one.name]
         if bits:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
@@ -178,24 +170,20 @@ class _Reader:
         is_union = type(node).__name__ == "Union"
         return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
 
-    def member(self, node: Any, at: int, depth: int) -> Iterator[ast.MemberSpec]:
-        if type(node).__name__ != "Decl":
-            return
+    def member(self, node: Any, at: int, depth: int) -> ast.MemberSpec:
+        name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
-            width = fold(node.bitsize, self.look_up)
+            width = fold(node.bitsize, self.constants.get)
             if width is None or width < 0:
-                raise mistake(self.where(node), f"bit-field '{node.name or ''}'", "a number of bits")
-            yield ast.MemberSpec(node.name or "", self.spec(node.type, depth), self.where(node), width)
-            return
-        if node.align:
-            raise mistake(self.where(node), f"_Alignas at '{node.name}'", "a member without it")
-        if node.name is None:
+                raise mistake(where, f"bit-field '{name}'", "a number of bits")
+        elif node.align:
+            raise mistake(where, f"_Alignas at '{node.name}'", "a member without it")
+        elif not name:
             if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
-                raise mistake(self.where(node), "a member without a name", "a name")
+                raise mistake(where, "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            yield ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
-            return
-        yield ast.MemberSpec(node.name, self.spec(node.type, depth), self.where(node))
+            return ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), where)
+        return ast.MemberSpec(name, self.spec(node.type, depth), where, width)
 
     def array(self, node: Any, depth: int) -> ast.Spec:
         bounds: list[tuple[ast.Number, ast.Number]] = []
@@ -214,13 +202,12 @@ class _Reader:
         where = self.where(node)
         if node.dim is None:
             raise mistake(where, "an array without a length", "[N]")
-        length = fold(node.dim, self.look_up)
+        length = fold(node.dim, self.constants.get)
         if length is None:
             text = formula(node.dim)
             if text is None:
-                raise mistake(
-                    where, "a length that is no number", "a number, or + - * / of names and numbers"
-                )
+                expected = "a number, or + - * / of names and numbers"
+                raise mistake(where, "a length that is no number", expected)
             return ast.Formula(f"{text} - 1", where)
         if length < 1:
             raise mistake(where, f"[{length}]", "a length of 1 or more")
@@ -231,7 +218,7 @@ class _Reader:
         values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
         for row in node.values.enumerators:
-            given = fold(row.value, self.look_up)
+            given = fold(row.value, self.constants.get)
             number = given if row.value is not None else None if number is None else number + 1
             if number is not None:
                 self.constants[row.name] = number

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from operator import add, and_, eq, ge, gt, inv, le, lt, mul, ne, neg, not_, or_, pos, sub, xor
 from typing import Any
 
 from trcvtui.errors import UserError, mistake
@@ -54,31 +55,16 @@ DEEPEST = 64
 
 _SUFFIX = re.compile(r"[uUlL]+\Z")
 _BINARY: dict[str, Callable[[int, int], int | None]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
     "/": lambda a, b: None if b == 0 else quotient(a, b),
     "%": lambda a, b: None if b == 0 else a - b * quotient(a, b),
     "<<": lambda a, b: a << b if 0 <= b < 64 else None,
     ">>": lambda a, b: a >> b if 0 <= b < 64 else None,
-    "&": lambda a, b: a & b,
-    "|": lambda a, b: a | b,
-    "^": lambda a, b: a ^ b,
-    "==": lambda a, b: int(a == b),
-    "!=": lambda a, b: int(a != b),
-    "<": lambda a, b: int(a < b),
-    ">": lambda a, b: int(a > b),
-    "<=": lambda a, b: int(a <= b),
-    ">=": lambda a, b: int(a >= b),
-    "&&": lambda a, b: int(bool(a and b)),
-    "||": lambda a, b: int(bool(a or b)),
+    "&&": lambda a, b: bool(a and b),
+    "||": lambda a, b: bool(a or b),
+    **dict(zip("+-*&|^", (add, sub, mul, and_, or_, xor), strict=True)),
+    **dict(zip(("==", "!=", "<", ">", "<=", ">="), (eq, ne, lt, gt, le, ge), strict=True)),
 }
-_UNARY: dict[str, Callable[[int], int]] = {
-    "+": lambda a: a,
-    "-": lambda a: -a,
-    "~": lambda a: ~a,
-    "!": lambda a: int(not a),
-}
+_UNARY: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": inv, "!": not_}
 
 
 def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
@@ -104,7 +90,7 @@ def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int
             asked = fold(node.cond, look_up, depth + 1)
             if asked is not None:
                 value = fold(node.iftrue if asked else node.iffalse, look_up, depth + 1)
-    return value if value is not None and abs(value) <= LARGEST else None
+    return int(value) if value is not None and abs(value) <= LARGEST else None
 
 
 def formula(node: Any, depth: int = 0) -> str | None:
@@ -121,11 +107,6 @@ def formula(node: Any, depth: int = 0) -> str | None:
             left, right = formula(node.left, depth + 1), formula(node.right, depth + 1)
             return None if left is None or right is None else f"({left} {node.op} {right})"
     return None
-
-
-def is_short(text: str) -> bool:
-    """Return whether an expression is one that a C parser may be asked to read: not long, not deep."""
-    return len(text) <= LONGEST and _is_flat(text)
 
 
 def _constant(text: str) -> int | None:
@@ -205,11 +186,8 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
     depth, begin, is_function = 0, _begin(text, 0), False
     for found in re.finditer("[{};]", text):
         if found.group() == "{":
-            is_function = (
-                text[max(0, found.start() - 400) : found.start()].rstrip().endswith(")")
-                if depth == 0
-                else is_function
-            )
+            if depth == 0:
+                is_function = text[max(0, found.start() - 400) : found.start()].rstrip().endswith(")")
             depth += 1
             continue
         if depth == 0 and found.group() == "}":
@@ -252,10 +230,10 @@ class Macros:
         """Return the value of an expression, None if it has none."""
         if re.fullmatch(r"\d{1,18}", text) and not text.startswith("0"):
             return int(text)
+        if len(text) > LONGEST or not _is_flat(text):
+            return None
         from pycparser.c_parser import CParser
 
-        if not is_short(text):
-            return None
         types = sorted(NAMED_TYPES & set(_WORD.findall(text)))
         try:
             nodes = _parse(CParser, f"enum {{ x = ({text}) }};", types, self.source, 0)

@@ -122,11 +122,9 @@ class CSource:
         text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
 
         def blank(found: re.Match[str]) -> str:
-            if found.group()[0] in "\"'":
-                return found.group()
-            if found.group().startswith("/*") and (
-                not found.group().endswith("*/") or len(found.group()) < 4
-            ):
+            if found[0][0] in "\"'":
+                return found[0]
+            if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
                 self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
             return _blank(found)
 
@@ -219,9 +217,8 @@ class CSource:
         outer = all(counts for counts, _ in self._conditions[:-1])
         if kind in ("if", "ifdef", "ifndef"):
             if len(self._conditions) >= MOST_NESTED:
-                raise mistake(
-                    f"{self.name}:{line}", f"#{kind} nested deeper", f"at most {MOST_NESTED} levels"
-                )
+                expected = f"at most {MOST_NESTED} levels"
+                raise mistake(f"{self.name}:{line}", f"#{kind} nested deeper", expected)
             holds = self._counts() and self._holds(kind, rest, line)
             self._conditions.append((holds, holds))
         elif not self._conditions:

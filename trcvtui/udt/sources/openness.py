@@ -14,6 +14,7 @@ from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.literals import QUALIFIED_NAME
 from trcvtui.udt.sources.st import OPTIMISED
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.types import Pointer
 
 TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
 
@@ -42,12 +43,10 @@ def _declaration(element: Element) -> ast.Declaration:
     if name is None or not name.text.strip():
         raise mistake(element.where, f"<{element.name}> without a name", "<AttributeList> with <Name>")
     sections = element.at("AttributeList", "Interface", "Sections") or element.at("Interface", "Sections")
-    if sections is None:
-        found = f"'{name.text.strip()}' without members"
-        return ast.Declaration(
-            name.text.strip(), None, element.where, (Problem(element.where, found, "<Sections>"),)
-        )
     problems: list[Problem] = []
+    if sections is None:
+        problems.append(Problem(element.where, f"'{name.text.strip()}' without members", "<Sections>"))
+        return ast.Declaration(name.text.strip(), None, element.where, tuple(problems))
     members = [m for section in sections.all("Section") for m in _members(section, 1, problems)]
     access = element.at("AttributeList", "MemoryLayout")
     notes = (OPTIMISED,) if access is not None and access.text.strip() == "Optimized" else ()
@@ -76,14 +75,13 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> as
     if string := _TEXT.fullmatch(text):
         return text_type(string.group(2) or "", bool(string.group(1)), member.where)
     if _POINTER.fullmatch(text):
-        return ast.PointerSpec(text)
+        return Pointer(text)
     if quoted := _QUOTED.fullmatch(text):
         return ast.Reference(quoted.group(1), member.where)
     if re.fullmatch(QUALIFIED_NAME, text):
         return ast.Reference(text, member.where)
-    raise mistake(
-        member.where, f"Datatype '{text[:40]}'", 'a type such as Int, String[10], Array[0..3] of "T"'
-    )
+    expected = 'a type such as Int, String[10], Array[0..3] of "T"'
+    raise mistake(member.where, f"Datatype '{text[:40]}'", expected)
 
 
 def _bounds(text: str, member: Element) -> tuple[tuple[ast.Number, ast.Number], ...]:

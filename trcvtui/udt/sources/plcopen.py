@@ -16,6 +16,7 @@ from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.types import Pointer
 
 NOT_TYPES = ("documentation", "addData")
 
@@ -42,8 +43,7 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
     if plain is not None:
         read = read_inside(plain)
         if read.types or read.problems:
-            for type_ in read.types:
-                yield named(type_, name)
+            yield from (named(type_, name) for type_ in read.types)
             if read.problems:
                 yield ast.Declaration(name, None, plain.where, read.problems)
             return
@@ -121,7 +121,8 @@ class _TypeWalk:
         inner = _inner(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
-        return SPECS.get(inner.name, _TypeWalk.elementary)(self, inner, deeper(depth, inner))
+        depth = deeper(depth, inner)
+        return SPECS[inner.name](self, inner, depth) if inner.name in SPECS else _reference(inner)
 
     def struct(self, element: Element, depth: int) -> ast.Spec:
         members: list[ast.MemberSpec] = []
@@ -155,29 +156,23 @@ class _TypeWalk:
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:
         target = _inner(element.at("baseType"))
-        return ast.PointerSpec("POINTER TO " + (_reference(target).name if target else "?"))
+        return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
         name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        return (
-            ast.Reference(name, element.where)
-            if re.fullmatch(QUALIFIED_NAME, name)
-            else read_spec(name, element.where)
-        )
+        if re.fullmatch(QUALIFIED_NAME, name):
+            return ast.Reference(name, element.where)
+        return read_spec(name, element.where)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
         return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
 
-    def elementary(self, element: Element, _depth: int) -> ast.Spec:
-        return _reference(element)
-
 
 def _inner(element: Element | None) -> Element | None:
     """Return the element that stands for a type in <type> or <baseType>; None without."""
-    return (
-        next((child for child in element.children if child.name not in NOT_TYPES), None) if element else None
-    )
+    children = element.children if element else ()
+    return next((child for child in children if child.name not in NOT_TYPES), None)
 
 
 def _value(value: Element) -> ast.Number | None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
+from contextlib import suppress
 from itertools import pairwise
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
@@ -22,13 +23,11 @@ HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTEC
 RETENTION = ("NON_RETAIN", "RETAIN", "READ_ONLY", "UNLINKED")  # of a data block, before its STRUCT
 CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
 VARIABLES = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
-OTHER_BLOCKS = frozenset(
-    {
-        *VARIABLES,
-        *("FUNCTION", "FUNCTION_BLOCK", "PROGRAM", "DATA_BLOCK", "ORGANIZATION_BLOCK", "CONFIGURATION"),
-        *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION"),
-    }
-)
+_BLOCKS = """FUNCTION FUNCTION_BLOCK PROGRAM DATA_BLOCK ORGANIZATION_BLOCK CONFIGURATION
+CLASS INTERFACE METHOD PROPERTY ACTION"""
+OTHER_BLOCKS = frozenset((*VARIABLES, *_BLOCKS.split()))
+# With one of these reading can go on after something unknown.
+STARTS = ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
 VARIABLES_NOTE = "variables: laid out as a STRUCT of them; where a PLC keeps variables is its own matter"
 OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
@@ -76,9 +75,10 @@ class Parser(SpecParser):
             elif self.sees("DATA_BLOCK") and self.end_of_block() is not None:
                 self.data_block()
             elif self.accept("NAMESPACE"):
-                self.skip_name()
+                with noting(self.problems):
+                    self.qualified("the name of a namespace")
             elif self.sees("USING"):
-                self.skip_to(";", *self.starts())
+                self.skip_to(";", *STARTS)
             elif self.end_of_block() is not None or self.sees(*OTHER_BLOCKS):
                 self.other_block()
             elif self.dialect.has_objects:
@@ -86,19 +86,9 @@ class Parser(SpecParser):
             elif not self.accept(";") and not self.accept("END_NAMESPACE"):
                 self.note(self.refusal("'TYPE'"))
                 self.advance()
-                self.skip_to(*self.starts())
+                self.skip_to(*STARTS)
                 self.accept("END_TYPE")
         return ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
-
-    def starts(self) -> tuple[str, ...]:
-        """Return the words with which reading can go on after something unknown."""
-        return ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
-
-    def skip_name(self) -> None:
-        try:
-            self.qualified("the name of a namespace")
-        except UserError as refused:
-            self.note(refused)
 
     def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
@@ -106,8 +96,7 @@ class Parser(SpecParser):
             if self.block_ends() or self.is_other_block():
                 self.note(self.refusal("'END_TYPE'"))
                 return
-            declaration = self.declaration()
-            if declaration:
+            if declaration := self.declaration():
                 self.types.append(declaration)
 
     def is_other_block(self) -> bool:
@@ -118,10 +107,8 @@ class Parser(SpecParser):
         """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
         is_variables = self.sees("VAR")
         declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
-        if is_variables and not (
-            self.at_end() and self.at
-        ):  # of a program: passed over like all other blocks
-            self.at = self.since = 0
+        if is_variables and not (self.at_end() and self.at):
+            self.at = self.since = 0  # of a program: passed over like all other blocks
         elif declaration:
             notes = (*declaration.notes, *([VARIABLES_NOTE] if is_variables else ()))
             self.types.append(declaration._replace(notes=notes, is_data=is_variables))
@@ -177,15 +164,13 @@ class Parser(SpecParser):
         """Return what stands after the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
         self.header(is_block)
-        if base is None:
-            base = self.extends()
-            if base is not None:
-                self.accept(":")
+        if base is None and (base := self.extends()):
+            self.accept(":")
         return self.specified(base)
 
     def specified(self, base: ast.Reference | None) -> ast.Spec:
         """Return the type at the cursor with what the pragmas before it say."""
-        pragmas = self.pragmas_since()
+        pragmas = self.pragmas(self.since, self.at)
         first = self.token
         spec = encoded(self.spec(), pragmas)
         if base is not None and not isinstance(spec, ast.StructSpec):
@@ -198,10 +183,6 @@ class Parser(SpecParser):
         if "TRUE" in access:
             self.notes.append(OPTIMISED)
         return spec
-
-    def pragmas_since(self) -> list[str]:
-        """Return the pragmas between the last declaration and the cursor."""
-        return self.pragmas(self.since, self.at)
 
     def extends(self) -> ast.Reference | None:
         """Return the name after EXTENDS, None where there is no such word."""
@@ -234,10 +215,9 @@ class Parser(SpecParser):
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None
-        number = int(found[1]) if found[1] in map(str, ast.PACKS) else None
-        if number is None:
+        if found[1] not in map(str, ast.PACKS):
             raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
-        return number
+        return int(found[1])
 
     # -- other blocks ------------------------------------------------------------------------------------
 
@@ -256,7 +236,7 @@ class Parser(SpecParser):
         if end is None:
             self.note(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()
-            self.skip_to(*self.starts())
+            self.skip_to(*STARTS)
             return
         is_variables = self.advance().upper in CONSTANT_BLOCKS
         while self.sees("RETAIN", "PERSISTENT", *ACCESS):
@@ -264,22 +244,17 @@ class Parser(SpecParser):
         if is_variables and self.accept("CONSTANT"):
             while self.at < end:
                 self.constant(end)
-        self.at = end + 1
-        self.since = self.at
+        self.at = self.since = end + 1
 
     def constant(self, end: int) -> None:
         """Keep `MAX : INT := 5;` if it is a whole number or a formula; pass over everything else."""
-        try:
-            names = [self.name("the name of a constant")]
-            while self.accept(","):
-                names.append(self.name("the name of a constant"))
+        with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
+            names = self.names("the name of a constant", "the name of a constant")
             self.skip_until(end, ":=", ";")
             if self.accept(":="):
                 number = self.number()
                 if self.sees(";") or self.at == end:
                     self.constants.extend(ast.Constant(name.name, number, self.where(name)) for name in names)
-        except UserError:
-            pass  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
         self.skip_until(end, ";")
         self.at = min(self.at + 1, end)
 

@@ -207,6 +207,13 @@ class Cursor:
             raise self.refusal(what)
         return self.advance()
 
+    def names(self, first: str, more: str) -> list[StToken]:
+        """Return names with commas between them; raise UserError with what was expected."""
+        names = [self.name(first)]
+        while self.accept(","):
+            names.append(self.name(more))
+        return names
+
     def is_name(self, ahead: int = 0) -> bool:
         """Return whether this token, or one ahead, is a word or a quoted name."""
         token = self.tokens[min(self.at + ahead, len(self.tokens) - 1)]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
-from trcvtui.udt.types import ELEMENTARY, WHOLE, StringType, ValueKind
+from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE, Pointer, StringType, Unplaced, ValueKind
 
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
@@ -70,9 +70,7 @@ class SpecParser(Cursor):
     def member(self, end: str) -> list[ast.MemberSpec]:
         """Return the members of one line: `A, B : LREAL := 1.0;`."""
         first = self.at
-        names = [self.name(f"a member or '{end}'")]
-        while self.accept(","):
-            names.append(self.name("the name of a member"))
+        names = self.names(f"a member or '{end}'", "the name of a member")
         if self.sees("AT"):
             self.skip_to(":", ";", *MEMBER_ENDS)
         self.expect(":")
@@ -146,7 +144,7 @@ class SpecParser(Cursor):
         if self.advance().upper != "REF_TO":
             self.expect("TO")
         self.spec()
-        return ast.PointerSpec(self.text_from(first))
+        return Pointer(self.text_from(first))
 
     def named(self) -> ast.Spec:
         """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
@@ -159,7 +157,7 @@ class SpecParser(Cursor):
             return self.subrange(reference)
         if row is None and not (self.nested == 1 and self.has_values()):
             self.brackets()
-            return ast.UnplacedSpec(name, "an FB instance", reference.where)
+            return Unplaced(name, FB_INSTANCE)
         if self.has_values():
             if row is not None and row.kind not in WHOLE:  # AX: named values of a REAL, a STRING
                 self.brackets()

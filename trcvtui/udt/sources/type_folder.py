@@ -101,20 +101,20 @@ def find_types(
     while new := set(_lacking(types, names)) - sought:
         sought |= new
         for name, kind in sorted(new):
-            for folder in folders:
-                if found := folder.declaring(name, kind):
+            is_found = False
+            for folder in folders:  # all that are given; what is beside only where these have none
+                if (folder.is_whole or not is_found) and (found := folder.declaring(name, kind)):
+                    is_found = True
                     told.setdefault(folder.place, {})[name] = found
                     files = _once([*files, *found.values()])
-                    break
         types = join(files, where, constants)
     return types, [_line(names, place, found) for place, found in told.items()]
 
 
 def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    known = types.types.keys() | types.broken.keys()
     for name in names:
-        if not {name.casefold(), name.casefold().rpartition(".")[2]} & (
-            types.types.keys() | types.broken.keys()
-        ):
+        if known.isdisjoint({name.casefold(), name.casefold().rpartition(".")[2]}):
             yield name, TYPE_OR_DATA
         for problem in types.broken.get(name.casefold(), ()):
             lacked = unknown_name(problem)
@@ -150,4 +150,4 @@ def _bare(part: Any) -> Any:
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]
         return type(part), *map(_bare, kept)
-    return part.casefold().removeprefix("_.") if isinstance(part, str) else part  # `_.T` of SIMATIC SD is T
+    return str(part).casefold().removeprefix("_.")  # `_.T` of SIMATIC SD is T

@@ -87,9 +87,8 @@ def xml_codec(data: bytes) -> str | None:
     declared = _DECLARED.match(data[:400].lstrip())
     name = declared.group(1).decode("ascii") if declared else ""
     # Bytes that begin with a readable `<?xml` are no UTF-16 or UTF-32, whatever they declare.
-    return (
-        name if _CODEC.fullmatch(name) and not name.lower().startswith(("utf-1", "utf1", "utf-3")) else None
-    )
+    is_wide = name.lower().startswith(("utf-1", "utf1", "utf-3"))
+    return name if _CODEC.fullmatch(name) and not is_wide else None
 
 
 def read_xml(text: str, name: str) -> Element:
@@ -158,9 +157,8 @@ class _Builder:
 def deeper(depth: int, element: Element) -> int:
     """Return the depth inside an element; raise UserError when no tool in the field follows so deep."""
     if depth >= MOST_NESTED:
-        raise mistake(
-            element.where, "a type nested deeper", f"at most {MOST_NESTED} levels of STRUCT and ARRAY"
-        )
+        expected = f"at most {MOST_NESTED} levels of STRUCT and ARRAY"
+        raise mistake(element.where, "a type nested deeper", expected)
     return depth + 1
 
 

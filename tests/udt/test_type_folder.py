@@ -67,6 +67,8 @@ def test_two_files_that_differ_are_refused_and_one_given_by_name_decides() -> No
     assert size("report.st", "unit2.st") == 12
     put(unit2_st=UNIT.upper())  # the same word for word
     assert size("report.st") == 8
+    put(new__unit_st=UNIT, old__unit_st=OTHER_UNIT)
+    assert "'Unit' a second time" in refusal("report.st", "new", "old")
 
 
 def test_what_a_found_type_uses_is_that_of_its_own_file_or_refused() -> None:

@@ -33,7 +33,6 @@ from trcvtui.tui.widgets.hex_view import (
     HOLE,
     NARROW,
     WAS,
-    WIDE,
     ByteLines,
     frame_signs,
     marks_of_span,
@@ -205,6 +204,8 @@ class StreamView(ByteLines):
     KEYS: ClassVar = (
         ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
     )  # fmt: skip
+
+    ROOM: ClassVar = TIGHT
 
     def __init__(self) -> None:
         super().__init__("stream")
@@ -380,10 +381,6 @@ class StreamView(ByteLines):
     def digits(self) -> int:
         least = len(PACKETS) if self._is_capture else LEAST_DIGITS
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
-
-    @property
-    def per_row(self) -> int:
-        return WIDE if self.line_width >= self.digits + TIGHT else NARROW
 
     @property
     def _blank(self) -> int:

@@ -117,6 +117,7 @@ WAS: Final = "was"
 class ByteLines(LineView):
     """Bytes in lines, one of them under the cursor; a link to a member and matches of a search are marked."""
 
+    ROOM: ClassVar = 68  # columns that 16 bytes need beside their place
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),
@@ -139,7 +140,7 @@ class ByteLines(LineView):
     @property
     def per_row(self) -> int:
         """Return how many bytes stand in a line: 16, on a narrow pane 8."""
-        raise NotImplementedError
+        return WIDE if self.line_width >= self.digits + self.ROOM else NARROW
 
     @property
     def lines(self) -> int:
@@ -174,7 +175,8 @@ class ByteLines(LineView):
         return bytes(iter(map(self._byte, places).__next__, None))
 
     def _differs(self, place: int) -> bool:
-        return self._byte(place) is not None and self._before(place) not in (None, self._byte(place))
+        byte = self._byte(place)
+        return byte is not None and self._before(place) not in (None, byte)
 
     # -- columns ------------------------------------------------------------------------------------
 
@@ -271,10 +273,6 @@ class HexView(ByteLines):
         """Put the cursor on a byte and bring it into view, without a message."""
         self.cursor = offset
         self._show_row(offset // self.per_row)
-
-    @property
-    def per_row(self) -> int:
-        return WIDE if self.line_width >= self.digits + 68 else NARROW
 
     @property
     def digits(self) -> int:

@@ -52,13 +52,14 @@ class LocalDriver:
         answer = self.console._answers[-1]
         return f"✗ {answer.error}" if answer.error else answer.told
 
-    def do(self, *lines: str) -> str:
-        """Carry lines out; return what the last one did."""
+    def do(self, *lines: str, scans: int = 0) -> str:
+        """Carry lines out, then let scans pass; return what the last line did."""
         told = ""
         for line in lines:
             told = self.answer(line)
             assert not told.startswith("✗"), told
             self.scan(self._pause)
+        self.scan(scans)
         return told
 
     def play(self, *lines: str) -> None:

@@ -51,10 +51,8 @@ class BenchLooker(Looker):
 
     def connect(self) -> None:
         """Let P1 be connected and TRCV_C_1 receive: scan 12 is the next one."""
-        self.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
-        self.bench.scan(5)
-        self.bench.do("peer P1 connect")
-        self.bench.scan(6)
+        self.bench.do("set TRCV_C_1 CONT=1 EN_R=1", scans=5)
+        self.bench.do("peer P1 connect", scans=6)
 
     async def pictures(self, count: int = 3) -> None:
         wanted = len(self.driver.requests) + count

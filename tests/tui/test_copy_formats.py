@@ -133,10 +133,8 @@ async def two_jobs(looker: BenchLooker) -> None:
     """Let TRCV_C_1 have two jobs, and drop half of a third; the stream is open."""
     looker.connect()
     for content in (*JOBS, JOBS[0][:9]):
-        looker.bench.do(f"peer P1 send hex {content.hex()}")
-        looker.bench.scan(5)
-    looker.bench.do("set TRCV_C_1 EN_R=0")
-    looker.bench.scan(2)
+        looker.bench.do(f"peer P1 send hex {content.hex()}", scans=5)
+    looker.bench.do("set TRCV_C_1 EN_R=0", scans=2)
     await looker.press("5", "H")
     await looker.pictures()
 

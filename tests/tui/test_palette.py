@@ -73,8 +73,7 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
     title: str, pane: str, shown: str
 ) -> None:
     async with on_a_bench() as looker:
-        looker.bench.do("peer P1 connect")
-        looker.bench.scan(8)
+        looker.bench.do("peer P1 connect", scans=8)
         await looker.pictures()
         await looker.press("ctrl+p")
         await looker.at_once(title)
@@ -86,8 +85,7 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
 
 async def test_self_checking_traffic_is_switched_on_and_off_by_a_button() -> None:
     async with on_a_bench() as looker:
-        looker.bench.do("peer P1 connect")
-        looker.bench.scan(8)
+        looker.bench.do("peer P1 connect", scans=8)
         await looker.press("7", "b", "enter")
         looker.bench.scan(2)
         await looker.pictures()

@@ -16,10 +16,8 @@ LONG = written((880, armed()), (902, received(65535)), (903, armed()))
 
 async def test_timing_stands_beside_history_from_the_first_frame_on() -> None:
     async with on_a_bench() as looker:
-        looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
-        looker.bench.scan(5)
-        looker.bench.do("peer P1 connect")
-        looker.bench.scan(9)
+        looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1", scans=5)
+        looker.bench.do("peer P1 connect", scans=9)
         await looker.pictures()
         strip = looker.pane("timing").splitlines()
         assert [line.split()[0].lstrip("▸") for line in strip[2:5]] == ["STATUS", "EN_R", "DONE"]

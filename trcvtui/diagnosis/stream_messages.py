@@ -21,27 +21,18 @@ class StreamMessage(NamedTuple):
 
 def messages_in(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
     """Return the messages of which every byte is known, oldest first; none where nothing tells their ends."""
+    by_pauses = False
     sent = [span for span in window.messages if span.peer not in (A_PACKET, A_HOLE)]
     if sent:
-        found = [
-            StreamMessage(f"{span.peer} message {span.number}", range(span.position, span.stop))
-            for span in sent
-            if span.begins and span.ends
-        ]
+        whole = [span for span in sent if span.begins and span.ends]
+        found = [(f"{span.peer} message {span.number}", range(span.position, span.stop)) for span in whole]
     elif e.is_datagram or e.is_message or e.buffer is not None:
-        found = [
-            StreamMessage(f"{job.instance} job {job.number}", range(job.position, job.stop))
-            for job in window.jobs
-            if job.done
-        ]
+        jobs = [job for job in window.jobs if job.done]
+        found = [(f"{job.instance} job {job.number}", range(job.position, job.stop)) for job in jobs]
     else:
+        by_pauses = True
         last = window.recvs[-1] if window.recvs else None
         has_last = last is not None and last.offset + last.size == e.facts.received
         bursts = bursts_in(window.recvs, has_last and not e.is_arriving)
-        found = [
-            StreamMessage(f"message by pauses from byte {each.start}", each, by_pauses=True)
-            for each in bursts
-        ]
-    return [
-        each._replace(content=window.cut(each.positions)) for each in found if window.knows(each.positions)
-    ]
+        found = [(f"message by pauses from byte {each.start}", each) for each in bursts]
+    return [StreamMessage(name, at, by_pauses, window.cut(at)) for name, at in found if window.knows(at)]

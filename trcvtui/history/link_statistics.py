@@ -6,7 +6,7 @@ Rule 2: what is dropped from the ledger before they have read it is missing here
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
@@ -97,7 +97,7 @@ class LinkStatistics:
 
     def __init__(self, index: StreamIndex) -> None:
         self._index = index
-        self._links: dict[str, _LinkFacts] = {}
+        self._links: defaultdict[str, _LinkFacts] = defaultdict(_LinkFacts)
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._busy: set[str] = set()  # the instances that are not idle
         self._has_datagrams = False
@@ -123,7 +123,7 @@ class LinkStatistics:
         event = JobEnded._make(fields)
         if not event.size:
             return
-        link, started = self._link(event.connection), self._index.started(event.instance)
+        link, started = self._links[event.connection], self._index.started(event.instance)
         is_adhoc = started is not None and started.adhoc
         if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
             return
@@ -133,7 +133,7 @@ class LinkStatistics:
         link.drop = Drop(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
     def _connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
-        link, at = self._link(event.connection), ScanStamp(scan, t_ns)
+        link, at = self._links[event.connection], ScanStamp(scan, t_ns)
         if event.what is EventKind.CONNECTED:
             link.incarnation = event.incarnation
             link.up_since, link.down_since = at, None
@@ -218,12 +218,6 @@ class LinkStatistics:
         self._refusals.clear()
         self._busy.clear()
         self._asked.clear()
-
-    def _link(self, connect: str) -> _LinkFacts:
-        link = self._links.get(connect)
-        if link is None:
-            link = self._links[connect] = _LinkFacts()
-        return link
 
     # -- what is read -----------------------------------------------------------------------------------
 

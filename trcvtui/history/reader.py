@@ -8,7 +8,6 @@ from functools import partial
 from operator import attrgetter
 from typing import Final
 
-from trcvtui.history.hits import MOST_BYTES, hit_of
 from trcvtui.history.received import JobHistory, JobStream, ReceivedChunk
 from trcvtui.history.records import (
     END,
@@ -23,7 +22,7 @@ from trcvtui.history.records import (
     Seek,
     SeekResult,
 )
-from trcvtui.udt.byte_text import first_in, last_in
+from trcvtui.udt.byte_text import MOST_COUNTED, first_in, hit_of, last_in
 
 STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write
@@ -133,7 +132,7 @@ class HistoryReader:
             is_over = self._reached <= stream.begin
             done, whole = seek.start - self._reached, seek.start - stream.begin
         if found is not None:
-            few = stream.runs(stream.begin, min(stream.end, stream.begin + MOST_BYTES + 1))
+            few = stream.runs(stream.begin, min(stream.end, stream.begin + MOST_COUNTED + 1))
             return SeekResult(seek.number, found, hit=hit_of(few, seek.patterns, found))
         if is_over:
             return SeekResult(seek.number, None)

@@ -13,7 +13,7 @@ time. What was overwritten before that is told to all of them, and guessed by no
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from operator import attrgetter
@@ -194,7 +194,7 @@ class JobHistory:
 
     def __init__(self, bench: Bench, index: StreamIndex) -> None:
         self.index = index
-        self.streams: dict[str, JobStream] = {}
+        self.streams: defaultdict[str, JobStream] = defaultdict(JobStream)
         self.watched = ""  # the CONNECT whose bytes are always kept
         self.lost: list[Callable[[int, int, int], None]] = [self._lose]  # told seq, scan, time before a loss
         self._bench = bench
@@ -214,7 +214,9 @@ class JobHistory:
         index.listen({BytesDropped: self._dropped})
         index.ends[True] += [self._delivered, self._job_ended]
         index.ends[False].append(self._job_ended)
-        self._frames = FrameHistory(bench, lambda n, chunk: self._add(self._stream(n), chunk), self._end_of)
+        self._frames = FrameHistory(
+            bench, lambda n, chunk: self._add(self.streams[n], chunk), lambda n: self.streams[n].end
+        )
         index.listen(self._frames.listeners)
 
     def catch_up(self, until: int | None = None) -> bool:
@@ -334,7 +336,7 @@ class JobHistory:
         if self._unknown is not None and connect not in self._unknown:
             self._unknown.add(connect)
             reason = "; ".join(filter(None, (reason, LOST)))
-        stream = self.streams.get(connect) or self._stream(connect)
+        stream = self.streams[connect]
         begin, reads = stream.end, self.index.reads(instance)
         fields = begin, begin + size, content, (connect, incarnation), (scan, t_ns, reason, event), reads
         self._add(stream, tuple.__new__(ReceivedChunk, fields))
@@ -353,7 +355,7 @@ class JobHistory:
         job: int = 0,
         recvs: Sequence[RecvSpan] = (),
     ) -> None:
-        stream = self._stream(event.connection)
+        stream = self.streams[event.connection]
         offset = event.offset
         if offset < 0:
             offset = self.index.next_byte(event.connection, event.incarnation)
@@ -367,13 +369,7 @@ class JobHistory:
         link = event.connection, event.incarnation
         self._add(stream, ReceivedChunk(span.position, span.stop, b"", link, span, parts or unread))
 
-    def _end_of(self, name: str) -> int:
-        return self._stream(name).end
-
     # -- keeping and forgetting ------------------------------------------------------------------------
-
-    def _stream(self, connect: str) -> JobStream:
-        return self.streams.setdefault(connect, JobStream())
 
     def _add(self, stream: JobStream, chunk: ReceivedChunk) -> None:
         stream.add(chunk)

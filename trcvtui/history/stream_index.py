@@ -10,7 +10,7 @@ Each incarnation of the CONNECT has the messages of its own connection only.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -171,8 +171,8 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
-        self._received: dict[str, _Arrived] = {}  # by CONNECT
-        self._readings: dict[str, _InstanceReads] = {}  # by instance
+        self._received: defaultdict[str, _Arrived] = defaultdict(_Arrived)  # by CONNECT
+        self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
             PeerSent: [self._message_sent],
             BytesReceived: [self._bytes_received],
@@ -232,26 +232,14 @@ class StreamIndex:
         if len(self._links) > KEPT_LINKS:
             del self._links[next(iter(self._links))]
         self._incarnations[event.connection] = event.incarnation
-        self._link(event.connection).bursts = StreamBursts()
-
-    def _link(self, connect: str) -> _Arrived:
-        link = self._received.get(connect)
-        if link is None:
-            link = self._received[connect] = _Arrived()
-        return link
-
-    def _reading(self, instance: str) -> _InstanceReads:
-        reading = self._readings.get(instance)
-        if reading is None:
-            reading = self._readings[instance] = _InstanceReads()
-        return reading
+        self._received[event.connection].bursts = StreamBursts()
 
     def _bytes_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         connection, incarnation, recv, offset, size, instance = event
-        link = self._received.get(connection) or self._link(connection)
+        link = self._received[connection]
         link.incarnation, link.offset = incarnation, offset + size
         link.bursts.note(scan, t_ns, size)
-        reading = self._readings.get(instance) or self._reading(instance)
+        reading = self._readings[instance]
         reading.link = connection, incarnation
         reads = reading.reads
         reads.append((0, size, recv, scan, t_ns, offset))
@@ -259,7 +247,7 @@ class StreamIndex:
             del reads[0]
 
     def _job_started(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
-        reading = self._readings.get(event[0]) or self._reading(event[0])
+        reading = self._readings[event[0]]
         reading.began = scan, t_ns, tuple(event)
         reading.runs = True
         reading.reads = []
@@ -272,7 +260,7 @@ class StreamIndex:
 
     def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         instance, _, _, _, _, _, done, _ = event
-        reading = self._readings.get(instance) or self._reading(instance)
+        reading = self._readings[instance]
         begun = reading.began if reading.runs else None
         reading.ended = scan, t_ns, tuple(event), begun, reading.reads
         reading.runs, reading.reads = False, []

@@ -22,7 +22,6 @@ from trcvtui.history.pin_waveform import (
     PinValues,
     WaveformDelta,
     pins_of,
-    with_changes,
 )
 from trcvtui.history.received import JobHistory
 from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
@@ -154,20 +153,14 @@ class WaveformRecorder:
         for record in self.records.values():
             record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
 
-    def news(
+    def bare_news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
     ) -> WaveformDelta | None:
         """Return what is new of an instance after its change `number`; None: no such instance.
 
-        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
+        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once: bare
+        ones, the fields of PinChange.
         """
-        news = self.bare_news(instance, number, now, most)
-        return with_changes(news) if news is not None else None
-
-    def bare_news(
-        self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
-    ) -> WaveformDelta | None:
-        """Return the same with bare changes, the fields of PinChange."""
         self._history.catch_up()
         self._settle(now[0] + 1)
         record = self.records.get(instance)

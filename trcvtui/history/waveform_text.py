@@ -79,7 +79,7 @@ def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
         return list(_lengths(wave, window, columns))
     if bits_of(pin_of(name)):
         return list(_segments(wave, name, window, columns))
-    return _merged(_level(wave, window, columns, x) for x in range(window.width))
+    return merged(_level(wave, window, columns, x) for x in range(window.width))
 
 
 # -- levels -----------------------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ def ruler(window: Window, until: int, marks: Iterable[Mark]) -> list[Piece]:
         x = window.column_of(mark.scan)
         if 0 <= x < window.width:
             pieces[x] = mark.sign, "mark"
-    return _merged(pieces)
+    return merged(pieces)
 
 
 def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list[Piece]:
@@ -242,7 +242,8 @@ def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list
     return out
 
 
-def _merged(pieces: Iterable[Piece]) -> list[Piece]:
+def merged(pieces: Iterable[Piece]) -> list[Piece]:
+    """Return pieces with neighbours of one kind put together: fewer to paint."""
     return [("".join(text for text, _ in run), kind) for kind, run in groupby(pieces, key=lambda p: p[1])]
 
 

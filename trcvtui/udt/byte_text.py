@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
@@ -226,3 +227,17 @@ def all_in(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
         while place >= 0:
             yield range(place, place + len(pattern))
             place = content.find(pattern, place + 1)
+
+
+MOST_HITS: Final = 10_000
+MOST_COUNTED: Final = 1024 * 1024  # bytes for all patterns together: of more the hits are not counted
+
+
+def hit_of(runs: Sequence[tuple[int, bytes]], patterns: tuple[bytes, ...], place: int) -> str:
+    """Return `hit 2 of 7`: which one a place is; "" where there is too much to be counted."""
+    if sum(len(content) for _, content in runs) * len(patterns) > MOST_COUNTED:
+        return ""
+    found = (start + match.start for start, content in runs for match in all_in(content, patterns))
+    places = sorted(set(islice(found, MOST_HITS)))
+    is_counted = next(found, None) is None and place in places
+    return f"hit {places.index(place) + 1} of {len(places)}" if is_counted else ""

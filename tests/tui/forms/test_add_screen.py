@@ -60,10 +60,8 @@ async def test_keys_alone_add_a_connection_a_peer_and_an_instance_that_receives(
         await fill(looker, remote="@C3")
         await looker.press("enter")
         assert looker.lines[-1] == "add peer P3 active=true remote=@C3"
-        looker.bench.do("peer P3 connect")
-        looker.bench.scan(3)
-        looker.bench.do("peer P3 send hex 01 02 03 04 05 06 07 08")
-        looker.bench.scan(2)
+        looker.bench.do("peer P3 connect", scans=3)
+        looker.bench.do("peer P3 send hex 01 02 03 04 05 06 07 08", scans=2)
         await looker.pictures()
         assert looker.bench.console.bench.runtime.data("small") == bytes(range(1, 9))
         assert "TRCV_C_3" in looker.text

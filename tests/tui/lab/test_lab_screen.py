@@ -236,7 +236,7 @@ async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_pa
     async with lab(path) as stage:
         assert "Constants that types.st uses" in stage.text
         await stage.press(*"12", "enter", *"16#3", "enter")
-        assert stage.lab.lab.files.unknown_constants == ()
+        assert stage.lab.lab.files.types.unknown_constants == ()
         await stage.press("t", *"Frame", "enter")
         assert "32 B" in stage.row("o ours"), "12 and 3 of INT, and the gap after"
         await stage.say("save project")

@@ -63,12 +63,12 @@ def test_a_bad_type_more_does_not_hold_the_good_ones_back(path: Path) -> None:
     files = TypeFiles([path], {})
     saved(path, LONGER + "TYPE U : STRUCT x : NOBODY; END_STRUCT END_TYPE\n", 2)
     assert files.look() and members(files) == 2
-    assert [problem.found for problem in files.problems] == ["'NOBODY'"]
+    assert [problem.found for problem in files.types.problems] == ["'NOBODY'"]
 
 
 def test_constants_are_asked_for_and_then_known(tmp_path: Path) -> None:
     path = tmp_path / "c.st"
     saved(path, "TYPE T : STRUCT a : ARRAY[1..GVL.MAX] OF INT; END_STRUCT END_TYPE\n", 1)
     files = TypeFiles([path], {})
-    assert files.unknown_constants == ("GVL.MAX",) and not files.types.types
+    assert files.types.unknown_constants == ("GVL.MAX",) and not files.types.types
     assert files.know({"GVL.MAX": 10}) and files.types.names() == ["T"]

@@ -78,8 +78,7 @@ async def fail_four_times(looker: BenchLooker) -> None:
     failures = ("socket EMFILE", "bind EADDRINUSE", "poll_add ENOSPC", "connect ENETUNREACH")
     looker.bench.do("set TRCV_C_2 CONT=1")
     for failure in failures:
-        looker.bench.do(f"fault {failure} on C2 times=1")
-        looker.bench.scan(110)
+        looker.bench.do(f"fault {failure} on C2 times=1", scans=110)
     await looker.pictures()
 
 
@@ -122,8 +121,7 @@ async def test_keys_and_commands_to_do_have_the_accent_colour() -> None:
     async with on_a_bench(WIDE) as looker:
         await looker.press("down")
         await fail_four_times(looker)
-        looker.bench.do("fault bind EADDRINUSE on C2 times=1")
-        looker.bench.scan(110)
+        looker.bench.do("fault bind EADDRINUSE on C2 times=1", scans=110)
         await looker.pictures()
         parts = [part for each in looker.app.main.status._rows for part in each.parts]
         assert ("fault clear", "key ") in parts and not any("`" in text for text, _ in parts)

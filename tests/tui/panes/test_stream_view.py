@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import pytest
 
@@ -15,21 +17,19 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, LARGE], ids=["80x24", "1
 FRAME = bytes(range(0x40, 0x58))  # 24 bytes: as many as a Telegram has
 
 
-async def shifted(looker: BenchLooker) -> None:
+@asynccontextmanager
+async def shifted(size: tuple[int, int]) -> AsyncIterator[BenchLooker]:
     """Let a sender be four bytes short, then EN_R fall in mid frame; the stream is open."""
-    looker.connect()
-    looker.bench.do(f"peer P1 send hex {FRAME[:20].hex()}")
-    looker.bench.scan(4)
-    looker.bench.do(f"peer P1 send hex {FRAME.hex()} split=10 gap=T#50ms")
-    looker.bench.scan(12)
-    looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
-    looker.bench.scan(5)
-    looker.bench.do("set TRCV_C_1 EN_R=0")
-    looker.bench.scan(2)
-    looker.bench.do("set TRCV_C_1 EN_R=1", f"peer P1 send hex {FRAME.hex()}")
-    looker.bench.scan(5)
-    await looker.press("5", "H")
-    await looker.pictures()
+    async with on_a_bench(size) as looker:
+        looker.connect()
+        looker.bench.do(f"peer P1 send hex {FRAME[:20].hex()}", scans=4)
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()} split=10 gap=T#50ms", scans=12)
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()}", scans=5)
+        looker.bench.do("set TRCV_C_1 EN_R=0", scans=2)
+        looker.bench.do("set TRCV_C_1 EN_R=1", f"peer P1 send hex {FRAME.hex()}", scans=5)
+        await looker.press("5", "H")
+        await looker.pictures()
+        yield looker
 
 
 async def press(looker: BenchLooker, *keys: str) -> None:
@@ -40,8 +40,7 @@ async def press(looker: BenchLooker, *keys: str) -> None:
 
 @SIZES
 async def test_a_job_that_cuts_a_message_is_marked_by_a_stroke(size: tuple[int, int]) -> None:
-    async with on_a_bench(size) as looker:
-        await shifted(looker)
+    async with shifted(size) as looker:
         await press(looker, "g")
         assert "╱44 45 46 47" in looker.line("00010 ", "received"), "job 2 begins with byte 4 of message 2"
         assert "╱ #2 cut at 4" in looker.text
@@ -49,8 +48,7 @@ async def test_a_job_that_cuts_a_message_is_marked_by_a_stroke(size: tuple[int, 
 
 
 async def test_dropped_bytes_stand_in_the_stream_with_their_reason() -> None:
-    async with on_a_bench((140, 60)) as looker:
-        await shifted(looker)
+    async with shifted((140, 60)) as looker:
         assert "20 B dropped: EN_R fell" in looker.text
         await press(looker, "g", *["down"] * 3)
         assert "dropped · P1 #3 byte 4" in looker.words("origin-line")
@@ -58,8 +56,7 @@ async def test_dropped_bytes_stand_in_the_stream_with_their_reason() -> None:
 
 
 async def test_the_selected_byte_tells_where_it_came_from() -> None:
-    async with on_a_bench(WIDE) as looker:
-        await shifted(looker)
+    async with shifted(WIDE) as looker:
         await press(looker, "g", "down", *["right"] * 12)
         assert looker.words("origin-line") == (
             "16#48 = 72 (was 38) · P1 #2 byte 8 · TRCV_C_1 job 2 byte 4 · state · recv 3 · scan 17 · 0.160 s"
@@ -67,8 +64,7 @@ async def test_the_selected_byte_tells_where_it_came_from() -> None:
 
 
 async def test_a_byte_of_the_past_is_decoded_and_a_member_finds_its_bytes() -> None:
-    async with on_a_bench(WIDE) as looker:
-        await shifted(looker)
+    async with shifted(WIDE) as looker:
         await press(looker, "g", "right")
         table, stream = looker.app.main.table, looker.app.main.received.stream
         assert "job 1 of the past, 24 B" in looker.text
@@ -85,8 +81,7 @@ async def test_brackets_jump_from_done_to_done_also_out_of_what_is_in_view() -> 
     async with on_a_bench(SMALL) as looker:
         looker.connect()
         for _ in range(40):
-            looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
-            looker.bench.scan(3)
+            looker.bench.do(f"peer P1 send hex {FRAME.hex()}", scans=3)
         await looker.press("5")
         await press(looker, "left_square_bracket")
         stream = looker.app.main.received.stream
@@ -104,8 +99,7 @@ async def test_brackets_jump_from_done_to_done_also_out_of_what_is_in_view() -> 
     [("50 51 52 53 40", [16]), ('"STUVW"', [39, 87]), ("=1145324356", []), ("=1463828802", [43])],
 )
 async def test_hex_text_and_numbers_are_found_across_jobs(text: str, places: list[int]) -> None:
-    async with on_a_bench(WIDE) as looker:
-        await shifted(looker)
+    async with shifted(WIDE) as looker:
         await press(looker, "g", "slash")
         await looker.type(text)
         await press(looker, "enter")
@@ -122,8 +116,7 @@ async def test_hex_text_and_numbers_are_found_across_jobs(text: str, places: lis
 
 
 async def test_what_cannot_be_looked_for_says_why_while_it_is_typed() -> None:
-    async with on_a_bench(WIDE) as looker:
-        await shifted(looker)
+    async with shifted(WIDE) as looker:
         await looker.press("slash")
         await looker.type("4x")
         assert "✗ find, position 2" in looker.text
@@ -137,8 +130,7 @@ async def test_what_cannot_be_looked_for_says_why_while_it_is_typed() -> None:
 async def test_n_is_the_next_hit_after_a_search_was_left_until_another_pane_is_chosen(
     left: list[str],
 ) -> None:
-    async with on_a_bench(SMALL) as looker:
-        await shifted(looker)
+    async with shifted(SMALL) as looker:
         stream = looker.app.main.received.stream
         await press(looker, "g", "slash", "5", "0", *left)
         assert (stream.patterns, "n N next hit, hit before" in looker.text) == ((), True)
@@ -154,8 +146,7 @@ async def test_n_is_the_next_hit_after_a_search_was_left_until_another_pane_is_c
 
 @pytest.mark.parametrize("typed", [[], ["4", "x"]], ids=["nothing", "no value"])
 async def test_n_asks_again_after_a_search_for_nothing_and_is_en_r_before_any(typed: list[str]) -> None:
-    async with on_a_bench(WIDE) as looker:
-        await shifted(looker)
+    async with shifted(WIDE) as looker:
         await press(looker, "n")
         assert looker.lines == ["set TRCV_C_1 EN_R=0"]
         await press(looker, "slash", *typed, "escape", "n")
@@ -166,8 +157,7 @@ async def test_bytes_are_found_and_compared_in_data_now_as_well() -> None:
     async with on_a_bench(WIDE) as looker:
         looker.connect()
         for payload in (FRAME, FRAME[:8] + b"\x00\xff" + FRAME[10:]):
-            looker.bench.do(f"peer P1 send hex {payload.hex()}")
-            looker.bench.scan(4)
+            looker.bench.do(f"peer P1 send hex {payload.hex()}", scans=4)
         await press(looker, "5", "d")
         assert looker.line("was", "received").split() == ["was", "48", "49"]
         await press(looker, "slash", "f", "f", "enter")
@@ -182,14 +172,12 @@ async def test_the_stream_follows_the_newest_byte_until_something_is_selected() 
         await press(looker, "5", "H")
         stream = looker.app.main.received.stream
         for number in range(30):
-            looker.bench.do(f"peer P1 send hex {FRAME[:23].hex()} {number:02x}")
-            looker.bench.scan(3)
+            looker.bench.do(f"peer P1 send hex {FRAME[:23].hex()} {number:02x}", scans=3)
         await looker.pictures()
         assert stream.window.stop == stream.window.end == 30 * 24
         assert "57" not in looker.pane("stream") and " 1d " in looker.pane("stream")
         await press(looker, "g")
-        looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
-        looker.bench.scan(3)
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()}", scans=3)
         await looker.pictures()
         assert "00000 " in looker.pane("stream")
         await press(looker, "G")
@@ -200,7 +188,7 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
     async with on_a_bench(SMALL) as looker:
         looker.connect()
         jobs = looker.bench.console._received
-        stream = jobs._stream("C1")
+        stream = jobs.streams["C1"]
         from trcvtui.history.received import ReceivedChunk
         from trcvtui.history.records import JobSpan, RecvSpan
 
@@ -211,8 +199,7 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
             span = JobSpan(place, size, "TRCV_C_1", number, number, number, True, whole=size)
             recvs = (RecvSpan(place, size, number, number, number, place),)
             jobs._add(stream, ReceivedChunk(place, span.stop, content, ("C1", 1), span, recvs))
-        looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
-        looker.bench.scan(3)
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()}", scans=3)
         await press(looker, "5", "H")
         view = looker.app.main.received.stream
         assert view.window.end - view.window.begin <= 16 * 1024 * 1024
@@ -235,8 +222,7 @@ async def from_outside(looker: BenchLooker) -> None:
     del looker.bench.console._received.index.listeners[PeerSent]  # what a partner outside does not tell
     looker.connect()
     for content in (*MESSAGES, bytes(20)):
-        looker.bench.do(f"peer P1 send hex {content.hex()}")
-        looker.bench.scan(9)
+        looker.bench.do(f"peer P1 send hex {content.hex()}", scans=9)
     await looker.press("5", "H")
     await press(looker, "g")
 
@@ -264,7 +250,7 @@ async def test_messages_are_compared_with_a_marked_one_and_copied() -> None:
         stream, received = looker.app.main.received.stream, looker.app.main.received
         await press(looker, "m", "down", "down", "d")
         assert looker.words("origin-line").startswith("≠ 1 of 20 bytes: 16#01 = 1 · TRCV_C_1 job 1 byte 20")
-        assert (stream._before[24], stream._byte(24), "mark 00" in looker.words("stream")) == (0, 1, True)
+        assert (stream._before(24), stream._byte(24), "mark 00" in looker.words("stream")) == (0, 1, True)
         assert received.copied() == (MESSAGES[1], MESSAGES[0] + b"\x01")
         await press(looker, "g", "m")
         assert stream.marked is None and received.copied() == (MESSAGES[0], b"")

@@ -50,15 +50,12 @@ class Analyser(Stage):
 async def analysing(size: tuple[int, int] = WIDE, jobs: int = 3) -> AsyncIterator[Analyser]:
     """Open pane 8 on duplex.toml: connected in scan 7, a DONE of one scan every 23 scans."""
     async with on_stage(Analyser, load_project(CONFIGS / "duplex.toml"), size) as look:
-        look.driver.submit("set TRCV_C_1 CONT=1")
-        look.driver.scan(6)
-        look.driver.submit("peer P1 connect")
-        look.driver.scan(4)
+        look.driver.play("set TRCV_C_1 CONT=1", "run 6")
+        look.driver.play("peer P1 connect", "run 4")
         look.driver.submit("set TRCV_C_1 EN_R=1")
         for _ in range(jobs):
             look.driver.scan(10)
-            look.driver.submit("peer P1 send random 8 seed=1")
-            look.driver.scan(13)
+            look.driver.play("peer P1 send random 8 seed=1", "run 13")
         await look.press("8")
         yield look
 
@@ -84,8 +81,7 @@ async def test_a_done_of_one_scan_stands_out_at_every_size_and_zoom(size: tuple[
 async def test_a_pulse_between_two_frames_is_drawn_and_the_ghost_row_misses_it() -> None:
     async with analysing(WIDE, jobs=0) as look:
         look.driver.scan(13)
-        look.driver.submit("peer P1 send random 8 seed=1")
-        look.driver.scan(30)
+        look.driver.play("peer P1 send random 8 seed=1", "run 30")
         await follow(look.app, look.pilot)
         assert look.row("DONE").count("█") == 1
         assert "▔" not in look.row("watch DONE")

@@ -53,16 +53,12 @@ async def test_the_list_shows_the_other_end_of_the_last_datagram(size: tuple[int
 
 
 @BOTH
-async def test_a_udp_peer_is_called_one(size: tuple[int, int]) -> None:
-    async with looking(size, udp_picture()) as looker:
-        await looker.press("7")
-        assert "UDP" in looker.line("▸ P1") and "passive" not in looker.line("▸ P1")
-
-
-@BOTH
-async def test_a_udp_peer_is_offered_nothing_that_needs_a_connection(size: tuple[int, int]) -> None:
+async def test_a_udp_peer_is_called_one_and_offered_nothing_that_needs_a_connection(
+    size: tuple[int, int],
+) -> None:
     async with looking(size, udp_picture()) as looker:
         await looker.press("7", "r", "h", "f")
+        assert "UDP" in looker.line("▸ P1") and "passive" not in looker.line("▸ P1")
         buttons = looker.pane("peer")
         for words in ("RST", "Half-close", "FIN", "Every split", "Connect"):
             assert words not in buttons

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.diagnosis.stream_messages import StreamMessage
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree
@@ -53,14 +53,6 @@ class TypeFiles:
         return (
             names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") if names else "the project"
         )
-
-    @property
-    def problems(self) -> tuple[Problem, ...]:
-        return self.types.problems
-
-    @property
-    def unknown_constants(self) -> tuple[str, ...]:
-        return self.types.unknown_constants
 
     def look(self) -> bool:
         """Read the files again when one has changed; return whether the types are others now."""
@@ -333,8 +325,9 @@ class Lab:
     def open(self, path: Path) -> None:
         """Look at the types of a file; raise UserError when it cannot be read, or has no good type."""
         fresh = TypeFiles([path], self._view_model.project.constants)
-        if not fresh.types.types and not fresh.unknown_constants:
-            raise UserError(fresh.problems) if fresh.problems else mistake(str(path), "no type", "a type")
+        if not fresh.types.types and not fresh.types.unknown_constants:
+            problems = fresh.types.problems
+            raise UserError(problems) if problems else mistake(str(path), "no type", "a type")
         self.opened, self.news = fresh, f"{path.name} is opened and watched"
         self.choose_type("")
 
@@ -371,7 +364,7 @@ class Lab:
     def know(self, constants: dict[str, int]) -> None:
         self.files.know(constants)
         self._choose_again()
-        left = self.files.unknown_constants
+        left = self.files.types.unknown_constants
         self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
 
     def follow(self) -> None:

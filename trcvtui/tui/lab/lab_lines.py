@@ -6,6 +6,7 @@ The same words stand on the prompt of the bench; `lab` alone opens the lab.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -32,10 +33,11 @@ def obey_line(line: str, lab: Lab) -> str:
     if verb == LAB and not rest.strip():
         return ""
     word, _, rest = rest.strip().partition(" ")
-    obey = _WORDS.get(word) if verb == UDT else None
-    if obey is None:
+    if verb != UDT or word not in _WORDS:
         raise mistake(WHERE, f"'{plain(line.strip())[:60]}'", f"udt {LINES}")
-    return obey(lab, rest.strip())
+    pane, obey = _WORDS[word]
+    obey(lab, rest.strip())
+    return pane
 
 
 def for_engine(line: str) -> bool:
@@ -45,8 +47,8 @@ def for_engine(line: str) -> bool:
 
 def said_below(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
     """Return the sentence below the panes, and its style: trouble first, then what has happened."""
-    files = lab.files
-    bad = f"; w: {count(len(files.problems), 'problem')} in {files.name}" if files.problems else ""
+    files, problems = lab.files, lab.files.types.problems
+    bad = f"; w: {count(len(problems), 'problem')} in {files.name}" if problems else ""
     if trouble:
         return f"✗ {trouble}", "error"
     if files.trouble:
@@ -56,78 +58,42 @@ def said_below(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
     return f"f: which profile fits? c: what cures it{bad}", "warn" if bad else "dim"
 
 
-def _open(lab: Lab, rest: str) -> str:
+def _open(lab: Lab, rest: str) -> None:
     if not rest:
         raise mistake(WHERE, "no name of a file", "udt open FILE")
     path = Path(rest).expanduser()
     lab.open(path if path.exists() else lab.base / path)
-    return "tree"
 
 
-def _project(lab: Lab, rest: str) -> str:
-    lab.go_home()
-    return "tree"
+def _profile(side: str, lab: Lab, rest: str) -> None:
+    lab.choose_profile(side, profile_from(rest.split(), lab.profiles[side], f"{WHERE} {side}"))
 
 
-def _type(lab: Lab, rest: str) -> str:
-    lab.choose_type(rest)
-    return "tree"
-
-
-def _profile(side: str) -> Callable[[Lab, str], str]:
-    def choose(lab: Lab, rest: str) -> str:
-        lab.choose_profile(side, profile_from(rest.split(), lab.profiles[side], f"{WHERE} {side}"))
-        return "tree"
-
-    return choose
-
-
-def _swap(lab: Lab, rest: str) -> str:
-    lab.exchange()
-    return "tree"
-
-
-def _bytes(lab: Lab, rest: str) -> str:
+def _bytes(lab: Lab, rest: str) -> None:
     if rest not in SOURCES:
         raise mistake(f"{WHERE} bytes", f"'{plain(rest)[:40]}'", "one of " + ", ".join(SOURCES))
     lab.bytes.source, lab.bytes.back, lab.bytes.is_chosen = rest, 0, True
-    return "hex"
 
 
-def _hex(lab: Lab, rest: str) -> str:
+def _hex(lab: Lab, rest: str) -> None:
     content = parse_hex(rest, f"{WHERE} hex")
     if len(content) > MOST_HEX:
         raise mistake(f"{WHERE} hex", f"{len(content)} bytes", f"at most {MOST_HEX}")
     lab.bytes.typed, lab.bytes.source, lab.bytes.is_chosen = content, HEX, True
-    return "hex"
 
 
-def _fit(lab: Lab, rest: str) -> str:
-    lab.judge()
-    return "fit"
-
-
-def _constant(lab: Lab, rest: str) -> str:
-    lab.know(constants_of(rest.split()))
-    return "tree"
-
-
-def _reload(lab: Lab, rest: str) -> str:
-    lab.look()
-    return "tree"
-
-
-_WORDS: Final[dict[str, Callable[[Lab, str], str]]] = {
-    "open": _open,
-    "project": _project,
-    "type": _type,
-    OURS: _profile(OURS),
-    THEIRS: _profile(THEIRS),
-    "swap": _swap,
-    "bytes": _bytes,
-    HEX: _hex,
-    "fit": _fit,
-    CONSTANT: _constant,
-    RELOAD: _reload,
+# By the word after `udt`: the pane that it is about, and what it does.
+_WORDS: Final[dict[str, tuple[str, Callable[[Lab, str], object]]]] = {
+    "open": ("tree", _open),
+    "project": ("tree", lambda lab, _: lab.go_home()),
+    "type": ("tree", Lab.choose_type),
+    OURS: ("tree", partial(_profile, OURS)),
+    THEIRS: ("tree", partial(_profile, THEIRS)),
+    "swap": ("tree", lambda lab, _: lab.exchange()),
+    "bytes": ("hex", _bytes),
+    HEX: ("hex", _hex),
+    "fit": ("fit", lambda lab, _: lab.judge()),
+    CONSTANT: ("tree", lambda lab, rest: lab.know(constants_of(rest.split()))),
+    RELOAD: ("tree", lambda lab, _: lab.look()),
 }
 WORDS: Final = tuple(_WORDS)

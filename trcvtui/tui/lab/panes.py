@@ -7,13 +7,14 @@ from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 
+from trcvtui.history.waveform_text import merged
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.dialogs import FieldsDialog, ResultScreen
-from trcvtui.tui.widgets.hex_view import HexView, merged
+from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.compare.fit import named, same_words

@@ -346,14 +346,14 @@ class LabScreen(SideScreen[None]):
 
     def action_constants(self) -> None:
         self.lab.asked_for = ()
-        if self.lab.files.unknown_constants:
+        if self.lab.files.types.unknown_constants:
             self._ask_constants()
         else:
             self._told = "every constant is known"
             self.show()
 
     def _ask_constants(self) -> None:
-        names = self.lab.files.unknown_constants
+        names = self.lab.files.types.unknown_constants
         if not names or names == self.lab.asked_for:
             return
         self.lab.asked_for = names
@@ -365,7 +365,7 @@ class LabScreen(SideScreen[None]):
             self.obey(f"{UDT} {CONSTANT} {pairs}")
 
     def action_problems(self) -> None:
-        lines = [str(problem) for problem in self.lab.files.problems]
+        lines = [str(problem) for problem in self.lab.files.types.problems]
         self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
 
     def action_into_data(self) -> None:

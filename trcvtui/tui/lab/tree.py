@@ -135,7 +135,7 @@ class LabTree(LineView):
     BINDINGS: ClassVar = [
         Binding("right,l", "fold(True)", show=False),
         Binding("left,h", "fold(False)", show=False),
-        Binding("space,enter", "toggle_branch", show=False),
+        Binding("space,enter", "fold(None)", show=False),
         Binding("z", "fold_all", show=False),
     ]
 
@@ -276,14 +276,8 @@ class LabTree(LineView):
             self._folds += 1
             self.go_to(y, tells=opens)
 
-    def action_toggle_branch(self) -> None:
-        self._fold(None)
-
-    def action_fold(self, is_open: bool) -> None:
-        """Open or close the branch under the cursor; closing what is closed goes to its owner."""
-        self._fold(is_open)
-
-    def _fold(self, wanted: bool | None) -> None:
+    def action_fold(self, wanted: bool | None) -> None:
+        """Open or close the branch under the cursor, None: the other one; closing the closed goes up."""
         tree, found = self._lab.tree, self.chosen
         if tree is None or found is None:
             return
@@ -308,7 +302,7 @@ class LabTree(LineView):
         found = self.chosen
         sign = MARK + 2 * len(found.key) if found is not None else 0
         if was == y or sign <= x < sign + 2:
-            self.action_toggle_branch()
+            self.action_fold(None)
         self.go_to(y)
 
 

@@ -30,7 +30,7 @@ from trcvtui.tui.peer_commands import (
 )
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import ResultScreen, text_rows
-from trcvtui.tui.widgets.line_view import LineView, Part, Row, pane_title, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, TextView, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.wording import count
 
@@ -149,7 +149,7 @@ def _tally(tally: CheckTally) -> str:
 NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
 
 
-class PeerNotes(LineView, can_focus=False):
+class PeerNotes(TextView, can_focus=False):
     """One line each, where the pane has room below the buttons."""
 
     DEFAULT_CSS = "PeerNotes { height: 1fr; }"
@@ -158,13 +158,7 @@ class PeerNotes(LineView, can_focus=False):
         super().__init__(id="peer-notes")
         self._view_model = view_model
 
-    def row_count(self) -> int:
-        return len(self._rows())
-
-    def row_at(self, y: int) -> Row:
-        return self._rows()[y]
-
-    def _rows(self) -> list[Row]:
+    def make_rows(self) -> list[Row]:
         peer = self._view_model.peer_snapshot
         if peer is None:
             return []
@@ -271,7 +265,7 @@ class PeerPanel(Vertical):
             self.run_worker(self._begin_to_speak())
         if self._view_model.project.peers and self._notes.is_mounted:
             self._buttons.show()
-            self._notes.show()
+            self._notes.draw()
             self._show_preview()
         self.show_trial()
 

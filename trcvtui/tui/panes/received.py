@@ -13,7 +13,6 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
-from trcvtui.history.hits import hit_of
 from trcvtui.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
@@ -23,10 +22,18 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.byte_values import numbers_at
-from trcvtui.tui.widgets.hex_view import CLOSES, NOT_CAPTURED, OPENS, HexView, marks_of_data, marks_of_part
+from trcvtui.tui.widgets.hex_view import (
+    CLOSES,
+    NOT_CAPTURED,
+    OPENS,
+    HexView,
+    marks_of_data,
+    marks_of_part,
+    numbers_at,
+)
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine, Goal
+from trcvtui.udt.byte_text import hit_of
 from trcvtui.wording import stamp
 
 BAR: Final = 12
@@ -385,8 +392,8 @@ class Received(Vertical):
     def _past_origin(self) -> str:
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
-        values = self.stream.value(), None if self.stream.marked else self.stream.before_value()
-        origin = origin_words(self.stream.cursor, values, self.stream.labels(), self._view_model.project)
+        project = self._view_model.project
+        origin = origin_words(self.stream.cursor, self.stream.values(), self.stream.labels(), project)
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def _with_hit(self, place: int | None, text: str) -> str:

@@ -24,26 +24,20 @@ from trcvtui.history.records import (
     span_at,
     spans_within,
 )
+from trcvtui.history.waveform_text import merged
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER
 from trcvtui.tui.widgets.hex_view import (
-    CHARACTER_OF,
     CLASS_OF,
-    GHOST_HEX,
-    GHOST_TEXT,
-    HEX_OF,
     HOLE,
-    HOLE_HEX,
-    HOLE_TEXT,
     NARROW,
-    WIDE,
+    WAS,
+    ByteLines,
     frame_signs,
     marks_of_span,
-    merged,
 )
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
+from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import all_in
 from trcvtui.wording import duration, stamp
 
@@ -52,7 +46,7 @@ from trcvtui.wording import duration, stamp
 
 SPLIT: Final = "╱"
 START: Final = "▕"
-MESSAGES, RECVS, JOBS, WAS, MARK = "msg", "recv", "job", "was", "mark"
+MESSAGES, RECVS, JOBS, MARK = "msg", "recv", "job", "mark"
 PACKETS: Final = "packet"  # of a capture: in place of messages and recv calls
 OF_A_CAPTURE: Final = frozenset((A_PACKET, A_HOLE))
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
@@ -204,25 +198,19 @@ LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need besi
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 
-class StreamView(LineView):
+class StreamView(ByteLines):
     """Bytes by position; `follows` keeps the newest in view."""
 
     KEYS: ClassVar = (
         ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
     )  # fmt: skip
-    BINDINGS: ClassVar = [
-        ("left,h", "step(-1)", "byte back"),
-        ("right,l", "step(1)", "byte on"),
-    ]
+
+    ROOM: ClassVar = TIGHT
 
     def __init__(self) -> None:
-        super().__init__(id="stream")
+        super().__init__("stream")
         self.window = NO_WINDOW
-        self.cursor: int | None = None
         self.follows = True
-        self.link = range(0)
-        self.patterns: tuple[bytes, ...] = ()
-        self.shows_before = False
         self._rulers = 0
         self._knows_messages = False  # an outside partner says nothing of its messages
         self._is_capture = False
@@ -230,8 +218,8 @@ class StreamView(LineView):
         self._cut = 0, 0  # the size of the messages that rows are cut at, where one begins; 0: none
         self._rows: dict[int, Row] = {}
         self._drawn: object = None
-        self._matched: frozenset[int] = frozenset()
-        self._before: dict[int, int] = {}
+        self._matched: set[int] = set()
+        self._compared_to: dict[int, int] = {}
         self.marked: tuple[range, bytes] | None = None  # a message that others are compared with
         self._compared = range(0)  # the one that is
         self.seek: Seek | None = None
@@ -262,7 +250,7 @@ class StreamView(LineView):
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
             self._is_capture = self._is_capture or any(m.peer in OF_A_CAPTURE for m in window.messages)
-            self._matched = frozenset(self._matches())
+            self._find_matches()
             self._find_before()
         self._rebase()
         sought = window.sought
@@ -281,7 +269,7 @@ class StreamView(LineView):
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
             parts = [(start, self.marked[1][: len(self._compared)])]
-        self._before = {place + n: byte for place, content in parts for n, byte in enumerate(content)}
+        self._compared_to = {place + n: byte for place, content in parts for n, byte in enumerate(content)}
 
     def compare(self, marked: tuple[range, bytes] | None, with_: range) -> None:
         if (marked, with_) != (self.marked, self._compared):
@@ -300,12 +288,9 @@ class StreamView(LineView):
         sizes = "" if len(here) == len(there) else f", {len(here)} B against {len(there)}"
         return f"≠ {found} of {min(len(here), len(there))} bytes{sizes}: "
 
-    def _matches(self) -> set[int]:
-        return {
-            self.window.start + place
-            for match in all_in(self.window.content, self.patterns)
-            for place in match
-        } if self.patterns else set()  # fmt: skip
+    def _find_matches(self) -> None:
+        found = all_in(self.window.content, self.patterns)
+        self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
         """Rows are counted from the oldest byte that is kept: when it goes, what is in view stays in view."""
@@ -357,7 +342,7 @@ class StreamView(LineView):
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
         self.patterns = patterns
-        self._matched = frozenset(self._matches())
+        self._find_matches()
         self.show()
 
     def change_rulers(self) -> None:
@@ -398,10 +383,6 @@ class StreamView(LineView):
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
-    def per_row(self) -> int:
-        return WIDE if self.line_width >= self.digits + TIGHT else NARROW
-
-    @property
     def _blank(self) -> int:
         """Return the blanks in the middle of a row and before its text: none where 16 bytes need the room."""
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
@@ -427,12 +408,13 @@ class StreamView(LineView):
             self._rows[y] = self._ruler(self.tracks[track - 1], at) if track else self._bytes(at)
         return self._rows[y]
 
-    def _column(self, index: int) -> int:
-        return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
-
     @property
     def _width(self) -> int:
         return self._column(self.per_row - 1) + 2
+
+    @property
+    def _text_column(self) -> int:
+        return self._width + 1 + self._blank
 
     def _bytes(self, at: range) -> Row:
         start, stop = at.start, at.stop
@@ -443,48 +425,36 @@ class StreamView(LineView):
         styles = [self._style_of(position) for position in range(start, stop)]
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
-            byte = self._byte(position)
-            unknown = HOLE_HEX if self._is_hole(position) else GHOST_HEX
-            parts.append((unknown if byte is None else HEX_OF[byte], styles[index]))
+            parts.append((self._signs_of(position)[0], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
                 parts.append(before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
-        text = [self._character(position) for position in range(start, stop)]
+        text = [self._signs_of(position)[1] for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
         return Row(tuple(merged([part for part in parts if part[0]])))
 
-    def _byte(self, position: int) -> int | None:
-        """Return the byte at a position, None where it is not known."""
+    def _byte(self, place: int) -> int | None:
         window = self.window
-        if not window.start <= position < window.stop or self._is_hole(position):
+        if not window.start <= place < window.stop or self.is_hole(place):
             return None
-        job = span_at(window.jobs, position)
-        return window.content[position - window.start] if job is not None and job.is_kept else None
+        job = span_at(window.jobs, place)
+        return window.content[place - window.start] if job is not None and job.is_kept else None
 
-    def known_from(self, position: int) -> bytes:
-        """Return the bytes from one on that can be a number, up to the first that is not known."""
-        positions = range(position, position + MOST_OF_NUMBER)
-        return bytes(iter(map(self._byte, positions).__next__, None))
+    def _before(self, place: int) -> int | None:
+        return self._compared_to.get(place)
 
-    def _is_hole(self, position: int) -> bool:
-        """Return whether a capture has not the byte at a position."""
-        message = span_at(self.window.messages, position) if self._is_capture else None
+    def is_hole(self, place: int) -> bool:
+        message = span_at(self.window.messages, place) if self._is_capture else None
         return message is not None and message.peer == A_HOLE
-
-    def _character(self, position: int) -> str:
-        byte = self._byte(position)
-        if byte is None:
-            return HOLE_TEXT if self._is_hole(position) else GHOST_TEXT
-        return CHARACTER_OF[byte]
 
     def _style_of(self, position: int) -> str:
         byte, job = self._byte(position), span_at(self.window.jobs, position)
         style = "ghost" if byte is None else CLASS_OF[byte]
-        style = HOLE if self._is_hole(position) else style
+        style = HOLE if self.is_hole(position) else style
         if job is not None and (job.prefix or job.suffix or not job.done):
             style = marks_of_span(job).style(position) or (style if job.done else "ghost")
-        if byte is not None and self._before.get(position, byte) != byte:
+        if self._differs(position):
             style += " changed"
         if position in self.link:
             style += " link"
@@ -499,10 +469,9 @@ class StreamView(LineView):
         if start >= stop:
             return EMPTY
         width = self._width
-        name = MARK if track == WAS and self.marked is not None else track
-        head: Part = (f"{name:>{self.digits}} ", "faint")
         if track == WAS:
-            return Row((head, (" ", ""), (self._was(start, stop), "warn")))
+            return self._was(start, stop, WAS if self.marked is None else MARK)
+        head: Part = (f"{track:>{self.digits}} ", "faint")
         parts, side = self._drawn_ruler(track, start, stop)
         marks = message_splits(self.window, start, stop) if track != RECVS else frozenset()
         first: Part = (SPLIT, "warn strong") if start in marks else (" ", "")
@@ -535,16 +504,6 @@ class StreamView(LineView):
                 place += 1
         return merged(found)
 
-    def _was(self, start: int, stop: int) -> str:
-        """Return the bytes of the job before, where they differ."""
-        line = [" "] * self._width
-        for index, position in enumerate(range(start, stop)):
-            before, now = self._before.get(position), self._byte(position)
-            if before is not None and before != now:
-                place = self._column(index)
-                line[place : place + 2] = HEX_OF[before]
-        return "".join(line)
-
     # -- one byte -----------------------------------------------------------------------------------------
 
     def labels(self) -> tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]:
@@ -557,25 +516,17 @@ class StreamView(LineView):
             span_at(window.messages, place),
         )
 
-    def value(self) -> int | None:
-        return None if self.cursor is None else self._byte(self.cursor)
-
-    def before_value(self) -> int | None:
-        return None if self.cursor is None else self._before.get(self.cursor)
+    def values(self) -> tuple[int | None, int | None]:
+        """Return the byte under the cursor, and what it was in the job before."""
+        place = -1 if self.cursor is None else self.cursor
+        return self._byte(place), None if self.marked else self._before(place)
 
     # -- the cursor ---------------------------------------------------------------------------------------
 
     def go_to(self, position: int) -> None:
         """Put the cursor on a byte and bring it into view, rulers and all, without a message."""
         self.cursor, self.follows = position, False
-        y = self._row_of(position) * self.lines
-        self.keep_in_view(y + self.lines - 1)
-        self.keep_in_view(y)
-        self.show()
-
-    def show_link(self, link: range) -> None:
-        self.link = link
-        self.show()
+        self._show_row(self._row_of(position))
 
     def select(self, position: int) -> None:
         if self.window.end > self.window.begin:
@@ -622,12 +573,7 @@ class StreamView(LineView):
         place = self.place_of(event)
         if place is None:
             return
-        column, row = place[0] - self.digits - 2, place[1] // self.lines
-        text = self._width + 1 + self._blank
-        index = column - text if column >= text else self._index(column)
-        if column >= 0 and 0 <= index < self.per_row:
-            found = self._row(row)
+        index = self._index_at(place[0])
+        if index is not None:
+            found = self._row(place[1] // self.lines)
             self.select(min(found.start + index, found.stop - 1))
-
-    def _index(self, column: int) -> int:
-        return (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3

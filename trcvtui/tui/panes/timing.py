@@ -79,16 +79,8 @@ class TimingView:
         elif column > self._first + self._count - 1 - margin:
             self._first = column - self._count + 1 + margin
 
-    def page(self, pages: int, until: int) -> None:
-        here = until if self.cursor is None else self.cursor
-        self.go_to(here + pages * self._count * self.zoom, until)
-
     def now(self) -> None:
         self.cursor, self.follows = None, True
-
-    def follow(self) -> None:
-        """Follow the newest scan, or let the view stand; the cursor keeps its scan."""
-        self.follows = not self.follows
 
     def mark(self, until: int) -> None:
         here = until if self.cursor is None else self.cursor
@@ -368,8 +360,7 @@ class Timing(LineView):
         self.show()
 
     def action_page(self, pages: int) -> None:
-        self.view.page(pages, self._until)
-        self.go_to(self.view.cursor)
+        self.go_to(self._here + pages * self._window.width * self.view.zoom)
 
     def action_edge(self, direction: int) -> None:
         self.go_to(self._until if direction > 0 else self.wave.first_scan)
@@ -379,7 +370,8 @@ class Timing(LineView):
         self.show()
 
     def action_follow(self) -> None:
-        self.view.follow()
+        """Follow the newest scan, or let the view stand; the cursor keeps its scan."""
+        self.view.follows = not self.view.follows
         self.show()
 
     def action_mark(self) -> None:

@@ -148,17 +148,14 @@ class UdtTable(LineView):
         return [(f"{present} of {leaf.size} B" if present else "-", "ghost")]
 
     def _padding(self, index: int) -> str:
-        gap = self.gap_after(index)
-        return f"  + {gap} B padding" if gap else ""
-
-    def gap_after(self, index: int) -> int:
         """Return how many bytes of padding follow the leaf at `index` of the page."""
         declared, leaf = self._view_model.declaration, self._leaves[index]
         if declared is None:
-            return 0
+            return ""
         last = self._page[0] + index + 1 >= declared.layout.leaf_count
         after = declared.layout.size if last else self._leaves[index + 1].offset
-        return max(0, after - leaf.offset - leaf.size)
+        gap = after - leaf.offset - leaf.size
+        return f"  + {gap} B padding" if gap > 0 else ""
 
     # -- both ways ----------------------------------------------------------------------------------
 

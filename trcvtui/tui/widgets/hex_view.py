@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
-from itertools import groupby
 from typing import ClassVar, Final, NamedTuple
 
 from trcvtui.history.records import JobSpan, PreviousJobBytes
+from trcvtui.history.waveform_text import merged
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected
-from trcvtui.tui.widgets.byte_values import MOST_OF_NUMBER
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in
 
@@ -81,7 +81,6 @@ def frame_signs(spans: Sequence[JobSpan]) -> dict[int, str]:
 # The character tells the class as well, so that the colour is never the only sign.
 
 NULL, PRINTABLE, SPACE, CONTROL, HIGH = "null", "printable", "space", "control", "high"
-CLASSES: Final = (NULL, PRINTABLE, SPACE, CONTROL, HIGH)
 
 
 def byte_class(byte: int) -> str:
@@ -115,30 +114,133 @@ LEAST_DIGITS: Final = 4
 WAS: Final = "was"
 
 
-class HexView(LineView):
-    """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
+class ByteLines(LineView):
+    """Bytes in lines, one of them under the cursor; a link to a member and matches of a search are marked."""
 
-    KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
-        ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"),
-    )  # fmt: skip
+    ROOM: ClassVar = 68  # columns that 16 bytes need beside their place
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),
     ]
 
-    def __init__(self, id: str, of_job: bool) -> None:
+    def __init__(self, id: str) -> None:
         super().__init__(id=id)
+        self.cursor: int | None = None
+        self.link = range(0)
+        self.patterns: tuple[bytes, ...] = ()
+        self.shows_before = False  # below the bytes of now those of before, where they differ
+
+    # -- what a subclass says -----------------------------------------------------------------------
+
+    @property
+    def digits(self) -> int:
+        """Return the digits of a place."""
+        raise NotImplementedError
+
+    @property
+    def per_row(self) -> int:
+        """Return how many bytes stand in a line: 16, on a narrow pane 8."""
+        return WIDE if self.line_width >= self.digits + self.ROOM else NARROW
+
+    @property
+    def lines(self) -> int:
+        """Return how many lines a row of bytes has."""
+        return 2 if self.shows_before else 1
+
+    def is_hole(self, place: int) -> bool:
+        """Return whether a byte is unknown: a capture has it not."""
+        raise NotImplementedError
+
+    def _byte(self, place: int) -> int | None:
+        """Return the byte at a place, None where it is not known."""
+        raise NotImplementedError
+
+    def _before(self, place: int) -> int | None:
+        """Return what stood there before, None where nothing is compared."""
+        raise NotImplementedError
+
+    # -- what is marked -----------------------------------------------------------------------------
+
+    def mark(self, patterns: tuple[bytes, ...]) -> None:
+        self.patterns = patterns
+        self.show()
+
+    def show_link(self, link: range) -> None:
+        self.link = link
+        self.show()
+
+    def known_from(self, place: int) -> bytes:
+        """Return the bytes from one on that can be a number, up to the first that is not known."""
+        places = range(place, place + MOST_OF_NUMBER)
+        return bytes(iter(map(self._byte, places).__next__, None))
+
+    def _differs(self, place: int) -> bool:
+        byte = self._byte(place)
+        return byte is not None and self._before(place) not in (None, byte)
+
+    # -- columns ------------------------------------------------------------------------------------
+
+    @property
+    def _blank(self) -> int:
+        """Return the blanks in the middle of a row of 16."""
+        return 1
+
+    @property
+    def _text_column(self) -> int:
+        """Return where the text begins, counted from the first byte."""
+        return self._column(self.per_row) + 2
+
+    def _column(self, index: int) -> int:
+        return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
+
+    def _index_at(self, x: int) -> int | None:
+        """Return which byte of a row stands in column `x`, in hex or as text."""
+        column = x - self.digits - 2
+        if column >= self._text_column:
+            index = column - self._text_column
+        else:
+            index = (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
+        return index if column >= 0 and index < self.per_row else None
+
+    def _signs_of(self, place: int) -> tuple[str, str]:
+        """Return a byte in hex and as a character."""
+        byte = self._byte(place)
+        if byte is not None:
+            return HEX_OF[byte], CHARACTER_OF[byte]
+        return (HOLE_HEX, HOLE_TEXT) if self.is_hole(place) else (GHOST_HEX, GHOST_TEXT)
+
+    def _was(self, start: int, stop: int, name: str = WAS) -> Row:
+        """Return the bytes of before, where they differ."""
+        line = [" "] * self._column(self.per_row)
+        for index, place in enumerate(range(start, stop)):
+            before = self._before(place)
+            if before is not None and before != self._byte(place):
+                line[self._column(index) : self._column(index) + 2] = HEX_OF[before]
+        return Row(((f"{name:>{self.digits}}  ", "faint"), ("".join(line), "warn")))
+
+    def _show_row(self, y: int) -> None:
+        """Bring a row of bytes into view with all of its lines."""
+        self.keep_in_view(y * self.lines + self.lines - 1)
+        self.keep_in_view(y * self.lines)
+        self.show()
+
+
+class HexView(ByteLines):
+    """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
+
+    KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"),
+    )  # fmt: skip
+
+    def __init__(self, id: str, of_job: bool) -> None:
+        super().__init__(id)
         self.of_job = of_job
         self.content: bytes = b""
         self.need = self.rows_kept = 0  # rows that stay while there are fewer bytes
-        self.cursor: int | None = None
-        self.link = range(0)
         self.starts: frozenset[int] = frozenset()
         self.holes: tuple[range, ...] = ()
-        self.patterns: tuple[bytes, ...] = ()
         self.frame: Marked | None = None  # the frame that begins with the first byte
         self.before: PreviousJobBytes | None = None
-        self.shows_before = False
 
     def show_bytes(
         self, content: bytes, need: int, starts: frozenset[int], holes: tuple[range, ...] = ()
@@ -150,22 +252,16 @@ class HexView(LineView):
         self.content, self.need, self.starts, self.holes = content, max(need, len(content)), starts, holes
         self.show()
 
-    def is_hole(self, offset: int) -> bool:
-        """Return whether a byte is unknown: a capture has it not."""
-        return any(offset in hole for hole in self.holes)
+    def is_hole(self, place: int) -> bool:
+        return any(place in hole for hole in self.holes)
 
-    def known_from(self, offset: int) -> bytes:
-        """Return the bytes from one on that can be a number, none of them unknown."""
-        stop = offset + MOST_OF_NUMBER
-        return self.content[offset : next(filter(self.is_hole, range(offset, stop)), stop)]
+    def _byte(self, place: int) -> int | None:
+        is_here = place < len(self.content) and not (self.holes and self.is_hole(place))
+        return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
         """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
         self.before = before
-        self.show()
-
-    def mark(self, patterns: tuple[bytes, ...]) -> None:
-        self.patterns = patterns
         self.show()
 
     def in_view(self) -> tuple[int, int]:
@@ -173,25 +269,10 @@ class HexView(LineView):
         rows = self.size.height // self.lines + 2
         return self.scroll_offset.y // self.lines * self.per_row, rows * self.per_row
 
-    def show_link(self, link: range) -> None:
-        self.link = link
-        self.show()
-
     def go_to(self, offset: int) -> None:
         """Put the cursor on a byte and bring it into view, without a message."""
         self.cursor = offset
-        self.keep_in_view(offset // self.per_row * self.lines + self.lines - 1)
-        self.keep_in_view(offset // self.per_row * self.lines)
-        self.show()
-
-    @property
-    def per_row(self) -> int:
-        """Return how many bytes stand in a line: 16, on a narrow pane 8."""
-        return WIDE if self.line_width >= self.digits + 68 else NARROW
-
-    @property
-    def lines(self) -> int:
-        return 2 if self.shows_before else 1
+        self._show_row(offset // self.per_row)
 
     @property
     def digits(self) -> int:
@@ -226,24 +307,13 @@ class HexView(LineView):
         found = all_in(self.content[first : stop + more], self.patterns)
         return {first + place for match in found for place in match}
 
-    def _was(self, start: int, stop: int) -> Row:
-        """Return the bytes of the job before, where they differ."""
-        parts: list[Part] = [(f"{WAS:>{self.digits}}  ", "faint")]
-        for offset in range(start, stop):
-            gap = "  " if self.per_row == WIDE and offset - start == NARROW - 1 else " "
-            differs = self._differs(offset)
-            parts.append(((HEX_OF[self._was_byte(offset) or 0] if differs else "  ") + gap, "warn"))
-        return Row(tuple(merged(parts)))
-
-    def _was_byte(self, offset: int) -> int | None:
+    def _before(self, place: int) -> int | None:
+        """Return the byte of the job before; of one that is not known now nothing is compared."""
         before = self.before
-        place = offset - before.position if before is not None else -1
-        return before.content[place] if before is not None and 0 <= place < len(before.content) else None
-
-    def _differs(self, offset: int) -> bool:
-        was = self._was_byte(offset)
-        is_known = offset < len(self.content) and not self.is_hole(offset)
-        return was is not None and is_known and was != self.content[offset]
+        if before is None or self._byte(place) is None:
+            return None
+        at = place - before.position
+        return before.content[at] if 0 <= at < len(before.content) else None
 
     def _style_of(self, offset: int) -> str:
         style = CLASS_OF[self.content[offset]] if offset < len(self.content) else "ghost"
@@ -267,10 +337,7 @@ class HexView(LineView):
                 parts.append(("    " if wide_gap else "   ", ""))
                 continue
             offset = start + index
-            text = HEX_OF[self.content[offset]] if offset < len(self.content) else GHOST_HEX
-            if self.holes and self.is_hole(offset):
-                text = HOLE_HEX
-            parts.append((text, styles[index]))
+            parts.append((self._signs_of(offset)[0], styles[index]))
             parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
         return merged(parts)
 
@@ -288,10 +355,7 @@ class HexView(LineView):
         return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
-        shown = self.content[start : start + len(styles)]
-        text = [CHARACTER_OF[byte] for byte in shown] + [GHOST_TEXT] * (len(styles) - len(shown))
-        if self.holes:
-            text = [HOLE_TEXT if self.is_hole(start + n) else one for n, one in enumerate(text)]
+        text = [self._signs_of(start + index)[1] for index in range(len(styles))]
         return [(" │", "faint"), *merged(list(zip(text, styles, strict=True)))]
 
     # -- the cursor ---------------------------------------------------------------------------------
@@ -333,20 +397,10 @@ class HexView(LineView):
         return place is not None
 
     def click(self, x: int, y: int) -> None:
-        offset = self._offset_at(x, y)
-        if offset is not None:
+        index = self._index_at(x)
+        offset = y // self.lines * self.per_row + (index or 0)
+        if index is not None and offset < self.need:
             self.select(offset)
-
-    def _offset_at(self, x: int, y: int) -> int | None:
-        column, text = x - self.digits - 2, 3 * self.per_row + (1 if self.per_row == WIDE else 0) + 2
-        if column < 0:
-            return None
-        if column >= text:
-            index = column - text
-        else:
-            index = (column - (1 if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
-        offset = y // self.lines * self.per_row + index
-        return offset if index < self.per_row and offset < self.need else None
 
     def on_focus(self) -> None:
         """Show the cursor, and make this view the one that the table decodes."""
@@ -354,9 +408,24 @@ class HexView(LineView):
         self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
 
 
-def merged(parts: Sequence[Part]) -> list[Part]:
-    """Return parts with neighbours of one style put together: fewer pieces to paint."""
-    return [
-        ("".join(text for text, _ in group), style)
-        for style, group in groupby(parts, key=lambda part: part[1])
-    ]
+# The numbers that begin with a byte, in the order of their worth: what has no room is left out.
+NUMBERS: Final = (
+    ("u8", "B"), ("i8", "b"), ("u16", "H"), ("i16", "h"), ("REAL", "f"), ("u32", "I"), ("i32", "i"),
+    ("LREAL", "d"), ("u64", "Q"), ("i64", "q"),
+)  # fmt: skip
+MOST_OF_NUMBER: Final = 8  # bytes
+
+
+def numbers_at(content: bytes, width: int) -> str:
+    """Return as many as fit a line, `little|big`; a signed one only where it differs from the unsigned."""
+    line, before = "LE|BE", ""
+    for name, code in NUMBERS:
+        size = struct.calcsize(code)
+        if len(content) < size:
+            continue
+        values = [struct.unpack(order + code, content[:size])[0] for order in ("<>" if size > 1 else "<")]
+        text = "|".join(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values)
+        if text != before and len(line) + len(name) + len(text) + 3 <= width:
+            line += f"  {name} {text}"
+        before = text
+    return line if content else ""

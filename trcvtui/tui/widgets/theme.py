@@ -63,6 +63,21 @@ def _or_default(background: Color) -> RichColor | None:
     return background.rich_color if background.a > 0 else None
 
 
+def _variables(muted: int, pale: int, borders: tuple[str, str], bars: tuple[str, str, str]) -> dict[str, str]:
+    """Return the colours that are not Textual's own mixtures."""
+    backs = ("background", "background-hover", "background-active", "corner-color")
+    return {
+        "text-muted": f"auto {muted}%",
+        "text-disabled": f"auto {pale}%",
+        "border": borders[0],
+        "border-blurred": borders[1],
+        "scrollbar": bars[0],
+        "scrollbar-hover": bars[1],
+        "scrollbar-active": borders[0],
+        **{f"scrollbar-{back}": bars[2] for back in backs},
+    }
+
+
 DARK: Final = Theme(
     name="bench-dark",
     primary="#6cb6d9",
@@ -76,19 +91,7 @@ DARK: Final = Theme(
     surface="#161b22",
     panel="#1e252e",
     dark=True,
-    variables={
-        "text-muted": "auto 66%",
-        "text-disabled": "auto 53%",
-        "border": "#6cb6d9",
-        "border-blurred": "#3d4957",
-        "scrollbar": "#4a5868",
-        "scrollbar-hover": "#5d6d80",
-        "scrollbar-active": "#6cb6d9",
-        "scrollbar-background": "#161b22",
-        "scrollbar-background-hover": "#161b22",
-        "scrollbar-background-active": "#161b22",
-        "scrollbar-corner-color": "#161b22",
-    },
+    variables=_variables(66, 53, ("#6cb6d9", "#3d4957"), ("#4a5868", "#5d6d80", "#161b22")),
 )
 LIGHT: Final = Theme(
     name="bench-light",
@@ -103,19 +106,7 @@ LIGHT: Final = Theme(
     surface="#fbfaf7",
     panel="#e9e6df",
     dark=False,
-    variables={
-        "text-muted": "auto 72%",
-        "text-disabled": "auto 57%",
-        "border": "#18597f",
-        "border-blurred": "#b5afa1",
-        "scrollbar": "#a8a294",
-        "scrollbar-hover": "#8d8778",
-        "scrollbar-active": "#18597f",
-        "scrollbar-background": "#fbfaf7",
-        "scrollbar-background-hover": "#fbfaf7",
-        "scrollbar-background-active": "#fbfaf7",
-        "scrollbar-corner-color": "#fbfaf7",
-    },
+    variables=_variables(72, 57, ("#18597f", "#b5afa1"), ("#a8a294", "#8d8778", "#fbfaf7")),
 )
 # The terminal's own 16 colours on its own background: for consoles that have no more, and under NO_COLOR.
 ANSI: Final = Theme(

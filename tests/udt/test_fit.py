@@ -210,3 +210,12 @@ def _bits(layout: Layout) -> list[tuple[int, int | None]]:
 def test_a_string_that_a_layout_cannot_hold_leaves_that_layout_out() -> None:
     type_ = types_of("TYPE T : STRUCT a : STRING[400]; b : INT; END_STRUCT END_TYPE").named("T")
     assert {one.profile.text for one in fit(type_, [bytes(404)])} == {"cstr", "nul"}
+
+
+def test_a_drift_beside_bools_that_are_bits_is_compared() -> None:
+    type_ = types_of(
+        "TYPE T : STRUCT a : BOOL; b : BOOL; n : INT; r : REAL; k : INT; END_STRUCT END_TYPE"
+    ).named("T")
+    layout = lay_out(type_, rules_for("s7-standard"))
+    sent = [encode(layout, {"a": True, "b": True, "n": 7 + at, "r": 2.5, "k": 300}) for at in range(3)]
+    assert fit(type_, sent)[0].profile.layout == "s7-standard"

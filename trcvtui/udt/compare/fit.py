@@ -614,7 +614,7 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         if is_one_way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
             continue
         if other.cause.kind in DRIFTS and all(
-            best.by_path[path] == has for path, has in other.by_path.items()
+            best.by_path.get(path) == has for path, has in other.by_path.items()
         ):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR

@@ -133,7 +133,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt fit`, and whether one reading fits best."""
     from trcvtui.udt.compare.fit import fit as ranked
-    from trcvtui.udt.compare.fit import fit_json, fit_text
+    from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
     ours, sender = _layout_and_sender(args)
     messages = given_messages(" ".join(args.hex))

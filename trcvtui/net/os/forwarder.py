@@ -361,7 +361,7 @@ class Forwarder(TapLoop):
 
 
 def say_at_once(line: str) -> None:
-    """Tell the user a line on stderr; where nobody reads what was told before, leave it out."""
+    """Tell the user a line on stderr; where what was told before is not read, leave it out."""
     with suppress(OSError, ValueError):
         if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
             poller = select.poll()

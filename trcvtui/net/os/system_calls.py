@@ -38,7 +38,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll; there an RST of who is not read may show late."""
+    """The poll set of a system without epoll; there the RST of a socket that is not read may show late."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}

@@ -17,7 +17,7 @@ from trcvtui.tui.widgets.dialogs import FieldsDialog, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
-from trcvtui.udt.compare.fit import named, same_words
+from trcvtui.udt.compare.fit_report import named, same_words
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.literals import parse_integer
 

@@ -29,7 +29,7 @@ from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
-from trcvtui.udt.compare.fit import reason_lines
+from trcvtui.udt.compare.fit_report import reason_lines
 from trcvtui.udt.exports import LANGUAGES, export
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.sources import formats_text

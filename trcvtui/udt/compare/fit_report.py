@@ -1,0 +1,79 @@
+"""The readings of `udt fit` as text and as JSON: names from a file reach the terminal as one plain line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from trcvtui.errors import one_line
+from trcvtui.udt.compare.fit import NAMED, Fit, verdict
+
+MOST_ROWS: Final = 10  # of the text; JSON has all
+MOST_PRINTED: Final = 12
+
+
+def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
+    """Return every reading, the best first, as `udt fit --format json` prints it."""
+    return [
+        {
+            "rank": found.rank,
+            "layout": found.profile.layout,
+            "byte_order": found.profile.byte_order,
+            "text": found.profile.text or None,
+            "cause": found.cause.kind,
+            "n": found.cause.n,
+            "member": found.cause.member or None,
+            "points": found.score,
+            "fits_best": found.fits_best,
+            "reasons": list(reason_lines(found)),
+        }
+        for found in fits
+    ]
+
+
+def fit_text(fits: Sequence[Fit], came: str) -> str:
+    """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
+    lines = [one_line(f"{came}: {verdict(fits)}")]
+    rows = [
+        found
+        for found, before in zip(fits, (None, *fits), strict=False)
+        if found.rank != (before and before.rank)
+    ]
+    for found in rows[:MOST_ROWS]:
+        lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
+        if found is fits[0]:
+            told = list(reason_lines(found))
+            lines += [f"             {line}" for line in told[:MOST_PRINTED]]
+            if len(told) > MOST_PRINTED:
+                lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
+        elif found.same:
+            lines.append(f"             no byte tells it from {same_words(found)}")
+    if len(rows) > MOST_ROWS:
+        lines.append(f"and {len(rows) - MOST_ROWS} more readings (--format json)")
+    return "\n".join(lines)
+
+
+def named(found: Fit) -> str:
+    """Return the first profile with the cause, and how many mean the same."""
+    more = len(found.profiles) - 1
+    return found.name + (f" (and {more} the same)" if more else "")
+
+
+def reason_lines(found: Fit) -> Iterator[str]:
+    """Yield what speaks for and against a reading, the profiles that mean the same first."""
+    if found.doubt:
+        yield one_line(f"not sure: {found.doubt}")
+    if found.same:
+        yield f"no byte tells it from {same_words(found)}"
+    if len(found.profiles) > 1:
+        yield "the same for these bytes: " + "; ".join(str(profile) for profile in found.profiles[1:])
+    if found.profile.text:
+        yield f"STRING as {found.profile.text}"
+    yield f"{found.members:+.1f} are the members' own points"
+    yield from (one_line(f"{reason.points:+.1f} {reason.text}") for reason in found.reasons)
+
+
+def same_words(found: Fit) -> str:
+    """Return the other readings that find the same values at the same places."""
+    more = len(found.same) - NAMED
+    return "; ".join(found.same[:NAMED]) + (f"; and {more} more" if more > 0 else "")

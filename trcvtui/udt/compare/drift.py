@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from heapq import nlargest
@@ -21,7 +21,7 @@ from trcvtui.udt.compare.likelihood import (
     evidence,
 )
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, beside, lay_out
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.layout.placing import Placing, Span, up
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
@@ -63,10 +63,10 @@ _Part = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
-    """One drift: what it is, the size of the type then, and the type, which is made only where that fits."""
+    """One drift: what it is, how the type lies then, and the type, which is made of the likeliest ones."""
 
     cause: FitCause
-    span: Node | Span
+    lying: Node | Span
     type: Callable[[], Type]
 
 
@@ -81,8 +81,8 @@ def drifted_layouts(
     """Yield the likeliest ways in which a drifted type has the size of the messages, each once."""
     size = len(messages[-1])
     asked = [(profile, layout) for profiles, layout in layouts for profile in profiles]
-    known: dict[LayoutRules, list[tuple[FitCause, Type, Node]]] = {}  # the same in both byte orders
-    found: dict[object, tuple[float, Profile, FitCause, Type]] = {}
+    known: dict[LayoutRules, list[_Drift]] = {}  # the same in both byte orders
+    found: dict[object, tuple[float, Profile, _Drift]] = {}
     judge = _Judge(messages)
     for profile, layout in asked:
         is_several = size > layout.size and not size % max(layout.size, 1)  # messages in one
@@ -92,20 +92,20 @@ def drifted_layouts(
         in_order = replace(rules, byte_order="big")
         if in_order not in known:
             drifts = _Drifts(rules).of(layout.type, size - layout.size, "")
-            fitting = ((drift.cause, drift.type()) for drift in drifts if drift.span.size == size)
-            place = Placing(rules).place
-            known[in_order] = [(*one, place(one[1], "")) for one in islice(fitting, MOST_TRIED)]
-        for cause, type_, node in known[in_order]:
-            points = cause.cost + judge.points(node, 0, rules)
-            key = rules.byte_order, profile.text, cause.member, cause.theirs, round(points, 6)
-            found.setdefault(key, (points, profile, cause, type_))
+            fitting = (drift for drift in drifts if drift.lying.size == size)
+            known[in_order] = list(islice(fitting, MOST_TRIED))
+        for drift in known[in_order]:
+            cause = drift.cause
+            points = round(cause.cost + judge.points(drift.lying, 0, rules), 6)
+            key = rules.byte_order, profile.text, cause.member, cause.theirs, points
+            found.setdefault(key, (points, profile, drift))
     seen = {_places(layout, shift) for _, layout in asked for shift in (0, size - layout.size)}
-    for _, profile, cause, type_ in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
-        layout = lay_out(type_, beside(profile.rules, own), layouts[0][1].name)
+    for _, profile, drift in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
+        layout = lay_out(drift.type(), beside(profile.rules, own), layouts[0][1].name)
         places = _places(layout)
         if places not in seen:
             seen.add(places)
-            yield (profile,), layout, cause
+            yield (profile,), layout, drift.cause
 
 
 class _Judge:
@@ -113,22 +113,16 @@ class _Judge:
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-FIRST_SIGHT:]
-        self.at_place: dict[tuple[int, int, str], tuple[float, Node]] = {}
+        self.at_place: dict[tuple[int, int, str], tuple[float, Node | Span]] = {}
         self.of_bytes: dict[object, LeafEvidence | None] = {}
 
-    def points(self, node: Node, offset: int, rules: LayoutRules) -> float:
+    def points(self, node: Node | Span, offset: int, rules: LayoutRules) -> float:
         key = id(node), offset, rules.byte_order
         if key not in self.at_place:
             if isinstance(node, PlacedLeaf):
                 points = self.leaf_points(node, offset, rules)
-            elif isinstance(node, PlacedArray):
-                starts = (node.place(number)[0] for number in range(node.count))
-                points = sum(self.points(node.element, offset + start, rules) for start in starts)
             else:
-                parts = zip(node.names, node.offsets, node.nodes, strict=True)
-                points = sum(
-                    self.points(part, offset + start, rules) for name, start, part in parts if name != UNKNOWN
-                )
+                points = sum(self.points(part, offset + start, rules) for start, part in _parts(node))
             self.at_place[key] = points, node
         return self.at_place[key][0]
 
@@ -145,6 +139,14 @@ class _Judge:
         return sum(told) / len(told) * len(told) ** REPEATED if told else 0.0
 
 
+def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node | Span]]:
+    if isinstance(node, Span):
+        return node.parts
+    if isinstance(node, PlacedArray):
+        return ((node.place(number)[0], node.element) for number in range(node.count))
+    return zip(node.offsets, node.nodes, strict=True)
+
+
 def _places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
     """Return where the members of our own type lie, and in which form."""
     rules = layout.rules
@@ -155,40 +157,64 @@ def _places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
     )
 
 
-class _Sizes:
-    """The size of a STRUCT with others in place of some parts: what follows lies alike at like remainders."""
+class _Changes:
+    """A STRUCT with others in place of some parts: what follows lies alike at like remainders."""
 
     def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_Part]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
-        self.before = [placing.spots(type_, parts[:at])[1:] for at in range(len(parts) + 1)]
-        self.starts = [*(offset for offset, _ in placing.spots(type_, parts)[0]), up(*self.before[-1])]
-        self.known: dict[tuple[int, int], tuple[list[int], int, int]] = {}
-        self.has_bits = _has_bit(parts)
+        self.cap, self.has_bits = placing.cap(type_), _has_bit(parts)
+        spots, end, align = placing.spots(type_, parts)
+        self.starts = [*(offset for offset, _ in spots), up(end, align)]
+        self.heads = [Span(0, placing.rules.struct_floor)]
+        for start, part in zip(self.starts, parts, strict=False):
+            head = self.heads[-1]
+            _, end, step = self.put(part, head.size)
+            self.heads.append(Span(end, max(head.align, step), ((0, head), *_known(start, part))))
+        self.tails: dict[tuple[int, int], Span] = {}
 
-    def span(self, at: int, stop: int, *new: _Part) -> tuple[Span, int]:
-        """Return the size with these for the parts from `at` to `stop`, how far what follows is moved."""
-        if self.has_bits or _has_bit(new):  # where the next one lies tells no remainder
-            spots, end, align = self.placing.spots(self.type, [*self.parts[:at], *new, *self.parts[stop:]])
-            starts = [offset for offset, _ in spots[at + len(new) :]]
+    def put(self, part: _Part, end: int) -> tuple[int, int, int]:
+        """Return where a part begins and ends that follows `end`, and its alignment."""
+        _, inner, node = part
+        step = self.placing.step(node, self.cap)
+        start = up(end, step)
+        return start, up(start + node.size, self.placing.end_floor(inner)), step
+
+    def change(self, at: int, stop: int, new: _Part | None = None) -> tuple[Span, int]:
+        """Return the STRUCT with one part, or none, for those from `at` to `stop`; how far the next moves."""
+        if self.has_bits or (new and _has_bit([new])):  # where the next one lies tells no remainder
+            parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
+            spots, end, align = self.placing.spots(self.type, parts)
+            places = zip(spots, parts, strict=True)
+            lying = [one for (start, _), part in places for one in _known(start, part)]
+            starts = [start for start, _ in spots[len(parts) - len(self.parts) + stop :]]
         else:
-            end, align = self.before[at]
-            _, end, own = self.placing.spots(self.type, [_filled(end), *new])
-            bytes_before = end - end % LARGEST_ALIGN
-            starts, end, last = self.after(stop, end % LARGEST_ALIGN)
-            starts, end = [bytes_before + start for start in starts[:1]], bytes_before + end
-            align = max(align, own, last)
+            head = self.heads[at]
+            start, end, step = self.put(new, head.size) if new else (0, head.size, 1)
+            before = end - end % LARGEST_ALIGN
+            tail = self.tail(stop, end % LARGEST_ALIGN)
+            lying = [(0, head), *(_known(start, new) if new else []), (before, tail)]
+            starts = [before + place for place, _ in tail.parts[:1]]
+            end, align = before + tail.size, max(step, head.align, tail.align)
         size = up(end, align)
-        return Span(size, align), (starts[0] if starts else size) - self.starts[stop]
+        return Span(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
 
-    def after(self, stop: int, filled: int) -> tuple[list[int], int, int]:
-        if (stop, filled) not in self.known:
-            spots, end, align = self.placing.spots(self.type, [_filled(filled), *self.parts[stop:]])
-            self.known[stop, filled] = [offset for offset, _ in spots[1:]], end, align
-        return self.known[stop, filled]
+    def tail(self, stop: int, filled: int) -> Span:
+        """Return the parts from `stop` on after so many bytes."""
+        if stop == len(self.parts):
+            return Span(filled, 1)
+        if (stop, filled) not in self.tails:
+            part = self.parts[stop]
+            start, end, step = self.put(part, filled)
+            before, rest = end - end % LARGEST_ALIGN, self.tail(stop + 1, end % LARGEST_ALIGN)
+            lying = *_known(start, part), (before, rest)
+            self.tails[stop, filled] = Span(before + rest.size, max(step, rest.align), lying)
+        return self.tails[stop, filled]
 
 
-def _filled(size: int) -> _Part:
-    return "", ELEMENTARY["BYTE"], Span(size, 1)
+def _known(start: int, part: _Part) -> list[tuple[int, Node | Span]]:
+    """Return where a part lies; nothing for one that our type does not have."""
+    name, _, lying = part
+    return [] if name == UNKNOWN else [(start, lying)]
 
 
 def _has_bit(parts: Sequence[_Part]) -> bool:
@@ -196,7 +222,7 @@ def _has_bit(parts: Sequence[_Part]) -> bool:
 
 
 class _Drifts:
-    """The drifts of a type in one layout, each with its size: few have that of the messages."""
+    """The drifts of a type in one layout, each as it lies: few have the size of the messages."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)
@@ -206,10 +232,10 @@ class _Drifts:
         match type_:
             case Array(element=element, count=count):
                 for drift in self.of(element, spare // count, path):
-                    pitch, align = self.placing.pitch(drift.span)
-                    yield _Drift(
-                        drift.cause, Span(pitch * count, align), partial(_array_of, type_, drift.type)
-                    )
+                    pitch, align = self.placing.pitch(drift.lying)
+                    lying = tuple((pitch * number, drift.lying) for number in range(count))
+                    made = partial(_array_of, type_, drift.type)
+                    yield _Drift(drift.cause, Span(pitch * count, align, lying), made)
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.of_struct(type_, spare, path)
             case _:
@@ -225,22 +251,22 @@ class _Drifts:
     def of_struct(self, type_: Struct, spare: int, path: str) -> Iterator[_Drift]:
         parts = self.placing.parts(type_, path)
         first = len(parts) - len(type_.members)  # 1 where it EXTENDS another one
-        span = _Sizes(self.placing, type_, parts).span
+        change = _Changes(self.placing, type_, parts).change
         paths = [f"{path}.{name}" if path and name else path or name for name, _, _ in parts]
         for at, (name, inner, _) in enumerate(parts):
             for drift in self.of(inner, spare, paths[at]):
-                found, _ = span(at, at + 1, (name, inner, drift.span))
+                found, _ = change(at, at + 1, (name, inner, drift.lying))
                 yield _Drift(drift.cause, found, partial(_with, type_, at, at + 1, first, name, drift.type))
-            if spare <= 0 and at >= first:
+            if spare <= 0 and at >= first and len(parts) > 1:
                 cause = FitCause(FEWER, cost=COST, about="the sender may not have it", member=paths[at])
-                yield _Drift(cause, span(at, at + 1)[0], partial(_with, type_, at, at + 1, first))
+                yield _Drift(cause, change(at, at + 1)[0], partial(_with, type_, at, at + 1, first))
         for at in range(first, len(parts) + 1):
             seen = set()
             place = paths[at] if at < len(parts) else f"the end of {path}" if path else "the end"
             for filler in _fillers(spare):
-                found, shift = span(at, at, (UNKNOWN, filler, self.placing.place(filler, path)))
-                if (found, shift) not in seen:
-                    seen.add((found, shift))
+                found, shift = change(at, at, (UNKNOWN, filler, self.placing.place(filler, path)))
+                if (*found[:2], shift) not in seen:
+                    seen.add((*found[:2], shift))
                     cost = COST + EACH_BYTE * min(max(shift, 0), 8)
                     about = "the sender may have them"
                     cause = FitCause(MORE, shift, cost=cost, about=about, member=place)

@@ -41,10 +41,11 @@ _N = TypeVar("_N", PlacedStruct, PlacedArray)
 
 
 class Span(NamedTuple):
-    """Size and alignment of what could stand in a STRUCT."""
+    """Size and alignment of what could stand in a STRUCT, and the parts of it that are known, by offset."""
 
     size: int
     align: int
+    parts: tuple[tuple[int, Node | Span], ...] = ()
 
 
 class Placing:
@@ -136,7 +137,7 @@ class Placing:
         for at, (_, inner, node) in enumerate(parts):
             if type_.bit_fields:
                 end, align = self.after_bits(type_, at, end, align)
-            step = max(min(node.align, cap), rules.member_floor)
+            step = self.step(node, cap)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
             if is_bit and 0 < bit < 8:  # the next bit of the byte that is begun
@@ -174,7 +175,7 @@ class Placing:
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
         align = max([align, *(min(one.size, cap) for one in type_.bit_fields if one.is_named)])
         for _, inner, node in parts:
-            align = max(align, min(node.align, cap), self.rules.member_floor)
+            align = max(align, self.step(node, cap))
             end = max(end, up(node.size, self.end_floor(inner)))
         placed = [PlacedMember(name, 0, node) for name, _, node in parts]
         return _checked(PlacedUnion(placed, up(end, align), align), where)
@@ -184,6 +185,10 @@ class Placing:
         if type_.pack is None or not self.rules.takes_pack:
             return self.rules.cap
         return max(type_.pack, 1)
+
+    def step(self, node: Node | Span, cap: int) -> int:
+        """Return the multiple at which a member begins in a STRUCT of this largest alignment."""
+        return max(min(node.align, cap), self.rules.member_floor)
 
     def end_floor(self, type_: Type) -> int:
         """Return the multiple at which a member of this type ends."""
@@ -234,7 +239,7 @@ class Filling:
     def put(self, name: str, type_: Type, offset: int, bit: int | None, path: str) -> None:
         """Put a member at an offset; raise Unreachable, with nothing changed."""
         node = self.placing.place(type_, path)
-        step = max(min(node.align, self.cap), self.rules.member_floor)
+        step = self.placing.step(node, self.cap)
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
         if is_bit and bit:
             if (self.bits, self.end) != (bit, offset + 1):
@@ -278,7 +283,7 @@ class Filling:
     def overlay(self, name: str, type_: Type, bit: int | None, path: str) -> None:
         """Put a member of a UNION at its begin."""
         node = self.placing.place(type_, path)
-        self.align = max(self.align, min(node.align, self.cap), self.rules.member_floor)
+        self.align = max(self.align, self.placing.step(node, self.cap))
         self._add(name, type_, max(self.end, up(node.size, self.placing.end_floor(type_))))
 
     def cover(self, size: int, path: str) -> None:

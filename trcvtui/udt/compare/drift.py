@@ -19,6 +19,7 @@ from trcvtui.udt.compare.likelihood import (
     FitCause,
     LeafEvidence,
     evidence,
+    repeated_zeros,
 )
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, beside, lay_out
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
@@ -46,6 +47,7 @@ MOST_MORE: Final = 256  # bytes of a member more
 LARGEST_ALIGN: Final = 8
 SLACK: Final = 7  # bytes that gaps can take or give
 COST: Final = -8.0  # points of a drift
+OTHER_COST: Final = -9.5  # of a member of the same width, as REAL for DINT
 EACH_BYTE: Final = -0.4  # of a member more, up to 8
 UNKNOWN: Final = "\0"  # the name of a member that our type does not have: no source can have it
 FILLERS: Final = tuple(ELEMENTARY[name] for name in ("BOOL", "BYTE", "WORD", "DWORD", "LWORD"))
@@ -127,7 +129,7 @@ class _Judge:
         return self.at_place[key][0]
 
     def leaf_points(self, node: PlacedLeaf, offset: int, rules: LayoutRules) -> float:
-        told = []
+        told: dict[bytes, float] = {}
         for part in {message[offset : offset + node.size] for message in self.messages}:
             key = node.type, stored_form(node.type, rules), rules.byte_order, node.is_bit, part
             if key not in self.of_bytes:
@@ -135,8 +137,11 @@ class _Judge:
                 self.of_bytes[key] = evidence(leaf, part, rules) if len(part) == node.size else None
             found = self.of_bytes[key]
             if found is not None:
-                told.append(found.points)
-        return sum(told) / len(told) * len(told) ** REPEATED if told else 0.0
+                told[part] = found.points
+        if not told:
+            return 0.0
+        points: float = sum(told.values()) * len(told) ** (REPEATED - 1)
+        return points + repeated_zeros(node.type, told)
 
 
 def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node | Span]]:
@@ -239,13 +244,14 @@ class _Drifts:
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.of_struct(type_, spare, path)
             case _:
+                size, about = self.placing.place(type_, path).size, f"here it is {type_text(type_)}"
                 for other in _widths(type_, spare):
-                    about = f"here it is {type_text(type_)}"
-                    cause = FitCause(WIDTH, 0, 0, 0, COST, about, member=path, theirs=type_text(other))
                     try:
                         node = self.placing.place(other, path)
                     except UserError:  # a text that this layout cannot hold
                         continue
+                    cost = COST if node.size != size else OTHER_COST
+                    cause = FitCause(WIDTH, cost=cost, about=about, member=path, theirs=type_text(other))
                     yield _Drift(cause, node, partial(_same, other))
 
     def of_struct(self, type_: Struct, spare: int, path: str) -> Iterator[_Drift]:

@@ -30,6 +30,7 @@ from trcvtui.udt.compare.likelihood import (
     evidence,
     extra_evidence,
     gap_points,
+    repeated_zeros,
     spoken,
     steady,
 )
@@ -64,7 +65,8 @@ MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
-CLEAR_OF_DRIFT: Final = 7.5  # of one that reads the same but for a member or two: padding may hide them
+CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or two: padding may hide them
+LESS_CLEAR: Final = 2.0  # points fewer where the other one has a value that machines do not send
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
 ODD: Final = -3.2  # of one member: its value is none that machines send
@@ -258,6 +260,7 @@ class _MemberPoints(NamedTuple):
     order: float
     raw: bytes
     why: str
+    parts: tuple[bytes, ...]  # all of its bytes, each once
 
 
 # -- one reading ---------------------------------------------------------------------------------------------
@@ -277,6 +280,7 @@ class _Reading:
         self.has_length = True
         self.has_meaning = True  # what stands beside the members is known
         self.odd = ""  # a value that machines do not send
+        self.filled = ""  # padding that is not 0
         self.has_plain = False  # a number that is round in no way
 
     @classmethod
@@ -347,14 +351,12 @@ class _Reading:
         return has_changed
 
     def weigh_equals(self) -> None:
-        """Let equal bytes in several members of one type, as in an ARRAY, say less than others would."""
-        count = Counter((id(one.member.known), one.raw) for one in self.said)
+        """Let equal bytes in several members, as in an ARRAY, say less than others would."""
+        count = Counter(one.parts for one in self.said)
         for number, one in enumerate(self.said):
-            equal = count[id(one.member.known), one.raw]
-            if equal > 1:
-                share = equal**REPEATED / equal
-                points, fair, order = one.points * share, one.fair * share, one.order * share
-                self.said[number] = one._replace(points=points, fair=fair, order=order)
+            share = count[one.parts] ** (REPEATED - 1)
+            points, fair, order = one.points * share, one.fair * share, one.order * share
+            self.said[number] = one._replace(points=points, fair=fair, order=order)
 
     def judge_member(self, member: _Member, parts: list[bytes]) -> None:
         rules = self.look.layout.rules
@@ -369,15 +371,18 @@ class _Reading:
             self.odd = f"{self.path(member)}: {worst.why}"
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
+        values = tuple(part for _, part in told)
+        constant = repeated_zeros(member.leaf.type, values)
         nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
         self.said.append(
             _MemberPoints(
                 member,
-                points * share,
-                sum(found.fair for found, _ in told) * share,
+                points * share + constant,
+                sum(found.fair for found, _ in told) * share + constant,
                 sum(found.order for found, _ in told) * share,
                 raw,
                 nearest.why,
+                values,
             )
         )
         if len(distinct) > 1:
@@ -421,7 +426,10 @@ class _Reading:
             place = f"byte {offset}" if size == 1 else f"bytes {offset} to {offset + size - 1}"
             filled = next((part for part in there if any(part)), b"")
             said = f"padding at {place} is 0" if not filled else f"padding at {place} holds {filled.hex(' ')}"
+            self.filled = self.filled or (said if filled else "")
             points = min(gap_points(part) for part in there)
+            if filled:  # what differs from message to message is a value more likely
+                points *= len(there) ** REPEATED
             self.others.append(Reason(round(points, 2), "", said))
 
     # -- what follows -------------------------------------------------------------------------------------
@@ -476,6 +484,16 @@ class _Reading:
             form = stored_form(member.leaf.type, rules)
             members.append((member.start + front, bits, form, *self.plain(member, parts)))
         return size + front + self.cause.back, tuple(members)
+
+    @cached_property
+    def places(self) -> object:
+        """Return where the members begin, and which of them are bits."""
+        front = self.cause.front
+        return (
+            self.way,
+            self.cause.kind,
+            [(member.leaf.path, member.start + front, member.bits) for member, _ in self.read],
+        )
 
     @property
     def widest(self) -> int:
@@ -604,6 +622,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         return "that the sender's type differs, and where, is a guess"
     if not best.has_meaning:
         return "what the bytes beside the members mean is not known"
+    if best.filled:
+        return f"{best.filled}: a member may lie there"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:
@@ -612,12 +632,12 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         is_one_way = other.way == best.way or (best.cause.kind is None and best.widest <= 2)
         if is_one_way and best.cause.kind in (None, other.cause.kind) and _is_same(best, other):
             continue
-        if other.cause.kind in DRIFTS and all(
-            best.by_path.get(path) == has for path, has in other.by_path.items()
-        ):
+        is_other_place = other.cause.kind not in DRIFTS and other.places != best.places
+        if not is_other_place and all(best.by_path.get(path) == has for path, has in other.by_path.items()):
             continue
         is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
         clear = CLEAR_OF_DRIFT - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
+        clear -= LESS_CLEAR if other.odd else 0.0
         if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
                 return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"

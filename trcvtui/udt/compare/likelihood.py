@@ -24,6 +24,7 @@ from trcvtui.udt.types import (
     SECOND,
     Elementary,
     Enumeration,
+    LeafType,
     Pointer,
     StringType,
     Subrange,
@@ -51,7 +52,7 @@ class LeafEvidence(NamedTuple):
 
 ZERO: Final = math.log(0.5)  # a byte 0 by chance
 OTHER: Final = math.log(0.5 / 255)  # any other one
-MOST_MESSAGES: Final = 8  # the last ones
+MOST_MESSAGES: Final = 16  # the last ones
 REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
 DOUBT: Final = 0.02  # how often a value is none that is foreseen here
 NEVER: Final = -math.inf
@@ -79,6 +80,14 @@ def chance(raw: bytes) -> float:
     """Return the logarithm of how likely the bytes are by chance."""
     zeros = raw.count(0)
     return zeros * ZERO + (len(raw) - zeros) * OTHER
+
+
+def repeated_zeros(type_: LeafType, parts: Collection[bytes]) -> float:
+    """Return what the bytes of numbers say too much that are 0 in each message: one fact, as padding is."""
+    if isinstance(type_, StringType):
+        return 0.0
+    share: float = len(parts) ** REPEATED
+    return ZERO * (share - 1) * sum(not any(column) for column in zip(*parts, strict=True))
 
 
 def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
@@ -356,8 +365,10 @@ def _ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Chance:
         return NEVER, "no NUL"
     if not ends:
         return math.log(0.03) + unit * ZERO + _behind(raw, unit), "empty, with bytes after the NUL"
-    length = ends // unit
-    likely = math.log(0.9 * _length(length, rules.text.length(type_))) + _letters(raw[:ends], unit, rules)
+    length, declared = ends // unit, rules.text.length(type_)
+    if length > declared:
+        return NEVER, f"{length} characters, declared are {declared}"
+    likely = math.log(0.9 * _length(length, declared)) + _letters(raw[:ends], unit, rules)
     return likely + _behind(raw, ends + unit), f"{length} characters and a NUL"
 
 
@@ -393,7 +404,7 @@ def _letter(code: int) -> float:
 
 
 # Usual ones, others of ASCII, letters of Europe, control codes, any script.
-LETTERS: Final = tuple(map(math.log, (0.92 / len(USUAL), 0.05 / 30, 0.02 / 200, 0.002 / 60, 0.008 / 60_000)))
+LETTERS: Final = tuple(map(math.log, (0.9 / len(USUAL), 0.05 / 30, 0.04 / 200, 0.002 / 60, 0.008 / 60_000)))
 
 _Judge = Callable[[Leaf, Elementary, bytes, _Order], _Chance]
 JUDGES: Final[dict[ValueKind, _Judge]] = {
@@ -520,7 +531,7 @@ EXTRA: Final = (
     *(FitCause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
     FitCause(LONG, 1, back=1, cost=-3.0),
     FitCause(SHORT, 1, back=-1, cost=-3.0, about="its last byte is missing"),
-    FitCause(SHORT, 1, front=-1, cost=-5.0, about="its first byte is missing"),
+    FitCause(SHORT, 1, front=-1, cost=-6.0, about="its first byte is missing"),
     *(
         FitCause(HEADER, n, front=n, back=back, cost=-5.0)
         for back in range(1, MOST_AFTER + 1)

@@ -47,7 +47,7 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, Enumeration, StringType, Subrange, Type, ValueKind
+from trcvtui.udt.types import Elementary, StringType, Type, ValueKind
 
 MOST_LEAVES: Final = 256  # that are looked at
 MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
@@ -69,7 +69,6 @@ CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or tw
 LESS_CLEAR: Final = 2.0  # points fewer where the other one has a value that machines do not send
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
-ODD: Final = -3.2  # of one member: its value is none that machines send
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
 MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
@@ -365,10 +364,8 @@ class _Reading:
         if not told:
             return
         self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
-        worst = min((found for found, _ in told), key=lambda found: found.points)
-        is_bounded = worst.fair == worst.points or isinstance(member.leaf.type, Enumeration | Subrange)
-        if worst.points < ODD and is_bounded and not self.odd:  # a plain number can be any
-            self.odd = f"{self.path(member)}: {worst.why}"
+        odd = next((found.why for found, _ in told if found.is_odd), "")
+        self.odd = self.odd or (f"{self.path(member)}: {odd}" if odd else "")
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
         values = tuple(part for _, part in told)

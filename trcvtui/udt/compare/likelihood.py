@@ -40,7 +40,7 @@ class LeafEvidence(NamedTuple):
 
     `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
     those of its best order. `order` is what it says for this order against the other one. `is_plain`: it is
-    a number that is round in no way (no multiple of 256, nor one less).
+    a number that is round in no way (no multiple of 256, nor one less); `is_odd`: machines send none such.
     """
 
     points: float
@@ -48,6 +48,7 @@ class LeafEvidence(NamedTuple):
     fair: float
     order: float = 0.0
     is_plain: bool = False
+    is_odd: bool = False
 
 
 ZERO: Final = math.log(0.5)  # a byte 0 by chance
@@ -166,7 +167,7 @@ def _points(likely: float, raw: bytes) -> float:
 
 def _plain(found: _Chance, raw: bytes) -> LeafEvidence:
     points = _points(found[0], raw)
-    return LeafEvidence(points, found[1], points)
+    return LeafEvidence(points, found[1], points, is_odd=found[0] == NEVER)
 
 
 def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge) -> LeafEvidence:
@@ -178,15 +179,16 @@ def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
     is_plain = raw[0 if order == "little" else -1] not in (0, 255)
+    found = LeafEvidence(points, why, fair, 0.0, is_plain, likely == NEVER)
     if _is_round(raw) or row.kind is ValueKind.BITS:
-        return LeafEvidence(points, why, fair, is_plain=is_plain)
+        return found
     is_signed = row.code.islower()
     here = abs(int.from_bytes(raw, order, signed=is_signed))
     there = abs(int.from_bytes(raw[::-1], order, signed=is_signed))
     if max(here, there) < PLAIN * min(here, there):
-        return LeafEvidence(points, why, fair, is_plain=is_plain)
+        return found
     swapped = _points(judge(leaf, row, raw[::-1], order)[0], raw)
-    return LeafEvidence(points, why, fair, points - swapped, is_plain)
+    return found._replace(order=points - swapped)
 
 
 def _is_round(raw: bytes) -> bool:

@@ -39,7 +39,7 @@ from trcvtui.udt.types import (
 )
 
 MOST_MEMBERS: Final = 64  # of a STRUCT whose drifts are tried
-MOST_LEAVES: Final = 256
+MOST_LEAVES: Final = 256  # that are looked at
 MOST_DRIFTS: Final = 24  # that are returned
 MOST_TRIED: Final = 4000  # of one layout that have the right size
 FIRST_SIGHT: Final = 3  # messages, the last ones, by which those are chosen

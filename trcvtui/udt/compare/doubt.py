@@ -1,0 +1,92 @@
+"""Doubt: why the best reading of bytes is not called best. What may be otherwise is said, not hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from trcvtui.udt.compare.likelihood import (
+    DRIFTS,
+    SHORT,
+)
+from trcvtui.udt.compare.reading import Reading, is_number
+
+CLEAR: Final = 5.0  # points ahead of the next other reading
+CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or two: padding may hide them
+LESS_CLEAR: Final = 2.0  # points fewer where the other one has a value that machines do not send
+OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
+OWN_POINTS: Final = 4.0  # of the members
+
+
+def doubt_of(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
+    """Return why the first reading is not called best; "" where it is."""
+    if not ranked or not messages:
+        return "there are no bytes"
+    best = ranked[0]
+    return _of_itself(best, messages) or next(filter(None, (_beside(best, one) for one in ranked[1:])), "")
+
+
+def _of_itself(best: Reading, messages: Sequence[bytes]) -> str:
+    """Return why a reading is not sure, whatever the others are."""
+    if not best.has_length:
+        return "no message has the length of the type"
+    others = len(messages) - best.cutting.fitting
+    if others and len(messages) > 1:
+        return f"{others} of {len(messages)} messages have another length"
+    if best.cutting.several > 1 and len(messages) > 1:
+        return "every message is several times as long as the type"
+    if best.cause.kind == SHORT and any(is_number(member) and not parts for member, parts in best.read):
+        return "the byte that is missing is one of a number"
+    ending = {message[-2:] for message in messages}
+    last = best.read[-1][0] if best.read else None
+    if best.cause.kind is None and last and last.leaf.size > 1 and is_number(last) and ending <= {b"\r\n"}:
+        return "every message ends in CR LF, here a number"
+    if best.cause.kind in DRIFTS:
+        return "that the sender's type differs, and where, is a guess"
+    if not best.has_meaning:
+        return "what the bytes beside the members mean is not known"
+    if best.filled:
+        return f"{best.filled}: a member may lie there"
+    if best.narrow:
+        return best.narrow
+    if best.own_points < OWN_POINTS:
+        return "the members themselves say too little"
+    if len(set(b"".join(messages))) == 1:
+        return "all bytes are the same"
+    return ""
+
+
+def _beside(best: Reading, other: Reading) -> str:
+    """Return why another reading may be right instead."""
+    is_one_way = other.way == best.way or (best.cause.kind is None and best.widest <= 2)
+    if is_one_way and best.cause.kind in (None, other.cause.kind) and is_same(best, other):
+        return ""
+    is_other_place = other.cause.kind not in DRIFTS and other.places != best.places
+    if not is_other_place and all(best.by_path.get(path) == has for path, has in other.by_path.items()):
+        return ""
+    is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
+    clear = CLEAR_OF_DRIFT - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
+    clear -= LESS_CLEAR if other.odd else 0.0
+    if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
+        if is_same(best, other):
+            return f"{called(other)} ({other.score:+.1f}) reads the same values at the same places"
+        if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
+            return f"{called(other)} ({other.score:+.1f}) reads values that are as good"
+        return f"{called(other)} ({other.score:+.1f}) is near"
+    if best.cause.kind is None and other.cause.kind is not None:
+        return ""  # numbers that are all round, and a cause: two rare things at once
+    order = best.order if other.way != best.way else 0.0
+    if other.fair > (best.score if other.has_plain else best.fair) + order - CLEAR:
+        return (
+            f"{called(other)} may be right: without numbers that are round in a byte order "
+            "(multiples of 256) it is as good"
+        )
+    return ""
+
+
+def is_same(best: Reading, other: Reading) -> bool:
+    return other.score > best.score - CLEAR and other.values == best.values
+
+
+def called(reading: Reading) -> str:
+    return f"{reading.profiles[0]}, {reading.cause}" if reading.cause.kind else str(reading.profiles[0])

@@ -150,6 +150,13 @@ def test_fit_names_the_layout_first_that_the_source_of_the_type_tells(run: Run) 
     assert "the same for these bytes: natural8" in out and "usually codesys-8" in err
 
 
+def test_fit_reads_a_text_that_ours_cannot_hold_in_the_layouts_that_can(run: Run) -> None:
+    content = f"07 00 00 00 {b'hello'.ljust(260, bytes(1)).hex()} 00 00 00 00 00 00 29 40"
+    code, out, err = run("udt", "fit", "long.TcDUT", content)
+    assert (code, out.partition(" (")[0]) == (0, "Long, 272 bytes: codesys-8, little-endian, STRING nul")
+    assert err == "note: Long: baosky cannot hold it (Long.s, STRING[255]); the layouts that can are tried\n"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("members", "size"), [(1 << 17, 1 << 19), (1, 8 << 20)])
 def test_the_largest_type_and_the_longest_bytes_are_judged_by_a_part_that_is_named(

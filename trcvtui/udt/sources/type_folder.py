@@ -123,9 +123,13 @@ def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 
 def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
-    lacked = [name for name in found if name not in users]
-    files = dict.fromkeys(file for each in found.values() for file in each)
-    return f"{_short(users)}{' uses ' if lacked else ''}{_short(lacked)}: found in {_short(files)} {place}"
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, files in found.items():
+        names.setdefault(tuple(files), []).append(name)
+    told = [f"{_short(each)}: found in {_short(files)}" for files, each in names.items()]
+    verb = "uses" if len(users) == 1 else "use"
+    uses = f"{_short(users)} {verb} " if found.keys().isdisjoint(users) else ""
+    return f"{uses}{_short(told)} {place}"
 
 
 def _short(names: Collection[str]) -> str:

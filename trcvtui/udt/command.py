@@ -161,7 +161,7 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     if args.format == "json":
         from trcvtui.udt.report import json_lines
 
-        return json_lines(fit_json(fits)), is_sure
+        return json_lines(fit_json(fits, list(map(len, messages)))), is_sure
     sizes = " + ".join([*(str(len(message)) for message in messages[:8]), "..."][: len(messages)])
     return fit_text(fits, f"{name}, {sizes} bytes"), is_sure
 

@@ -118,7 +118,7 @@ def test_a_type_may_come_on_stdin_once(
         assert refusal(given_types, "-").startswith(f"stdin: found {found}")
     once = SimpleNamespace(file="-", others=[], constant=[], hex=["-"])
     assert refusal(lambda given: types_of(given, None), once) == (
-        "-: found stdin more than once, expected one on stdin, the others in files"
+        "stdin: found it more than once, expected one on stdin, the others in files"
     )
     put_on_stdin(monkeypatch, b"STRUCT a : INT; END_STRUCT")
     monkeypatch.setattr(sys.stdin.buffer, "isatty", lambda: True, raising=False)

@@ -125,6 +125,7 @@ class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
     `layout` is the layout that the source itself stands for (a TIA source: s7-standard), "" for none.
+    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK.
     """
 
     types: tuple[Declaration, ...]
@@ -132,3 +133,4 @@ class Declarations(NamedTuple):
     constants: tuple[Constant, ...] = ()
     layout: str = ""
     sender: SenderLayout = NO_SENDER
+    others: tuple[str, ...] = ()

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
 from trcvtui.files import is_folder
 from trcvtui.udt.ast import Declarations, SenderLayout
-from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values
+from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
@@ -75,7 +75,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
         types.only(own)  # has the line on that
     is_good = any(row["layout"] for row in rows)
     tell([str(problem) for file in own for problem in file.problems])
-    tell([] if is_good else [f"{args.file}: no type that can be laid out"])
+    tell([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
     if args.format == "json":
         return json_lines(rows), is_good
     table = [("type", "size", "layout", "where, or what is wrong")]
@@ -276,7 +276,7 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     paths = [args.file, *args.others]
     read_headers_with(paths, getattr(args, "long_size", None))
     if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
-        raise mistake(STDIN, "stdin more than once", "one on stdin, the others in files")
+        raise mistake(where_of(STDIN), "it more than once", "one on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
     with all_problems() as problems:
@@ -290,7 +290,8 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
         folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
     wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
     given = [file for each in files.values() for file in each]
-    types, told = find_types(given, folders, wanted, ", ".join(paths), constants_of(args.constant))
+    where = ", ".join(map(where_of, paths))
+    types, told = find_types(given, folders, wanted, where, constants_of(args.constant))
     tell(told)
     return types, own
 

@@ -68,8 +68,11 @@ class TypeSet:
             raise UserError(problem for problem in self.problems if problem in bad)
         if len(names) == 1:
             return names[0]
-        found = f"{len(names)} types: {', '.join(names[:8])}" if names else "no type"
-        raise mistake(self.where, found, "one type, or its name" if names else "TYPE ... END_TYPE")
+        if names:
+            found = f"{len(names)} types: {', '.join(names[:8])}"
+            raise mistake(self.where, found, "one type, or its name")
+        others = " and ".join({word: None for file in files for word in file.others})
+        raise mistake(self.where, f"no type, only {others}" if others else "no type", "TYPE ... END_TYPE")
 
 
 def _keys(name: str) -> tuple[str, str]:

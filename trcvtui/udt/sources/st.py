@@ -60,6 +60,7 @@ class Parser(SpecParser):
         self.types: list[ast.Declaration] = []
         self.constants: list[ast.Constant] = []
         self.layout = dialect.layout
+        self.others: dict[str, None] = {}
         self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
         words = pairwise(source.tokens)
@@ -88,7 +89,8 @@ class Parser(SpecParser):
                 self.advance()
                 self.skip_to(*STARTS)
                 self.accept("END_TYPE")
-        return ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
+        found = ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
+        return found._replace(others=tuple(self.others))
 
     def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
@@ -233,6 +235,7 @@ class Parser(SpecParser):
     def other_block(self) -> None:
         """Go after a block that declares no types; keep the constants of one that declares those."""
         end = self.end_of_block()
+        self.others[self.token.upper] = None
         if end is None:
             self.note(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()

@@ -130,8 +130,9 @@ VERSION : 0.1
    L : BOOL  := TRUE;
   END_STRUCT ;
 BEGIN
-   K.A := 0;
-   K.B[0] := B#16#0;
+   K.A := 0;  // END_DATA_BLOCK
+   K.B[0] := 'END_DATA_BLOCK {'; (* don't
+   END_DATA_BLOCK *) STRUCT ( { TYPE
 END_DATA_BLOCK
 DATA_BLOCK DB 11 FB 3 BEGIN END_DATA_BLOCK
 DATA_BLOCK "instance" "Motor" BEGIN END_DATA_BLOCK
@@ -139,7 +140,7 @@ FUNCTION_BLOCK "Motor" VAR a : INT; END_VAR BEGIN U( ; L DB10.DBW 0; END_FUNCTIO
 DATA_BLOCK "of UDT" { S7_Optimized_Access := 'TRUE' } VERSION : 0.1 NON_RETAIN UDT5 BEGIN END_DATA_BLOCK
 DATA_BLOCK vars
 NON_RETAIN
-  VAR a : Int; END_VAR VAR RETAIN b { S7_SetPoint := 'True'} : DInt := 5; END_VAR
+  VAR Begin : Int; END_VAR VAR RETAIN b { S7_SetPoint := 'True'} : DInt := 5; END_VAR
 BEGIN
 END_DATA_BLOCK
 DATA_BLOCK "array" READ_ONLY Array[0..1] of UDT 5; END_DATA_BLOCK
@@ -151,7 +152,7 @@ def test_a_data_block_is_a_type_and_one_of_an_fb_is_none(suffix: str) -> None:
     types = read(suffix, AWL)
     assert members(types, "DB10") == {"K": "UDT5", "L": "BOOL"}
     assert members(types, "of UDT") == members(types, "UDT5") == {"A": "INT", "B": "ARRAY[0..2] OF BYTE"}
-    assert members(types, "vars") == {"a": "INT", "b": "DINT"}
+    assert members(types, "vars") == {"Begin": "INT", "b": "DINT"}
     assert types.names() == ["UDT5", "DB10", "of UDT", "vars", "array"]
     assert {types.layout(name) for name in types.names()} == {"s7-standard"}
     assert list(types.notes) == ["of udt"] and "optimised access" in types.notes["of udt"][0]

@@ -79,6 +79,12 @@ _TOKEN = re.compile(
     |(?P<STRAY>.)""",
     re.VERBOSE | re.DOTALL,
 )
+# Between BEGIN and END_DATA_BLOCK: start values, which no layout needs. A file may have 100,000 of them.
+_VALUES = re.compile(
+    r"""//[^\r\n]*|/\*(?:.*?\*/|.*)|\(\*(?:.*?\*\)|.*)|'(?:\$.|[^'$\r\n])*'|"[^"\r\n]*"
+        |(?P<END>\bEND_DATA_BLOCK\b)""",
+    re.VERBOSE | re.DOTALL | re.IGNORECASE,
+)
 _COMMENT_MARK = re.compile(r"\(\*|\*\)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
@@ -113,7 +119,7 @@ class Source:
     def cut(self) -> list[StToken]:
         """Return all tokens, the last one an END."""
         tokens: list[StToken] = []
-        place, end = 0, len(self.text)
+        place, end, is_data = 0, len(self.text), False
         while place < end:
             found = _TOKEN.match(self.text, place)
             assert found is not None and found.lastgroup is not None  # STRAY takes any character
@@ -124,7 +130,10 @@ class Source:
             if text[0] == "{" and group == "GAP":
                 self.pragmas.append((len(tokens), text))
             if group != "GAP":
-                tokens.append(StToken(Shape[group], text, begin, text.upper()))
+                tokens.append(StToken(Shape[group], text, begin, word := text.upper()))
+                is_data = word == "DATA_BLOCK" or (is_data and word != "END_DATA_BLOCK")
+                if is_data and word == "BEGIN":
+                    place = self.after_values(place)
             if group == "UNCLOSED":
                 place = self.after_unclosed(text, begin)
         tokens.append(StToken(Shape.END, "", end, ""))
@@ -141,6 +150,13 @@ class Source:
         self.nested = False
         first = self.text.find("*)", place + 2)
         return first + 2 if first >= 0 else 0
+
+    def after_values(self, place: int) -> int:
+        """Return where the data block ends whose start values begin here; the place itself if nowhere."""
+        if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
+            return place
+        found = _VALUES.finditer(self.text, place)
+        return next((one.start() for one in found if one["END"]), place)
 
     def after_unclosed(self, text: str, place: int) -> int:
         """Return where to go on: text in quotes ends with its line, anything else with the file."""

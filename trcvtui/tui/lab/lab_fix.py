@@ -11,10 +11,11 @@ from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.st_write import scl_text, st_text
-from trcvtui.udt.types import Struct
+from trcvtui.udt.types import Array, Struct, Type, Union, all_members, all_parts
 
 RECEIVER, SENDER, SWAP = "receiver", "sender", "swap"
 KINDS: Final = (RECEIVER, SENDER, SWAP)
+MOST_NAMED: Final = 8
 LANGUAGES: Final[tuple[Language, ...]] = ("st", "scl")
 TITLES: Final = {
     RECEIVER: "type for our side",
@@ -70,8 +71,24 @@ def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cu
         comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
     if found.type is wanted.type:
         comments.append("nothing has to change: the gaps are the same")
+    if language == "scl" and (unions := _unions(found.type)):
+        names = ", ".join(map(plain, unions[:MOST_NAMED])) + ", ..." * (len(unions) > MOST_NAMED)
+        comments.append(f"a UNION is bytes here, for SCL has none: {names}")
     write = scl_text if language == "scl" else st_text
     return Cure(tuple(comments), write(found.type, found.layout.name))
+
+
+def _unions(type_: Type) -> list[str]:
+    """Return the members that are a UNION, or an ARRAY of one; those of a STRUCT in it with its name."""
+    found = ["all of it"] if isinstance(type_, Union) else []
+    for one in all_parts(type_):
+        for member in all_members(one) if isinstance(one, Struct) else ():
+            inner = member.type
+            while isinstance(inner, Array):
+                inner = inner.element
+            if isinstance(inner, Union):
+                found.append(member.name if one is type_ else f"{one.name or 'STRUCT'}.{member.name}")
+    return found
 
 
 def _swap(theirs: Layout, ours: LayoutRules, language: Language) -> Cure:

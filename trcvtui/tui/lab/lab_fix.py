@@ -81,8 +81,8 @@ def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cu
 def _unions(type_: Type) -> list[str]:
     """Return the members that are a UNION, or an ARRAY of one; those of a STRUCT in it with its name."""
     found = ["all of it"] if isinstance(type_, Union) else []
-    for one in all_parts(type_):
-        for member in all_members(one) if isinstance(one, Struct) else ():
+    for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
+        for member in all_members(one):
             inner = member.type
             while isinstance(inner, Array):
                 inner = inner.element

@@ -198,7 +198,7 @@ def test_what_a_type_extends_becomes_members_of_its_own() -> None:
     assert places(found.layout) == {"x": (0, 1, None), "y": (8, 8, None)}
     bits = text.replace("BYTE", "BIT").replace("y : LREAL", "y : BIT; z : INT")  # each begins a byte
     found = padded_type(lay_out(types_of(bits).named("T"), rules_for("codesys-8")), rules_for("codesys-4"))
-    assert [(one.path, one.why[:15]) for one in found.unreached] == [("y", "bit 0 of byte 1")]
+    assert [(one.path, one.text[:15]) for one in found.unreached] == [("y", "bit 0 of byte 1")]
     assert places(found.layout)["z"] == (2, 2, None)
 
 

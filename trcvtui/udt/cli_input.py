@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+from functools import partial
 from typing import Final
 
 from trcvtui.errors import mistake
@@ -57,9 +58,8 @@ def given_values(name: str) -> dict[str, object]:
 
     where, text = where_of(name), _text(name)
     try:
-        values = json.loads(text, parse_float=_number, object_pairs_hook=_each_once)
-    except _Refused as refused:
-        raise mistake(where, refused.found, refused.expected) from None
+        pairs = partial(_each_once, where)
+        values = json.loads(text, parse_float=partial(_number, where), object_pairs_hook=pairs)
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
@@ -72,26 +72,21 @@ def given_values(name: str) -> dict[str, object]:
     return values
 
 
-class _Refused(Exception):
-    """JSON that Python takes and changes without a word."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        super().__init__(found)
-        self.found, self.expected = found, expected
+# Python takes these, and changes them without a word.
 
 
-def _number(text: str) -> float:
+def _number(where: str, text: str) -> float:
     number = float(text)
     if math.isinf(number):
-        raise _Refused(text[:40], 'a number in the range of LREAL, or "Infinity"')
+        raise mistake(where, text[:40], 'a number in the range of LREAL, or "Infinity"')
     return number
 
 
-def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _each_once(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
     values: dict[str, object] = {}
     for key, value in pairs:
         if key in values:
-            raise _Refused(f"'{key[:60]}' a second time", "each path once")
+            raise mistake(where, f"'{key[:60]}' a second time", "each path once")
         values[key] = value
     return values
 

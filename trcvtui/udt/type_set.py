@@ -105,7 +105,7 @@ def join(
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
     senders = {
-        key: SenderLayout(file.layout) if file.layout else file.sender
+        key: file.sender
         for file in files
         for declared in file.types
         if resolver.declared[key := declared.name.casefold()] is declared

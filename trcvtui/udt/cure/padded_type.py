@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedMember, PlacedStruct
-from trcvtui.udt.layout.placing import Filling, Placing, Unreachable, free_name
+from trcvtui.udt.layout.placing import BYTE, Filling, Placing, Unreachable, free_name
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -36,7 +36,7 @@ BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """What is to be known of a member."""
+    """What is to be known of a member, "" is all; of the elements of an ARRAY the first is named."""
 
     path: str
     text: str
@@ -88,14 +88,13 @@ def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) 
 RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
-def prove(wanted: Node, found: Node, raw: Collection[RawMember]) -> None:
+def prove(
+    wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
+) -> None:
     """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
+    proved = set() if proved is None else proved
     if found.size < wanted.size:
-        raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
-    _prove(wanted, found, "", raw, set())
-
-
-def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], proved: set[object]) -> None:
+        raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
     if (key := (id(wanted), id(found))) in proved:
         return
     if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
@@ -110,12 +109,12 @@ def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], pro
             if not is_raw:
                 if one.bit != bit:
                     raise Unreachable(_below(path, name), "it comes to lie at another bit")
-                _prove(node, one.node, _below(path, name), raw, proved)
+                prove(node, one.node, raw, _below(path, name), proved)
     elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
             raise Unreachable(path, "its elements come to lie elsewhere")
-        _prove(wanted.element, found.element, path + "[]", raw, proved)
+        prove(wanted.element, found.element, raw, path + "[]", proved)
     elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
         (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
     ):
@@ -124,28 +123,18 @@ def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], pro
 
 
 MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
-BYTE: Final = ELEMENTARY["BYTE"]
-
-
-class UnreachedMember(NamedTuple):
-    """A member that is raw bytes in the padded type, or is not in it (a bit): its path, "" is all; why.
-
-    Of the elements of an ARRAY the first is named. The reason names the part of it that is why.
-    """
-
-    path: str
-    why: str
 
 
 class PaddedType(NamedTuple):
     """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion.
 
-    It may be longer than is wanted: then LEN of the block is the wanted size.
+    What is unreached is raw bytes or is not in it (a bit): its reason names the part that is why. The type
+    may be longer than is wanted: then LEN of the block is the wanted size.
     """
 
     type: Type
     layout: Layout
-    unreached: tuple[UnreachedMember, ...]
+    unreached: tuple[MemberNote, ...]
     notes: tuple[MemberNote, ...]
 
     @property
@@ -204,21 +193,13 @@ def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: 
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
         prove(wanted.root, layout.root, rebuild.raw)
-        unreached = tuple(UnreachedMember(one.path, one.reason) for one in rebuild.unreached)
+        unreached = tuple(MemberNote(one.path, one.reason) for one in rebuild.unreached)
         return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
-    except Unreachable as failed:
-        return all_raw(wanted, rules, f"{failed.path}: {failed.why}" if failed.path else failed.why)
-
-
-def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> PaddedType:
-    """Return the type as bytes and nothing else, which every layout can hold."""
-    raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-    layout = lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}")
-    return PaddedType(raw, layout, (UnreachedMember("", why),), ())
-
-
-def _suffix(wanted: Layout) -> str:
-    return wanted.rules.name.replace("-", "_")
+    except Unreachable as failed:  # bytes and nothing else, which every layout can hold
+        raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
+        layout = lay_out(raw, rules, f"{wanted.name}_{rebuild.suffix}")
+        why = f"{failed.path}: {failed.why}" if failed.path else failed.why
+        return PaddedType(raw, layout, (MemberNote("", why),), ())
 
 
 class _Raw(NamedTuple):
@@ -249,7 +230,7 @@ class _Rebuild:
         self.theirs, self.rules, self.pack = wanted.rules, rules, pack
         self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
         self.name = wanted.name
-        self.suffix = _suffix(wanted)
+        self.suffix = wanted.rules.name.replace("-", "_")
         self.placing = Placing(rules)
         self.unreached: list[_Raw] = []
         self.notes: list[MemberNote] = []
@@ -365,5 +346,5 @@ def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, i
 
 
 def told(found: PaddedType) -> list[str]:
-    lines = [f"{one.path or type_text(found.type)}: not reached: {one.why}" for one in found.unreached]
+    lines = [f"{one.path or type_text(found.type)}: not reached: {one.text}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

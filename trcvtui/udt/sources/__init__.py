@@ -53,7 +53,8 @@ class TypeFormat(NamedTuple):
         if self.refused:
             raise mistake(name, *self.refused)
         read = self.read(content) if self.root else self.read(content, name)
-        return read._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
+        sender = SenderLayout(self.sender, self.name.split()[0])
+        return read if read.sender.layout else read._replace(sender=sender)
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:

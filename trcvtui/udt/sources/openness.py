@@ -35,7 +35,7 @@ def read_openness(root: Element) -> ast.Declarations:
     for struct in structs:
         with noting(problems):
             types.append(_declaration(struct))
-    return ast.Declarations(tuple(types), tuple(problems), layout=S7.name)
+    return ast.Declarations(tuple(types), tuple(problems), sender=ast.SenderLayout(S7.name))
 
 
 def _declaration(element: Element) -> ast.Declaration:

@@ -89,8 +89,8 @@ class Parser(SpecParser):
                 self.advance()
                 self.skip_to(*STARTS)
                 self.accept("END_TYPE")
-        found = ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
-        return found._replace(others=tuple(self.others))
+        found = ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants))
+        return found._replace(sender=ast.SenderLayout(self.layout), others=tuple(self.others))
 
     def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""

@@ -141,7 +141,7 @@ def _once(files: Iterable[Declarations]) -> list[Declarations]:
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:
-        bare = [_bare((each.name, each.spec, file.layout)) for each in file.types]
+        bare = [_bare((each.name, each.spec, file.sender.layout)) for each in file.types]
         new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
         kept.append(file._replace(types=tuple(new)))
         known |= set(bare)

@@ -1,21 +1,25 @@
-"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values."""
+"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values.
+
+Rule: each STRUCT is written once, however many members have its type, and an array holds its element once.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from string import Template
 from typing import NamedTuple
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.literals import PREFIXES
 from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
 
+MOST_FIELDS = 20_000
 PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
 LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
 CLOCKS = {
@@ -29,7 +33,8 @@ OWN_FORMS = {"8s": "bcd", "12s": "dtl"}
 
 def write(layout: Layout, port: int | None = None) -> str:
     """Return the dissector; without a port it waits for "Decode As"."""
-    refuse_empty(layout)
+    if not layout.size or not layout.leaf_count:
+        raise mistake(layout.name, "a type without a value", "a type with at least one")
     count = count_fields(layout.type, layout.root)
     if count > MOST_FIELDS:
         raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
@@ -199,3 +204,54 @@ class _LuaWriter:
 
 def _integer(row: Elementary) -> str:
     return f"{'int' if row.code.islower() else 'uint'}{8 * row.size}"
+
+
+# -- the type as it is walked ------------------------------------------------------------------------------
+
+
+class ExportField(NamedTuple):
+    """One member: `name` is empty for what the type EXTENDS; `bit` counts only where it is one."""
+
+    name: str
+    type: Type
+    offset: int
+    node: Node
+    bit: int
+
+
+def fields_of(type_: Struct | Union, node: PlacedStruct) -> list[ExportField]:
+    """Return the members that have bytes of their own, in declared order, the base first."""
+    types: list[Type] = [] if type_.base is None else [type_.base]
+    types += [member.type for member in type_.members]
+    rows = zip(node.names, types, node.offsets, node.nodes, node.bits, strict=True)
+    return [field for field in map(ExportField._make, rows) if field.node.leaves]
+
+
+def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
+    """Yield every structure and union with leaves in it once, those that others use before these."""
+    seen: set[Struct | Union] = set()
+
+    def below(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
+        if isinstance(type_, Array) and isinstance(node, PlacedArray):
+            yield from below(type_.element, node.element)
+        elif isinstance(type_, Struct | Union) and isinstance(node, PlacedStruct) and type_ not in seen:
+            seen.add(type_)
+            for field in fields_of(type_, node):
+                yield from below(field.type, field.node)
+            yield type_, node
+
+    yield from below(type_, node)
+
+
+def count_fields(type_: Type, node: Node) -> int:
+    """Return how many paths without indices lead to a leaf; it may grow as 2 to the depth."""
+    counts: dict[Type, int] = {}
+
+    def count(type_: Type, node: Node) -> int:
+        while isinstance(type_, Array) and isinstance(node, PlacedArray):
+            type_, node = type_.element, node.element
+        return counts.get(type_, 1)
+
+    for struct, placed in structs_of(type_, node):
+        counts[struct] = sum(count(field.type, field.node) for field in fields_of(struct, placed))
+    return count(type_, node)

@@ -296,15 +296,6 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     return types, own
 
 
-def named_type(types: TypeSet, name: str | None, own: Sequence[Declarations]) -> tuple[str, Type]:
-    """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
-    try:
-        name = types.only(own) if name is None else name
-        return name, types.named(name, "--type")
-    except UserError as refused:
-        raise UserError([asked_for(problem) for problem in refused.problems]) from None
-
-
 def asked_for(problem: Problem) -> Problem:
     """Return the problem with the option that mends it, where a name of another file is unknown."""
     if problem.expected == KNOWN_TYPE:
@@ -319,13 +310,17 @@ def asked_for(problem: Problem) -> Problem:
 
 
 def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
-    """Return the type of each side, with what its options say; the files are the same."""
-    choices = [choice_of_options(side) for side in sides]
-    for choice in choices:
-        choice.rules()  # the arguments come first
+    """Return the type of each side, or the only one of FILE, with what its options say of the layout."""
+    choices = [choice_of_options(side) for side in sides]  # the arguments come first
     types, own = types_of(args, *[side.type for side in sides])
-    pairs = zip(sides, choices, strict=True)
-    return [TypeChoice(types, *named_type(types, side.type, own), choice) for side, choice in pairs]
+    try:
+        names = [types.only(own) if side.type is None else side.type for side in sides]
+        return [
+            TypeChoice(types, name, types.named(name, "--type"), choice)
+            for name, choice in zip(names, choices, strict=True)
+        ]
+    except UserError as refused:
+        raise UserError([asked_for(problem) for problem in refused.problems]) from None
 
 
 def _sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespace]:

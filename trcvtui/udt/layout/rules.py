@@ -9,10 +9,8 @@ from trcvtui.errors import mistake
 from trcvtui.udt.types import (
     ADDRESS,
     DAY,
-    ELEMENTARY,
     MS,
     SECOND,
-    WHOLE,
     Elementary,
     Enumeration,
     Pointer,
@@ -96,7 +94,6 @@ class LayoutRules:
     rows: tuple[Elementary, ...] = ()
     unverified: frozenset[str] = frozenset()
     pointer_size: int = 8
-    enum_base: str = "INT"
     text_forms: tuple[str, ...] = ("nul",)
 
     def row(self, type_: Elementary) -> Elementary:
@@ -112,12 +109,10 @@ class LayoutRules:
         match type_:
             case Elementary():
                 return self.row(type_)
-            case Subrange(base=base):
+            case Subrange(base=base) | Enumeration(base=base):
                 return self.row(base)
             case Pointer():
                 return self.row(ADDRESS)
-            case Enumeration(base=base, is_named=is_named):
-                return self.row(base if is_named else ELEMENTARY[self.enum_base])
 
 
 # Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. Each of these readings but `packed` fits
@@ -184,7 +179,6 @@ def rules_for(
     *,
     pointer_size: int | None = None,
     string_even: bool | None = None,
-    enum_base: str | None = None,
 ) -> LayoutRules:
     """Return the rules of a layout, or these, with the settings that are given; raise UserError."""
     rules = layout
@@ -203,8 +197,6 @@ def rules_for(
         rules = replace(rules, pointer_size=pointer_size)
     if string_even is not None:
         rules = replace(rules, string_even=string_even)
-    if enum_base is not None:
-        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
     return rules
 
 
@@ -247,9 +239,6 @@ def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
         "string_even": dict(YES_OR_NO),
     }
     return _known(where or name, text, choices[name])
-
-
-INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in WHOLE}
 
 
 def _known(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:

@@ -21,7 +21,6 @@ _MARKS: Final = (
     r"\u17b4-\u17d3\u1ab0-\u1aff\u1b00-\u1b44\u1dc0-\u1dff\u20d0-\u20f0\u302a-\u302f\u3099\u309a"
 )
 NAME: Final = rf"[^\W\d][\w{_MARKS}]*"
-QUALIFIED_NAME: Final = rf"{NAME}(\.{NAME})*"
 
 
 # IEC 61131-3 table 8: largest first, each at most once.

@@ -180,11 +180,8 @@ def csv_lines(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     import csv
     import io
 
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="")
     for number, row in enumerate(rows):
         for cells in (row,) if number else (HEAD, row):
-            writer.writerow(map(one_line, cells))
+            text = io.StringIO()
+            csv.writer(text, lineterminator="").writerow(map(one_line, cells))
             yield text.getvalue()
-            text.seek(0)
-            text.truncate()

@@ -49,7 +49,6 @@ class Resolver:
         self.constants, self.known, self.broken = constants, known, broken
         self.last_wins = frozenset(name.casefold() for name in last_wins)
         self.declared: dict[str, ast.Declaration] = {}
-        self.places: dict[str, list[str]] = {}
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
@@ -57,9 +56,7 @@ class Resolver:
 
     def declare(self, declaration: ast.Declaration) -> None:
         key = declaration.name.casefold()
-        places = self.places.setdefault(key, [])
-        places.append(declaration.where)
-        if len(places) > 1 and key in self.last_wins:
+        if key in self.last_wins:
             self.bad.pop(key, None)
             self.declared[key] = declaration
         first = self.declared.setdefault(key, declaration)

@@ -1,7 +1,7 @@
 """Types as source text: names that a language can carry, IEC ST, and the TYPE of a TIA source (SCL).
 
-Rules: what is legal stays, and a type in which nothing has to change is the same type. The text stands alone:
-every type that the written one uses is in it, before its first use.
+Rules: what is legal stays. The text stands alone: every type that the written one uses is in it, before its
+first use.
 """
 
 from __future__ import annotations
@@ -104,8 +104,7 @@ class _Renaming:
     def of(self, type_: Type) -> Type:
         match type_:
             case Array(bounds=bounds, element=element):
-                made = self.of(element)
-                return type_ if made is element else Array(bounds, made)
+                return Array(bounds, self.of(element))
             case Struct() | Union() | Enumeration():
                 if id(type_) not in self._made:
                     made = self.enumeration(type_) if isinstance(type_, Enumeration) else self.struct(type_)
@@ -121,20 +120,13 @@ class _Renaming:
             taken(member.name)
         members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
         name = self.names(type_.name) if type_.name else ""
-        pairs = zip(members, type_.members, strict=True)
-        is_same = all((new.name, id(new.type)) == (old.name, id(old.type)) for new, old in pairs)
-        if is_same and base is type_.base and name == type_.name:
-            return type_
-        made = Struct if isinstance(type_, Struct) else Union
         # A base is of its own kind.
-        return made(name, members, base, type_.pack, type_.bit_fields)  # type: ignore[arg-type]
+        return replace(type_, name=name, members=members, base=base)  # type: ignore[arg-type]
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
         taken = NameScope(st_word, str.casefold)
         values = tuple((taken(name), number) for name, number in type_.values)
-        name = self.names(type_.name) if type_.name else ""
-        is_same = (name, values) == (type_.name, type_.values)
-        return type_ if is_same else replace(type_, name=name, values=values)
+        return replace(type_, name=self.names(type_.name) if type_.name else "", values=values)
 
 
 INDENT: Final = "    "

@@ -18,11 +18,10 @@ from trcvtui.udt.types import Type
 
 @dataclass(frozen=True, slots=True)
 class TypeSet:
-    """The types of one or more files; `types`, `broken`, `notes` and `twice` by casefolded name.
+    """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
 
-    `senders` are the layouts that the sources of types tell, by casefolded name, too.
-    `problems` are those of all files in order. `unknown_constants` are the names to ask for, `twice` the
-    places of a type that is declared more than once, `notes` what is to be shown beside a type.
+    `problems` are those of all files in order. `unknown_constants` are the names to ask for, `notes` what is
+    to be shown beside a type, `senders` the layouts that the sources of types tell.
     """
 
     where: str
@@ -31,7 +30,6 @@ class TypeSet:
     problems: tuple[Problem, ...]
     unknown_constants: tuple[str, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    twice: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
 
@@ -124,7 +122,6 @@ def join(
             for key, declared in resolver.declared.items()
             if (notes := (*declared.notes, *resolver.notes.get(key, ())))
         },
-        twice={key: tuple(places) for key, places in resolver.places.items() if len(places) > 1},
         senders=senders,
         constants=known,
     )

@@ -17,12 +17,7 @@ from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
 from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.report import (
-    json_text,
-    json_value,
-    leaf_type_text,
-    place_text,
-)
+from trcvtui.udt.report import json_text, json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
 from trcvtui.wording import in_columns
 

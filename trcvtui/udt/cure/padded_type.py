@@ -215,12 +215,11 @@ class _Raw(NamedTuple):
 
 
 class _Built(NamedTuple):
-    """A STRUCT that was rebuilt, or why it cannot be; paths are those after its own."""
+    """A STRUCT that was rebuilt; paths are those after its own."""
 
-    type: Struct | Union | None
+    type: Struct | Union
     unreached: list[_Raw]
     notes: list[MemberNote]
-    failed: tuple[str, str] = ("", "")
 
 
 class _Rebuild:
@@ -235,7 +234,7 @@ class _Rebuild:
         self.unreached: list[_Raw] = []
         self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
-        self._built: dict[int, _Built] = {}
+        self._built: dict[int, _Built | Unreachable] = {}
 
     def type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type in place of this one; raise Unreachable."""
@@ -259,22 +258,22 @@ class _Rebuild:
         if id(type_) not in self._built:
             self._built[id(type_)] = self.built(type_, node, path)
         built = self._built[id(type_)]
-        if built.type is None:
-            raise Unreachable((path + built.failed[0]).removeprefix("."), built.failed[1])
+        if isinstance(built, Unreachable):
+            raise Unreachable(_below(path, built.path) if built.path else path, built.why)
         for one in built.unreached[: max(MOST_TOLD - len(self.unreached), 0)]:
             self.unreached.append(one._replace(path=_below(path, one.path)))
         for note in built.notes[: max(MOST_TOLD - len(self.notes), 0)]:
             self.notes.append(note._replace(path=_below(path, note.path)))
         return built.type
 
-    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built:
+    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built | Unreachable:
         others = self.unreached, self.notes
         self.unreached, self.notes = [], []
         try:
             made = self.struct(type_, node) if isinstance(type_, Struct) else self.union(type_, node)
             return _Built(self.named(type_, made, path), self.unreached, self.notes)
         except Unreachable as failed:
-            return _Built(None, [], [], (f".{failed.path}" if failed.path else "", failed.why))
+            return failed
         finally:
             self.unreached, self.notes = others
 
@@ -308,8 +307,8 @@ class _Rebuild:
 
     def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
-        for name, _, bit, child, inner in _members(type_, node):
-            fill.overlay(name, self.type(inner, child, name), bit, name)
+        for name, _, _, child, inner in _members(type_, node):
+            fill.overlay(name, self.type(inner, child, name), name)
         fill.cover(self.size(node, fill), "")
         return fill
 

@@ -13,22 +13,9 @@ from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.layout.codec import Codec, codec_of
-from trcvtui.udt.layout.layout_tree import (
-    Leaf,
-    Node,
-    PlacedArray,
-    PlacedLeaf,
-    find,
-    leaves_of,
-)
+from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedArray, PlacedLeaf, find, leaves_of
 from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
-from trcvtui.udt.layout.rules import (
-    BYTE_ORDERS,
-    DEFAULT_LAYOUT,
-    LAYOUTS,
-    LayoutRules,
-    rules_for,
-)
+from trcvtui.udt.layout.rules import BYTE_ORDERS, DEFAULT_LAYOUT, LAYOUTS, LayoutRules, rules_for
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, all_parts, type_text
 

@@ -6,13 +6,12 @@ some into `addData` of a resource. Where the export carries the ST text of a typ
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 
 from trcvtui.errors import Problem, UserError, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.constants import read_number
-from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
+from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
@@ -159,11 +158,8 @@ class _TypeWalk:
         return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
-        name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        if re.fullmatch(QUALIFIED_NAME, name):
-            return ast.Reference(name, element.where)
-        return read_spec(name, element.where)
+        return read_spec(element.needed("name"), element.where, first_line=0)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
         return text_type(element.get("length"), element.name.lower() == "wstring", element.where)

@@ -101,7 +101,9 @@ class Source:
         self.tokens = self.cut()
 
     def where(self, place: int) -> str:
-        """Return file, line and column of a place, both from 1."""
+        """Return file, line and column of a place, both from 1; a text that begins in line 0 has none."""
+        if not self.first_line:
+            return self.name
         line = self.line(place)
         column = place - self.lines[line - 1] + 1
         return f"{self.name}:{line + self.first_line - 1}:{column}"
@@ -262,8 +264,18 @@ class Cursor:
 
     def number(self) -> Number:
         """Return the number at the cursor, a formula if it is more than a literal, and go after it."""
-        first = self.at
-        self.expression(0)
+        first, depth = self.at, 0
+        while True:
+            while self.sees("+", "-") or (self.sees("(") and depth < DEEPEST):
+                depth += self.advance().text == "("
+            self.operand()
+            while depth and self.accept(")"):
+                depth -= 1
+            if not self.sees("+", "-", "*", "/"):
+                break
+            self.advance()
+        if depth:
+            raise self.refusal("')'")
         formula = self.formula(first)
         plain = parse_integer(formula.text)
         return formula if plain is None else plain
@@ -272,21 +284,6 @@ class Cursor:
         """Return what stands from a token up to the cursor as a formula."""
         taken = self.tokens[first : self.at]
         return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
-
-    def expression(self, depth: int) -> None:
-        """Go after an expression of literals and names."""
-        while True:
-            while self.sees("+", "-"):
-                self.advance()
-            if self.sees("(") and depth < DEEPEST:
-                self.advance()
-                self.expression(depth + 1)
-                self.expect(")")
-            else:
-                self.operand()
-            if not self.sees("+", "-", "*", "/"):
-                return
-            self.advance()
 
     def operand(self) -> None:
         """Go after `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""

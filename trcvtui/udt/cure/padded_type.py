@@ -8,12 +8,19 @@ compared, so that what is called possible is proved. The whole may be longer tha
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import suppress
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedMember, PlacedStruct
+from trcvtui.udt.layout.layout_tree import (
+    Node,
+    PlacedArray,
+    PlacedLeaf,
+    PlacedMember,
+    PlacedStruct,
+    members_of,
+)
 from trcvtui.udt.layout.placing import BYTE, Filling, Placing, Unreachable, free_name
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
@@ -27,7 +34,6 @@ from trcvtui.udt.types import (
     Struct,
     Type,
     Union,
-    all_members,
     type_text,
 )
 
@@ -166,10 +172,10 @@ def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[M
     members: list[Member] = []
     placed: list[PlacedMember] = []
     notes: list[MemberNote] = []
-    for name, offset, bit, node, inner in _members(type_, root):
+    for name, offset, bit, node, inner in members_of(type_, root):
         parts = [("", 0, bit, node, inner)]
         if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
-            parts = list(_members(inner, node))
+            parts = list(members_of(inner, node))
             notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
         for below, at, own_bit, part, part_type in parts:
             own = free_name(f"{name}_{below}", taken) if below else name
@@ -292,7 +298,7 @@ class _Rebuild:
         # No multiple of more is the size: no member may be aligned to it.
         limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
         fill = self.filling(type_, node, limit)
-        for name, offset, bit, child, inner in _members(type_, node):
+        for name, offset, bit, child, inner in members_of(type_, node):
             mark = len(self.unreached), len(self.notes)
             try:
                 fill.put(name, self.type(inner, child, name), offset, bit, name)
@@ -307,7 +313,7 @@ class _Rebuild:
 
     def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
-        for name, _, _, child, inner in _members(type_, node):
+        for name, _, _, child, inner in members_of(type_, node):
             fill.overlay(name, self.type(inner, child, name), name)
         fill.cover(self.size(node, fill), "")
         return fill
@@ -336,12 +342,6 @@ class _Rebuild:
 
 def _below(path: str, inner: str) -> str:
     return f"{path}.{inner}" if path else inner
-
-
-def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, int, int | None, Node, Type]]:
-    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
-    for one, member in zip(node.flat(), all_members(type_), strict=True):
-        yield one.name, one.offset, one.bit, one.node, member.type
 
 
 def told(found: PaddedType) -> list[str]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from trcvtui.errors import mistake, one_line
 from trcvtui.udt.layout.layout import Layout
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, members_of
 from trcvtui.udt.literals import PREFIXES
 from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
@@ -113,10 +113,10 @@ class _LuaWriter:
     def struct(self, type_: Struct | Union, node: PlacedStruct) -> str:
         lines = [f"types.{self.struct_name(type_)} = function(path)", "  return {"]
         taken = NameScope(ascii_word)
-        for field in fields_of(type_, node):
-            path = f'path .. ".{taken(field.name)}"' if field.name else "path"
-            text = self.node(field.type, field.node, field.offset, field.name or None, path, field.bit)
-            lines.append(f"    {text},")
+        for name, offset, bit, inner, member in members_of(type_, node):
+            if inner.leaves:
+                path = f'path .. ".{taken(name)}"'
+                lines.append(f"    {self.node(member, inner, offset, name, path, bit or 0)},")
         return "\n".join([*lines, "  }", "end", ""])
 
     def node(self, type_: Type, node: Node, at: int, name: str | None, path: str, bit: int) -> str:
@@ -209,24 +209,6 @@ def _integer(row: Elementary) -> str:
 # -- the type as it is walked ------------------------------------------------------------------------------
 
 
-class ExportField(NamedTuple):
-    """One member: `name` is empty for what the type EXTENDS; `bit` counts only where it is one."""
-
-    name: str
-    type: Type
-    offset: int
-    node: Node
-    bit: int
-
-
-def fields_of(type_: Struct | Union, node: PlacedStruct) -> list[ExportField]:
-    """Return the members that have bytes of their own, in declared order, the base first."""
-    types: list[Type] = [] if type_.base is None else [type_.base]
-    types += [member.type for member in type_.members]
-    rows = zip(node.names, types, node.offsets, node.nodes, node.bits, strict=True)
-    return [field for field in map(ExportField._make, rows) if field.node.leaves]
-
-
 def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
     """Yield every structure and union with leaves in it once, those that others use before these."""
     seen: set[Struct | Union] = set()
@@ -236,8 +218,9 @@ def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, Placed
             yield from below(type_.element, node.element)
         elif isinstance(type_, Struct | Union) and isinstance(node, PlacedStruct) and type_ not in seen:
             seen.add(type_)
-            for field in fields_of(type_, node):
-                yield from below(field.type, field.node)
+            for _, _, _, inner, member in members_of(type_, node):
+                if inner.leaves:
+                    yield from below(member, inner)
             yield type_, node
 
     yield from below(type_, node)
@@ -253,5 +236,6 @@ def count_fields(type_: Type, node: Node) -> int:
         return counts.get(type_, 1)
 
     for struct, placed in structs_of(type_, node):
-        counts[struct] = sum(count(field.type, field.node) for field in fields_of(struct, placed))
+        members = members_of(struct, placed)
+        counts[struct] = sum(count(member, inner) for _, _, _, inner, member in members if inner.leaves)
     return count(type_, node)

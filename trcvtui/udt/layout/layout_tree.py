@@ -13,7 +13,7 @@ from itertools import product
 from typing import NamedTuple
 
 from trcvtui.udt.layout.coding import Coding
-from trcvtui.udt.types import Array, LeafType
+from trcvtui.udt.types import Array, LeafType, Struct, Type, Union, all_members
 
 
 class Leaf(NamedTuple):
@@ -149,6 +149,14 @@ def _step(name: str) -> str:
 
 
 Node = PlacedLeaf | PlacedStruct | PlacedArray
+
+
+def members_of(
+    type_: Struct | Union, node: PlacedStruct
+) -> Iterator[tuple[str, int, int | None, Node, Type]]:
+    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
+    for one, member in zip(node.flat(), all_members(type_), strict=True):
+        yield one.name, one.offset, one.bit, one.node, member.type
 
 
 def leaves_of(node: Node, path: str = "", offset: int = 0, bit: int = 0) -> Iterator[Leaf]:

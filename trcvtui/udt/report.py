@@ -9,9 +9,9 @@ from operator import attrgetter, itemgetter
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf
+from trcvtui.udt.layout.layout_tree import Data
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text

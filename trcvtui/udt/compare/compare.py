@@ -12,9 +12,8 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
+from trcvtui.udt.layout.layout_tree import Data, Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
 from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import json_text, json_value, leaf_type_text, place_text

@@ -12,8 +12,16 @@ from functools import cached_property
 from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.layout.codec import Codec, codec_of
-from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedArray, PlacedLeaf, find, leaves_of
+from trcvtui.udt.layout.layout_tree import (
+    Codec,
+    Leaf,
+    Node,
+    PlacedArray,
+    PlacedLeaf,
+    codec_of,
+    find,
+    leaves_of,
+)
 from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
 from trcvtui.udt.layout.rules import BYTE_ORDERS, DEFAULT_LAYOUT, LAYOUTS, LayoutRules, rules_for
 from trcvtui.udt.layout.value_text import stored_form

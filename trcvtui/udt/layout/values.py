@@ -12,10 +12,9 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 from trcvtui.errors import Problem, UserError, all_problems, noting
-from trcvtui.udt.layout.codec import Data, Values
 from trcvtui.udt.layout.coding import Refused, Value
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
-from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.layout_tree import Data, Leaf, Values
 from trcvtui.udt.types import StringType
 
 

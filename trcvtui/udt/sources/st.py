@@ -62,7 +62,10 @@ class Parser(SpecParser):
         self.layout = dialect.layout
         self.others: dict[str, None] = {}
         self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
-        self.ends = _block_ends(source.tokens)
+        self.ends: dict[str, list[int]] = {}
+        for at, token in enumerate(source.tokens):
+            if token.upper.startswith("END_"):
+                self.ends.setdefault(token.upper, []).append(at)
         words = pairwise(source.tokens)
         self.function_blocks = {name.name for word, name in words if word.upper == "FUNCTION_BLOCK"}
 
@@ -264,11 +267,3 @@ class Parser(SpecParser):
     def skip_until(self, end: int, *texts: str) -> None:
         while self.at < end and not self.sees(*texts):
             self.advance()
-
-
-def _block_ends(tokens: list[StToken]) -> dict[str, list[int]]:
-    ends: dict[str, list[int]] = {}
-    for at, token in enumerate(tokens):
-        if token.upper.startswith("END_"):
-            ends.setdefault(token.upper, []).append(at)
-    return ends

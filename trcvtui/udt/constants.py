@@ -28,16 +28,6 @@ _TOKEN = (
 )
 
 
-def read_number(text: str, where: str) -> Number:
-    """Return the number that a text says, as a formula if there are names in it; raise UserError."""
-    plain = parse_integer(text)
-    if plain is not None:
-        return plain
-    formula = Formula(text.strip(), where)
-    value = evaluate(formula, lambda name: None)
-    return formula if value is None else value
-
-
 def evaluate(number: Number, look_up: LookUp) -> int | None:
     """Return the value of a formula, None if `look_up` knows one of its names not; raise UserError."""
     if isinstance(number, int):

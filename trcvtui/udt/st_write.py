@@ -238,14 +238,10 @@ def _scl_spec(type_: Type, indent: str) -> str:
             return _scl_quoted(name)
         case Union():
             return f"Array[0..{max(lay_out(type_, S7).size, 1) - 1}] of Byte"
-        case Enumeration(base=base):
+        case Enumeration(base=base) | Subrange(base=base):
             return base.name
-        case Subrange(base=base):
-            return base.name
-        case StringType(length=None, wide=wide):
-            return "WString" if wide else "String"
-        case StringType(length=length, wide=wide):
-            return f"{'WString' if wide else 'String'}[{length}]"
+        case StringType():
+            return type_text(type_).replace("STRING", "String")
         case Pointer():
             return "LWORD"
         case _:

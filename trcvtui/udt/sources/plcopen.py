@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from trcvtui.errors import Problem, UserError, mistake, noting
+from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
-from trcvtui.udt.constants import read_number
+from trcvtui.udt.constants import evaluate
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
-from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.sources.xml_source import Element, deeper
 from trcvtui.udt.types import Pointer
 
 NOT_TYPES = ("documentation", "addData")
@@ -134,7 +134,7 @@ class _TypeWalk:
         return ast.StructSpec(tuple(members), is_union=element.name == "union")
 
     def array(self, element: Element, depth: int) -> ast.Spec:
-        pairs = [bounds(d.needed("lower"), d.needed("upper"), d.where) for d in element.all("dimension")]
+        pairs = [_bounds(dimension) for dimension in element.all("dimension")]
         if not pairs:
             raise mistake(element.where, "<array> without bounds", '<dimension lower="..." upper="..."/>')
         return ast.ArraySpec(tuple(pairs), self.base(element, depth))
@@ -150,8 +150,7 @@ class _TypeWalk:
         limits, base = element.at("range"), _inner(element.at("baseType"))
         if limits is None or base is None:
             raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
-        low, high = bounds(limits.needed("lower"), limits.needed("upper"), limits.where)
-        return ast.RangeSpec(_reference(base), low, high)
+        return ast.RangeSpec(_reference(base), *_bounds(limits))
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:
         target = _inner(element.at("baseType"))
@@ -162,7 +161,8 @@ class _TypeWalk:
         return read_spec(element.needed("name"), element.where, first_line=0)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
-        return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
+        length = element.get("length").strip()
+        return read_spec(element.name + (f"[{length}]" if length else ""), element.where, first_line=0)
 
 
 def _inner(element: Element | None) -> Element | None:
@@ -171,13 +171,24 @@ def _inner(element: Element | None) -> Element | None:
     return next((child for child in children if child.name not in NOT_TYPES), None)
 
 
+def _bounds(element: Element) -> tuple[ast.Number, ast.Number]:
+    low, high = (_number(element.needed(limit), element.where) for limit in ("lower", "upper"))
+    for limit in (low, high):
+        evaluate(limit, lambda name: None)  # refuses what is no formula
+    if isinstance(low, int) and isinstance(high, int) and high < low:
+        raise mistake(element.where, f"'{high}'", f"a number from {low} upwards")
+    return low, high
+
+
+def _number(text: str, where: str) -> ast.Number:
+    plain = parse_integer(text)
+    return ast.Formula(text, where) if plain is None else plain
+
+
 def _value(value: Element) -> ast.Number | None:
     """Return the number of a value of an enumeration; None is one more than the value before."""
     text = value.get("value").strip()
-    try:
-        return read_number(text, value.where) if text else None
-    except UserError:
-        return ast.Formula(text, value.where)  # only the size is known
+    return _number(text, value.where) if text else None
 
 
 def _reference(element: Element) -> ast.Reference:

@@ -47,16 +47,13 @@ def show_text(layout: Layout) -> str:
 
 
 def _shown(layout: Layout) -> Iterator[Row]:
-    gaps: list[tuple[int, Row]] = [
-        (offset, (str(offset), str(size), "", "(padding)")) for offset, size in layout.padding()
-    ]
-    leaves = [(leaf.offset, _leaf_row(layout, leaf)) for leaf in layout.leaves()]
-    return (row for _, row in sorted([*leaves, *gaps], key=itemgetter(0)))
-
-
-def _leaf_row(layout: Layout, leaf: Leaf) -> Row:
-    named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
-    return place_text(leaf), str(leaf.size), leaf_type_text(layout, leaf) + named, leaf.path or layout.name
+    rows: list[tuple[int, Row]] = []
+    for leaf in layout.leaves():
+        named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
+        type_ = leaf_type_text(layout, leaf) + named
+        rows.append((leaf.offset, (place_text(leaf), str(leaf.size), type_, leaf.path or layout.name)))
+    rows += [(offset, (str(offset), str(size), "", "(padding)")) for offset, size in layout.padding()]
+    return (row for _, row in sorted(rows, key=itemgetter(0)))
 
 
 def place_text(leaf: Leaf) -> str:

@@ -266,7 +266,8 @@ class Resolver:
             if 1 < len(circle) <= MOST_SHOWN:
                 found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
             expected = "a type that does not contain itself"
-            if self.is_base(reference, user):
+            spec = self.declared[user].spec if user in self.declared else None
+            if isinstance(spec, ast.StructSpec) and spec.base is reference:
                 found = f"'{reference.name}', which extends this"
                 expected = "a type that does not extend itself"
             self.refuse(user, Problem(reference.where, found, expected))
@@ -286,10 +287,6 @@ class Resolver:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
         return None
 
-    def is_base(self, reference: ast.Reference, user: str) -> bool:
-        spec = self.declared[user].spec if user in self.declared else None
-        return isinstance(spec, ast.StructSpec) and spec.base is reference
-
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
         """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
         first, last = self.whole(low, user), self.whole(high, user)
@@ -297,7 +294,8 @@ class Resolver:
             return None
         if last < first:
             if isinstance(high, ast.Formula) or isinstance(low, int):
-                problem = _wrong(high, last, f"a number from {first} upwards", self.place(user))
+                place = self.declared[user].where if user in self.declared else "type"
+                problem = _wrong(high, last, f"a number from {first} upwards", place)
             else:
                 problem = _wrong(low, first, f"a number up to {last}")
             self.refuse(user, problem)
@@ -335,9 +333,6 @@ class Resolver:
             return self.constants.value(number, [], scope)
         except UserError:
             return None
-
-    def place(self, user: str) -> str:
-        return self.declared[user].where if user in self.declared else "type"
 
 
 def unknown_constant(name: str) -> str:

@@ -146,7 +146,10 @@ def scl_text(type_: Type, name: str = "") -> str:
     found = [each for each in named_types(type_) if isinstance(each, Struct)]
     if not found:  # TIA has no type that is an ARRAY
         found = [Struct(name, (Member("raw", type_),))]
-    return "\n".join(_scl_type(each, name) for each in found)
+    head, end = f"VERSION : 0.1\n{INDENT}STRUCT", f"{INDENT}END_STRUCT;\n\nEND_TYPE\n"
+    return "\n".join(
+        f"TYPE {_scl_quoted(one.name or name)}\n{head}\n{_scl_body(one, INDENT)}{end}" for one in found
+    )
 
 
 # -- IEC ST --------------------------------------------------------------------------------------------------
@@ -215,11 +218,6 @@ def scl_name(name: str) -> str:
 def _scl_quoted(name: str) -> str:
     # A character that nobody sees, or that a terminal obeys, is not handed on.
     return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
-
-
-def _scl_type(type_: Struct, name: str) -> str:
-    head = f"TYPE {_scl_quoted(type_.name or name)}\nVERSION : 0.1\n{INDENT}STRUCT\n"
-    return f"{head}{_scl_body(type_, INDENT)}{INDENT}END_STRUCT;\n\nEND_TYPE\n"
 
 
 def _scl_body(type_: Struct, indent: str) -> str:

@@ -108,7 +108,11 @@ def join(
         for declared in file.types
         if resolver.declared[key := declared.name.casefold()] is declared
     }
-    problems = tuple(_once_each(sorted(found, key=_reading_order)))
+    first: dict[object, Problem] = {}  # what is unknown: one name, one line, at the first place
+    for problem in sorted(found, key=_reading_order):
+        unknown = problem.found.casefold() + problem.expected.casefold()
+        first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
+    problems = tuple(first.values())
     return TypeSet(
         where,
         types={key: types[key] for key in resolver.declared if key in types},
@@ -125,15 +129,6 @@ def join(
         senders=senders,
         constants=known,
     )
-
-
-def _once_each(problems: Iterable[Problem]) -> Iterable[Problem]:
-    """Leave out what is unknown a second time: one name, one line, at the first place."""
-    first: dict[object, Problem] = {}
-    for problem in problems:
-        unknown = problem.found.casefold() + problem.expected.casefold()
-        first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
-    return first.values()
 
 
 def _reading_order(problem: Problem) -> list[str | int]:

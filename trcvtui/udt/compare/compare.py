@@ -250,18 +250,10 @@ def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
 
 
 def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
-    mark, path = MARK if row.differs else "", row.path or name
-    if not with_values:
-        return mark, path, _place_of(row.ours), _place_of(row.theirs)
-    return mark, path, _place_of(row.ours), _value(row.ours), _place_of(row.theirs), _value(row.theirs)
-
-
-def _place_of(cell: ComparedLeaf | None) -> str:
-    return place_text(cell.leaf) if cell else NOTHING
-
-
-def _value(cell: ComparedLeaf | None) -> str:
-    return cell.value if cell else ""
+    texts = [MARK if row.differs else "", row.path or name]
+    for cell in (row.ours, row.theirs):
+        texts += [place_text(cell.leaf), cell.value] if cell else [NOTHING, ""]
+    return tuple(texts if with_values else texts[:3] + texts[4:5])
 
 
 def _extent(layout: Layout) -> str:

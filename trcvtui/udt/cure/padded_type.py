@@ -51,7 +51,9 @@ class MemberNote(NamedTuple):
 def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     """Return the type under our rules for a leaf under theirs."""
     if node.is_bit:
-        return _bit(theirs, ours)
+        if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
+            return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
+        return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
     if isinstance(node.type, StringType):
         return _text(node.type, node.size, theirs, ours)
     stored, own = theirs.stored(node.type), ours.stored(node.type)
@@ -67,14 +69,6 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
         return None, f"{stored.name} is stored in its own way in {theirs.name}"
     note = f"{stored.name} is stored in its own way in {theirs.name}: here {bits}, to convert"
     return ELEMENTARY[bits], note
-
-
-def _bit(theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    if "BOOL" in ours.bits:
-        return ELEMENTARY["BOOL"], ""
-    if ours.takes_pack:  # only CODESYS has BIT
-        return ELEMENTARY["BIT"], ""
-    return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
 
 
 def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:

@@ -123,15 +123,6 @@ class PlacedArray:
         row, column = divmod(number, self.columns)
         return row * self.row_size + column // 8, column % 8
 
-    def number_of(self, index: Sequence[int]) -> int | None:
-        """Return the number of the element at an index; None when it is not within bounds."""
-        number = 0
-        for at, (low, high) in zip(index, self.bounds, strict=True):
-            if not low <= at <= high:
-                return None
-            number = number * (high - low + 1) + at - low
-        return number
-
 
 def _step(name: str) -> str:
     return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
@@ -205,9 +196,14 @@ def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    found = [re.fullmatch(_INDEX, index) for index in text.split(",")]
-    index = [int(one[1]) for one in found if one is not None]
-    return node.number_of(index) if len(found) == len(index) == len(node.bounds) else None
+    """Return the number of the element at an index such as `1,2`; None when it is not within bounds."""
+    found, number = text.split(","), 0
+    for index, (low, high) in zip(found, node.bounds, strict=False):
+        at = re.fullmatch(_INDEX, index)
+        if at is None or not low <= int(at[1]) <= high:
+            return None
+        number = number * (high - low + 1) + int(at[1]) - low
+    return number if len(found) == len(node.bounds) else None
 
 
 # -- the leaves compiled: one `struct.Struct`, and what becomes of its raw values ---------------------------

@@ -22,7 +22,6 @@ from trcvtui.udt.types import (
 DEFAULT_LAYOUT = "baosky"
 BYTE_ORDERS = {"little": "<", "big": ">"}
 POINTER_SIZES: Final = (4, 8)
-YES_OR_NO: Final = {"yes": True, "no": False}
 
 _T = TypeVar("_T")
 
@@ -218,15 +217,12 @@ class LayoutChoice(NamedTuple):
 
     def __str__(self) -> str:
         """Return it as a line has it: `layout=packed byte_order=big`."""
-        given = zip(self._fields, self, strict=True)
-        return " ".join(f"{name}={choice_text(value)}" for name, value in given if value is not None)
+        words = [{True: "yes", False: "no"}[one] if isinstance(one, bool) else one for one in self]
+        given = zip(self._fields, words, strict=True)
+        return " ".join(f"{name}={word}" for name, word in given if word is not None)
 
 
 NO_CHOICE: Final = LayoutChoice()
-
-
-def choice_text(value: str | int | bool) -> str:
-    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
 
 
 def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
@@ -236,7 +232,7 @@ def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
         "byte_order": {name: name for name in BYTE_ORDERS},
         "text": {name: name for name in TEXT_FORMS},
         "pointer_size": {str(size): size for size in POINTER_SIZES},
-        "string_even": dict(YES_OR_NO),
+        "string_even": {"yes": True, "no": False},
     }
     return _known(where or name, text, choices[name])
 

@@ -98,15 +98,13 @@ class Parser(SpecParser):
     def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
         while not self.accept("END_TYPE"):
-            if self.block_ends() or self.is_other_block():
+            # A block of another kind begins with its word, and then has its name.
+            is_other = self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
+            if self.block_ends() or is_other:
                 self.note(self.refusal("'END_TYPE'"))
                 return
             if declaration := self.declaration():
                 self.types.append(declaration)
-
-    def is_other_block(self) -> bool:
-        """Return whether a block of another kind begins here: its word, and then its name."""
-        return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
 
     def bare(self) -> None:
         """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""

@@ -42,13 +42,12 @@ class TypeFolder:
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
             for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+                if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
+                    continue
                 with suppress(UserError):
-                    if os.path.realpath(path) not in self.without:
-                        data = content_of(path)
-                        size += len(data)
-                        texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
-                if len(texts) > MOST or size > MOST_BYTES:
-                    break
+                    data = content_of(path)
+                    size += len(data)
+                    texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
             if max(number, len(texts)) > MOST or size > MOST_BYTES:
                 found = f"a folder of more than {MOST} type files or {MOST_BYTES >> 20} MiB"
                 raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")

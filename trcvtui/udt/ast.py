@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import Pointer, StringType, Unplaced
@@ -121,9 +121,6 @@ class SenderLayout(NamedTuple):
     source: str = ""
 
 
-NO_SENDER: Final = SenderLayout()
-
-
 class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
@@ -133,5 +130,5 @@ class Declarations(NamedTuple):
     types: tuple[Declaration, ...]
     problems: tuple[Problem, ...] = ()
     constants: tuple[Constant, ...] = ()
-    sender: SenderLayout = NO_SENDER
+    sender: SenderLayout = SenderLayout()
     others: tuple[str, ...] = ()

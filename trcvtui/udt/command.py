@@ -48,7 +48,6 @@ def _hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[
         yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
 
 
-EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 # What a message calls the fields of a choice that have no option's name in it.
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
@@ -344,7 +343,7 @@ def constants_of(given: Sequence[str]) -> dict[str, int]:
             name, _, value = text.partition("=")
             number = parse_integer(value) if value else None
             if not name.strip() or number is None:
-                problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
+                problems.append(Problem("--constant", f"'{text}'", "NAME=VALUE such as GVL.MAX=10"))
             else:
                 constants[name.strip()] = number
     return constants

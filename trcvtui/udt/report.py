@@ -69,9 +69,8 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
     leaves = layout.leaves(0, most)
     pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
     values = {leaf.path or name: json_value(value) for leaf, value in pairs}
-    markable = (leaf for leaf in leaves if leaf.coding.odd)
-    told = ((leaf.path or name, mark_text(leaf, _own_bytes(leaf, data))) for leaf in markable)
-    marks = {path: mark for path, mark in told if mark}
+    markable = [leaf for leaf in leaves if leaf.coding.odd]
+    marks = {one.path or name: mark for one in markable if (mark := mark_text(one, _own_bytes(one, data)))}
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
     return json_lines({**head, "values": values, **({"marks": marks} if marks else {})})
 

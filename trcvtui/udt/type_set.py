@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import NO_SENDER, Declarations, SenderLayout, Spec
+from trcvtui.udt.ast import Declarations, SenderLayout, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.types import Type
@@ -54,7 +54,7 @@ class TypeSet:
     def sender(self, name: str) -> SenderLayout:
         """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
         known = (key for key in _keys(name) if key in self.types)
-        return self.senders.get(next(known, ""), NO_SENDER)
+        return self.senders.get(next(known, ""), SenderLayout())
 
     def only(self, files: Sequence[Declarations]) -> str:
         """Return the name of the only type of these files; raise UserError for none, several or bad ones."""

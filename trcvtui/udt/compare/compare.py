@@ -107,8 +107,6 @@ PLACE: Final = "place"
 TYPE: Final = "type"
 FORM: Final = "form"
 VALUE: Final = "value"
-ONLY_OURS: Final = "only ours"
-ONLY_THEIRS: Final = "only theirs"
 
 
 class ComparedLeaf(NamedTuple):
@@ -193,7 +191,7 @@ class Comparison:
 
 def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
-        return (ONLY_THEIRS if ours is None else ONLY_OURS,)
+        return ("only theirs" if ours is None else "only ours",)
     same_type = ours.type == theirs.type  # another type has a form of its own
     told = (
         (PLACE, ours.place != theirs.place),

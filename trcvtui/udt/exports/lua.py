@@ -40,7 +40,8 @@ def write(layout: Layout, port: int | None = None) -> str:
         raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
     writer = _LuaWriter(layout)
     root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
-    structs = writer.structs()  # finds out what else is needed
+    # Finds out what else is needed.
+    structs = [writer.struct(type_, node) for type_, node in structs_of(layout.type, layout.root)]
     rules, name = layout.rules, one_line(layout.name)
     form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
     begin = Template(_parts()["begin"].text).substitute(
@@ -101,9 +102,6 @@ class _LuaWriter:
         self.value_names: dict[Enumeration, str] = {}
         self.type_names: dict[Struct | Union, str] = {}
         self.taken_types, self.taken_values = NameScope(ascii_word), NameScope(ascii_word)
-
-    def structs(self) -> list[str]:
-        return [self.struct(type_, node) for type_, node in structs_of(self.layout.type, self.layout.root)]
 
     def struct_name(self, type_: Struct | Union) -> str:
         if type_ not in self.type_names:

@@ -71,12 +71,8 @@ def _needed(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
     """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
     assert isinstance(leaf.type, StringType)
     unit = 2 if leaf.type.wide else 1
-    text = str(decode_leaf(layout, leaf, part))
-    length = len(text.encode("utf-16-le", "surrogatepass")) // 2
-    if leaf.type.utf8:
-        length = len(text.encode("utf-8", "surrogateescape"))
-    first = unit if layout.rules.text.header else 0
-    last = min(first + (length + 1) * unit, len(part))
+    said = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))
+    first, last = (unit, said) if layout.rules.text.header else (0, said + unit)
     return bytes(255 if first <= at < last else 0 for at in range(len(part)))
 
 

@@ -1,7 +1,7 @@
-"""PLCopen TC6 XML: `dataType/baseType/{struct,enum,array,derived,string,...}`, with the CODESYS additions.
+"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files; both hold the ST text of types.
 
-Every version of the schema is read by local names. A `dataType` counts wherever it stands: CODESYS writes
-some into `addData` of a resource. Where the export carries the ST text of a type, that text is read.
+`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts wherever it
+stands: CODESYS writes some into `addData` of a resource. Where there is the ST text of a type, that is read.
 """
 
 from __future__ import annotations
@@ -12,10 +12,52 @@ from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.constants import evaluate
 from trcvtui.udt.literals import parse_integer
-from trcvtui.udt.sources.st import read_spec
-from trcvtui.udt.sources.twincat import named, qualified, read_inside
+from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.sources.xml_source import Element, deeper
 from trcvtui.udt.types import Pointer
+
+OBJECTS = ("DUT", "GVL")
+
+
+def read_twincat(root: Element) -> ast.Declarations:
+    """Return the type of a DUT, or the constants of a GVL; raise UserError for any other object."""
+    object_ = next(root.all(*OBJECTS), None)
+    if object_ is None:
+        kinds = ", ".join(f"<{child.name}>" for child in root.children[:3]) or "nothing"
+        raise mistake(root.where, f"{kinds} in it", "a <DUT> or a <GVL>")
+    text = object_.at("Declaration")
+    if text is None or not text.text.strip():
+        raise mistake(object_.where, f"<{object_.name}> without text", "<Declaration> with ST text")
+    read = read_inside(text)
+    if object_.name == "GVL":
+        return qualified(read, object_.get("Name"))
+    if not read.types and not read.problems:
+        return read._replace(problems=(Problem(text.where, "no type", "TYPE ... END_TYPE"),))
+    return read._replace(types=tuple(named(type_, object_.get("Name")) for type_ in read.types))
+
+
+def read_inside(text: Element) -> ast.Declarations:
+    """Return what the ST text in an element declares; places in it are those of the file."""
+    return read_st(text.text, text.source, text.text_line)
+
+
+def named(declaration: ast.Declaration, name: str) -> ast.Declaration:
+    """Return the declaration, with a note when the XML around it has another name."""
+    if not name or name.casefold() == declaration.name.casefold():
+        return declaration
+    note = f"the XML calls it '{name}', the declaration '{declaration.name}'"
+    return declaration._replace(notes=(*declaration.notes, note))
+
+
+def qualified(read: ast.Declarations, list_: str) -> ast.Declarations:
+    """Return constants also as `GVL.NAME`, as bounds name them."""
+    if not list_:
+        return read
+    both = tuple(constant._replace(name=f"{list_}.{constant.name}") for constant in read.constants)
+    return read._replace(constants=(*read.constants, *both))
+
+
+# -- PLCopen -------------------------------------------------------------------------------------------------
 
 NOT_TYPES = ("documentation", "addData")
 

@@ -27,10 +27,6 @@ def put_on_stdin(monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
 
 
-def test_hex_may_stand_in_the_argument() -> None:
-    assert given_bytes("01 0x02,16#03") == b"\x01\x02\x03"
-
-
 def test_hex_may_stand_in_a_file(tmp_path: Path) -> None:
     file = tmp_path / "rx.hex"
     file.write_text("01 02\n03\n")

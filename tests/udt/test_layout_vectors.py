@@ -301,13 +301,15 @@ def test_the_settings_of_a_layout_replace_its_own() -> None:
 @pytest.mark.parametrize(
     ("settings", "line"),
     [
+        ({"layout": "cap5"}, "layout: found 'cap5', expected one of baosky, baosky-slot4"),
+        ({"byte_order": "middle"}, "byte order: found 'middle', expected one of little, big"),
         ({"text": "pascal"}, "STRING form: found 'pascal', expected one of s7, cstr, nul"),
         ({"pointer_size": 6}, "pointer size: found 6, expected 4 or 8"),
     ],
 )
 def test_an_unknown_setting_is_refused_with_the_known_ones(settings: dict[str, object], line: str) -> None:
     with pytest.raises(UserError) as refused:
-        rules_for("baosky", **settings)  # type: ignore[arg-type]
+        rules_for(**settings)  # type: ignore[arg-type]
     assert str(refused.value).startswith(line)
 
 

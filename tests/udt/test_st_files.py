@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from tests.udt.st_texts import good, lines, member, members, read
+from tests.udt.st_texts import good, lines, members, read
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
-    ELEMENTARY,
     Enumeration,
     StringType,
     Struct,
-    Subrange,
 )
 
 # -- what stands around the types ------------------------------------------------------------------------
@@ -274,11 +272,9 @@ def test_a_second_declaration_counts_only_when_that_is_asked_for() -> None:
     ]
     asked = join(files, "both")
     assert asked.names() == []
-    assert [problem.where for problem in asked.problems] == ["b.st:1:6"]
+    assert [str(problem) for problem in asked.problems] == [
+        "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"
+    ]
     answered = join(files, "both", last_wins=["A"])
     assert answered.problems == ()
     assert members(answered, "A") == {"x": "BOOL"}
-
-
-def test_a_subrange_is_stored_as_its_base() -> None:
-    assert member("a : UINT(0..10) := 5;") == Subrange(ELEMENTARY["UINT"], 0, 10)

@@ -68,6 +68,7 @@ def ranked(run: Run, *argv: str) -> tuple[int, list[dict[str, object]]]:
 
 
 KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "member", "points", "fits_best", "reasons"]
+KEYS += ["doubt", "same"]
 
 
 @pytest.mark.parametrize(
@@ -84,11 +85,14 @@ KEYS = ["rank", "layout", "byte_order", "text", "cause", "n", "member", "points"
 )
 def test_fit_names_the_layout_and_the_cause(content: str, cause: str | None, n: int, run: Run) -> None:
     code, found = ranked(run, content)
+    told = {key: found[0].pop(key) for key in ("verdict", "lengths")}  # of all readings
     assert [list(one) for one in found] == [KEYS] * len(found)
     ranks = [one["rank"] for one in found]
     assert ranks == [ranks.index(rank) + 1 for rank in ranks]  # 1, 2, 2, 4
     assert ranks.count(1) == 1
     best = found[0]
+    assert ("fits best" in str(told["verdict"])) is best["fits_best"] is (best["doubt"] is None)
+    assert told["lengths"] == [len(bytes.fromhex(content))]
     is_sure = (cause, n) not in [("header", 3), ("long", 1)]  # what these bytes mean is not known
     assert (best["layout"], best["byte_order"]) == ("natural8", "little")
     assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, is_sure, not is_sure)
@@ -148,6 +152,13 @@ def test_fit_names_the_layout_first_that_the_source_of_the_type_tells(run: Run) 
     code, out, err = run("udt", "fit", "axis.typ", NATURAL)
     assert (code, out.partition(" (")[0]) == (0, "Axis, 24 bytes: codesys-8, little-endian")
     assert "the same for these bytes: natural8" in out and "usually codesys-8" in err
+
+
+def test_fit_reads_a_text_that_ours_cannot_hold_in_the_layouts_that_can(run: Run) -> None:
+    content = f"07 00 00 00 {b'hello'.ljust(260, bytes(1)).hex()} 00 00 00 00 00 00 29 40"
+    code, out, err = run("udt", "fit", "long.TcDUT", content)
+    assert (code, out.partition(" (")[0]) == (0, "Long, 272 bytes: codesys-8, little-endian, STRING nul")
+    assert err == "note: Long: baosky cannot hold it (Long.s, STRING[255]); the layouts that can are tried\n"
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ import json
 from typing import Any
 
 from trcvtui.udt import report
-from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Data
 
 
 def show_json(layout: Layout) -> Any:

@@ -27,10 +27,6 @@ def put_on_stdin(monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
 
 
-def test_hex_may_stand_in_the_argument() -> None:
-    assert given_bytes("01 0x02,16#03") == b"\x01\x02\x03"
-
-
 def test_hex_may_stand_in_a_file(tmp_path: Path) -> None:
     file = tmp_path / "rx.hex"
     file.write_text("01 02\n03\n")
@@ -118,7 +114,7 @@ def test_a_type_may_come_on_stdin_once(
         assert refusal(given_types, "-").startswith(f"stdin: found {found}")
     once = SimpleNamespace(file="-", others=[], constant=[], hex=["-"])
     assert refusal(lambda given: types_of(given, None), once) == (
-        "-: found stdin more than once, expected one on stdin, the others in files"
+        "stdin: found it more than once, expected one on stdin, the others in files"
     )
     put_on_stdin(monkeypatch, b"STRUCT a : INT; END_STRUCT")
     monkeypatch.setattr(sys.stdin.buffer, "isatty", lambda: True, raising=False)

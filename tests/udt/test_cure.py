@@ -151,7 +151,7 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
     theirs, ours = layout_of(members, "packed"), layout_of(members, "baosky-pack4")
     found = padded_type(theirs, ours.rules)
     assert (found.type, found.is_possible, found.layout.size) == (theirs.type, True, 12)
-    assert "\n// LEN := 10 at the receiving block" in cure_source(ours, theirs, "st")
+    assert "\n// LEN := 10 at the receiving block" in cure_source(ours.rules, theirs, "st")
     nested = padded_type(layout_of(f"s : STRUCT {members} END_STRUCT; i : INT;", "packed"), ours.rules)
     assert told(nested) == [
         "s.d: not reached: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
@@ -198,7 +198,7 @@ def test_what_a_type_extends_becomes_members_of_its_own() -> None:
     assert places(found.layout) == {"x": (0, 1, None), "y": (8, 8, None)}
     bits = text.replace("BYTE", "BIT").replace("y : LREAL", "y : BIT; z : INT")  # each begins a byte
     found = padded_type(lay_out(types_of(bits).named("T"), rules_for("codesys-8")), rules_for("codesys-4"))
-    assert [(one.path, one.why[:15]) for one in found.unreached] == [("y", "bit 0 of byte 1")]
+    assert [(one.path, one.text[:15]) for one in found.unreached] == [("y", "bit 0 of byte 1")]
     assert places(found.layout)["z"] == (2, 2, None)
 
 
@@ -335,7 +335,7 @@ def test_profiles_that_agree_need_no_cure() -> None:
 def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules, form: str, messages: list[bytes]
 ) -> None:
-    text = cure_source(lay_out(type_, ours, "T"), lay_out(type_, theirs, "T"), form)
+    text = cure_source(ours, lay_out(type_, theirs, "T"), form)
     assert text.startswith(f"// T for {ours.name}, ")
     fits = fit(type_, messages)
     best = [next(group).score for _, group in groupby(fits, key=lambda one: one.rank)]

@@ -26,10 +26,6 @@ def test_a_baosky_telegram_is_decoded_little_endian_with_its_gaps_ignored() -> N
     assert decode(telegram(), data) == (1, 1234.5, True)
 
 
-def test_surplus_bytes_are_ignored() -> None:
-    assert decode(telegram(), bytes(12) + b"more") == (0, 0.0, False)
-
-
 def test_a_bool_is_false_for_0_and_true_for_every_other_byte() -> None:
     layout = layout_of("ARRAY[0..255] OF BOOL")
     assert decode(layout, bytes(range(256))) == (False,) + (True,) * 255

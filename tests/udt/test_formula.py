@@ -10,7 +10,8 @@ from tests import golden
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Formula
-from trcvtui.udt.constants import DEEPEST, Constants, evaluate, read_number
+from trcvtui.udt.constants import DEEPEST, Constants, evaluate
+from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import Enumeration, type_text
@@ -19,7 +20,8 @@ KNOWN = {"MAX": 10, "GVL.MAX": 20, "Limits.UPPER": 7, "My const": 3}
 
 
 def value(text: str) -> int | None:
-    return evaluate(read_number(text, "here"), KNOWN.get)
+    plain = parse_integer(text)
+    return evaluate(Formula(text.strip(), "here") if plain is None else plain, KNOWN.get)
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_what_a_type_uses_is_found_beside_it_and_told_in_one_line(capsys: pytest
     put(sub_st="TYPE Sub : INT; END_TYPE", GVL_st="VAR_GLOBAL CONSTANT MAX : INT := 2; END_VAR")
     assert size("report.st") == 8
     assert capsys.readouterr().err == (
-        "note: Report uses Unit, GVL.MAX, Sub: found in unit.st, GVL.st, sub.st beside it\n"
+        "note: Report uses Unit: found in unit.st, GVL.MAX: found in GVL.st, Sub: found in sub.st beside it\n"
     )
 
 

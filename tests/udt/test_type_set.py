@@ -66,14 +66,6 @@ def test_files_use_each_others_types_in_any_order() -> None:
     assert join(reversed(files), "both").names() == ["B", "A"]
 
 
-def test_the_same_name_in_two_files_is_a_mistake_that_shows_both_places() -> None:
-    files = [read_st("TYPE A : INT; END_TYPE", "a.st"), read_st("TYPE a : INT; END_TYPE", "b.st")]
-    types = join(files, "both")
-    assert [str(p) for p in types.problems] == [
-        "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"
-    ]
-
-
 def test_a_chain_of_structures_deeper_than_the_limit_is_refused_and_its_lower_part_kept() -> None:
     chain = "".join(f"T{n} : STRUCT x : T{n + 1}; END_STRUCT " for n in range(MOST_NESTED + 8))
     types = types_of(f"TYPE {chain} T{MOST_NESTED + 8} : INT; END_TYPE")

@@ -173,7 +173,7 @@ def test_a_global_data_block_is_a_type_too() -> None:
     block = udt.replace("SW.Types.PlcStruct", "SW.Blocks.GlobalDB").replace(">Motor<", ">Line<")
     block = block.replace("<Name>", "<MemoryLayout>Optimized</MemoryLayout><Name>")
     read = read_xml_file(block, "F")
-    assert [each.name for each in read.types] == ["Line"] and read.layout == "s7-standard"
+    assert [each.name for each in read.types] == ["Line"] and read.sender.layout == "s7-standard"
     assert bare(read)[0][1:] == bare(read_xml_file(udt, "F"))[0][1:]
     assert "optimised access" in read.types[0].notes[0]
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from hypothesis import strategies as st
 
-from trcvtui.udt.layout.codec import Values
 from trcvtui.udt.layout.coding import Value, coding_of
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, Leaf, lay_out, rules_for
+from trcvtui.udt.layout.layout_tree import Values
 from trcvtui.udt.layout.rules import TEXT_FORMS
 from trcvtui.udt.literals import date_and_time_text, format_literal, format_time
 from trcvtui.udt.sources import parse_type

@@ -8,6 +8,7 @@ from typing import Any
 from trcvtui.cli.options import (
     FAILED,
     GOOD,
+    WRONG_INPUT,
     Args,
     CommandParser,
     add_commands,
@@ -62,7 +63,7 @@ def _last_words() -> str:
     return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
-def _printing(answer: str) -> Callable[[Args], int]:
+def _printing(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
     """Return the command that prints an answer of `trcvtui.udt.command`, which it imports.
 
     Some answers say whether all is well, too, which the exit code tells; None stands in a file.
@@ -75,13 +76,13 @@ def _printing(answer: str) -> Callable[[Args], int]:
         text, is_good = found if isinstance(found, tuple) else (found, True)
         if text is not None:
             print_text(text)
-        return GOOD if is_good else FAILED
+        return GOOD if is_good else bad
 
     return run
 
 
 def _add_types(parser: CommandParser) -> None:
-    _add_files(parser, _printing("list_types"))
+    _add_files(parser, _printing("list_types", bad=WRONG_INPUT))
     add_format(parser, "text", "json")
 
 
@@ -141,8 +142,7 @@ def _cure(args: Args) -> int:
     from trcvtui.tui.lab.lab_fix import cure_source
     from trcvtui.udt import command
 
-    ours, theirs = command.two_sides_of_a_cure(args)
-    return print_text(cure_source(ours, theirs, args.form).rstrip("\n"))
+    return print_text(cure_source(*command.two_sides_of_a_cure(args), args.form).rstrip("\n"))
 
 
 COMMANDS = {

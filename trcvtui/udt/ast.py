@@ -5,7 +5,7 @@ Every source format is read into these values; `type_set.py` turns them into typ
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from trcvtui.errors import Problem
 from trcvtui.udt.types import Pointer, StringType, Unplaced
@@ -112,23 +112,23 @@ class Constant(NamedTuple):
 
 
 class SenderLayout(NamedTuple):
-    """The layout that most senders of a `source` such as TwinCAT have; "": its types are laid out so."""
+    """The layout that most senders of a `source` such as TwinCAT have.
+
+    Without a source the file itself stands for it (a TIA source: s7-standard): its types are laid out so.
+    """
 
     layout: str = ""
     source: str = ""
 
 
-NO_SENDER: Final = SenderLayout()
-
-
 class Declarations(NamedTuple):
     """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
 
-    `layout` is the layout that the source itself stands for (a TIA source: s7-standard), "" for none.
+    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK.
     """
 
     types: tuple[Declaration, ...]
     problems: tuple[Problem, ...] = ()
     constants: tuple[Constant, ...] = ()
-    layout: str = ""
-    sender: SenderLayout = NO_SENDER
+    sender: SenderLayout = SenderLayout()
+    others: tuple[str, ...] = ()

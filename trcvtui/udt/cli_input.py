@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+from functools import partial
 from typing import Final
 
 from trcvtui.errors import mistake
@@ -46,19 +47,19 @@ def given_types(name: str) -> Declarations:
     if name != STDIN:
         return declarations_in(name)
     if (data := _read(name)).strip():
-        return declarations_of(data, _where(name))
-    raise mistake(_where(name), "nothing", "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block")
+        return declarations_of(data, where_of(name))
+    expected = "a type: TYPE ... END_TYPE, STRUCT ... END_STRUCT or a data block"
+    raise mistake(where_of(name), "nothing", expected)
 
 
 def given_values(name: str) -> dict[str, object]:
     """Return the JSON object that stands in a file, or on stdin for `-`."""
     import json
 
-    where, text = _where(name), _text(name)
+    where, text = where_of(name), _text(name)
     try:
-        values = json.loads(text, parse_float=_number, object_pairs_hook=_each_once)
-    except _Refused as refused:
-        raise mistake(where, refused.found, refused.expected) from None
+        pairs = partial(_each_once, where)
+        values = json.loads(text, parse_float=partial(_number, where), object_pairs_hook=pairs)
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
@@ -71,26 +72,21 @@ def given_values(name: str) -> dict[str, object]:
     return values
 
 
-class _Refused(Exception):
-    """JSON that Python takes and changes without a word."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        super().__init__(found)
-        self.found, self.expected = found, expected
+# Python takes these, and changes them without a word.
 
 
-def _number(text: str) -> float:
+def _number(where: str, text: str) -> float:
     number = float(text)
     if math.isinf(number):
-        raise _Refused(text[:40], 'a number in the range of LREAL, or "Infinity"')
+        raise mistake(where, text[:40], 'a number in the range of LREAL, or "Infinity"')
     return number
 
 
-def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _each_once(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
     values: dict[str, object] = {}
     for key, value in pairs:
         if key in values:
-            raise _Refused(f"'{key[:60]}' a second time", "each path once")
+            raise mistake(where, f"'{key[:60]}' a second time", "each path once")
         values[key] = value
     return values
 
@@ -103,10 +99,11 @@ def _hex_of(given: str) -> tuple[str, str]:
     if given != STDIN and not given.startswith("@"):
         return given, "HEX"
     name = given.removeprefix("@")
-    return _text(name), _where(name)
+    return _text(name), where_of(name)
 
 
-def _where(name: str) -> str:
+def where_of(name: str) -> str:
+    """Return what messages call a file, or stdin."""
     return "stdin" if name == STDIN else name
 
 
@@ -114,9 +111,9 @@ def _read(name: str) -> bytes:
     try:
         data = _stdin() if name == STDIN else read_bytes(name, LARGEST)
     except (OSError, ValueError) as failed:
-        raise mistake(_where(name), reason_of(failed), "text that can be read") from None
+        raise mistake(where_of(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST:
-        raise mistake(_where(name), "more than that", f"at most {LARGEST} bytes")
+        raise mistake(where_of(name), "more than that", f"at most {LARGEST} bytes")
     return data
 
 
@@ -126,7 +123,7 @@ def _text(name: str) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
         found = f"binary data (byte {wrong.start} is 16#{data[wrong.start]:02X})"
-        raise mistake(_where(name), found, "text; `xxd -p` makes hex text of a binary file") from None
+        raise mistake(where_of(name), found, "text; `xxd -p` makes hex text of a binary file") from None
 
 
 def _stdin() -> bytes:

@@ -8,17 +8,18 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
 from trcvtui.errors import Problem, UserError, all_problems, mistake, noting, one_line
 from trcvtui.files import is_folder
 from trcvtui.udt.ast import Declarations, SenderLayout
-from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values
+from trcvtui.udt.cli_input import STDIN, given_bytes, given_messages, given_types, given_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
+from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import read_headers_with
 from trcvtui.udt.type_set import TypeSet
@@ -47,13 +48,15 @@ def _hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[
         yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
 
 
-EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 # What a message calls the fields of a choice that have no option's name in it.
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
-def list_types(args: SimpleNamespace) -> str:
-    """Return the answer of `udt types`: the types of FILE as their source lays them out, or what is wrong."""
+def list_types(args: SimpleNamespace) -> tuple[str, bool]:
+    """Return the answer of `udt types`, and whether one is good: each as its source lays it out, or why not.
+
+    `sender` is the layout of the type's sender, where the source tells one.
+    """
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import in_columns
 
@@ -62,20 +65,24 @@ def list_types(args: SimpleNamespace) -> str:
     for name, where in [(each.name, each.where) for file in own for each in file.types]:
         rows.append({"type": name, "size": None, "layout": None, "where": where, "problems": []})
         try:
-            layout = lay_out(types.named(name), rules_of(LayoutChoice(), types, name)[0], name)
+            layout, _ = TypeChoice(types, name, types.named(name)).layout()
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
             rows[-1]["problems"] = [str(asked_for(each)) for each in refused.problems]
+        rows[-1]["sender"] = types.sender(name).layout or None
     if not rows:
         types.only(own)  # has the line on that
+    is_good = any(row["layout"] for row in rows)
+    tell([str(problem) for file in own for problem in file.problems])
+    tell([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
     if args.format == "json":
-        return json_lines(rows)
+        return json_lines(rows), is_good
     table = [("type", "size", "layout", "where, or what is wrong")]
     for row in rows:
-        where = [*row["problems"], row["where"]][0]
+        sender = f" (sender: {row['sender']})" if row["sender"] not in (None, row["layout"]) else ""
         size = "" if row["size"] is None else str(row["size"])
-        table.append((row["type"], size, row["layout"] or "", where))
-    return "\n".join(in_columns(table, "lrll"))
+        table.append((row["type"], size, (row["layout"] or "") + sender, [*row["problems"], row["where"]][0]))
+    return "\n".join(in_columns(table, "lrll")), is_good
 
 
 def show(args: SimpleNamespace) -> str:
@@ -123,7 +130,9 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
-    comparison = Comparison(*_two_layouts(args))
+    (ours, told), (theirs, of_theirs) = [side.layout() for side in type_choices(args, *_sides(args))]
+    tell(dict.fromkeys([*told, *of_theirs]))
+    comparison = Comparison(ours, theirs)
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
     rows = list(comparison.rows(data))
     answer = compare_text if args.format == "text" else compare_json
@@ -131,48 +140,91 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether one reading fits best."""
+    """Return the answer of `udt fit`, and whether one reading fits best; our side need not hold the type."""
     from trcvtui.udt.compare.fit import fit as ranked
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
-    ours, sender = _layout_and_sender(args)
+    [ours] = type_choices(args, args)
+    rules, told = ours.rules()
     messages = given_messages(" ".join(args.hex))
-    fits = ranked(ours.type, messages, ours.name, own=ours.rules, sender=sender.layout)
+    fits = ranked(ours.type, messages, ours.name, own=rules, sender=ours.types.sender(ours.name).layout)
+    try:
+        name = lay_out(ours.type, rules, ours.name).name
+    except UserError as refused:
+        if not fits:
+            raise
+        name = fits[0].layout.name
+        told = [_refusal_text(name, rules, refused) + "the layouts that can are tried"]
+    tell([*told, *notes_of(ours.types, ours.name, ours.type, rules)])
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
         from trcvtui.udt.report import json_lines
 
-        return json_lines(fit_json(fits)), is_sure
+        return json_lines(fit_json(fits, list(map(len, messages)))), is_sure
     sizes = " + ".join([*(str(len(message)) for message in messages[:8]), "..."][: len(messages)])
-    return fit_text(fits, f"{ours.name}, {sizes} bytes"), is_sure
+    return fit_text(fits, f"{name}, {sizes} bytes"), is_sure
 
 
-def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[Layout, Layout]:
-    """Return our layout and theirs for `udt cure`: a layout option that is given once is theirs."""
+def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
+    """Return our rules and their layout for `udt cure`: a layout option that is given once is theirs."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
             setattr(args, option, [None, *given])
-    return _two_layouts(args)
+    ours, theirs = type_choices(args, *_sides(args))
+    (rules, told), (layout, of_theirs) = ours.rules(), theirs.layout()
+    tell(dict.fromkeys([*(told if ours.types.layout(ours.name) else []), *of_theirs]))
+    return rules, layout
 
 
 # -- what the commands have in common ------------------------------------------------------------------------
 
 
+class TypeChoice(NamedTuple):
+    """A type by its name, and what was chosen of its layout."""
+
+    types: TypeSet
+    name: str
+    type: Type
+    choice: LayoutChoice = NO_CHOICE
+
+    def rules(self) -> tuple[LayoutRules, list[str]]:
+        """Return the rules, and a note where the type's source decided on the layout."""
+        choice, name, sender = self.choice, self.name, self.types.sender(self.name)
+        if choice.layout is not None or not sender.layout:
+            return choice.rules(), []
+        if own := self.types.layout(name):
+            return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+        shown = choice.rules()
+        text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
+        return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
+
+    def layout(self) -> tuple[Layout, list[str]]:
+        """Return the layout with its notes: that of the sender where ours cannot be and none was chosen."""
+        rules, told = self.rules()
+        sender = self.types.sender(self.name).layout
+        try:
+            return lay_out(self.type, rules, self.name), told
+        except UserError as refused:
+            if self.choice.layout is None and sender:
+                with suppress(UserError):
+                    layout = lay_out(self.type, self.choice.rules(sender), self.name)
+                    text = f"laid out as {sender}, its sender's layout"
+                    return layout, [_refusal_text(layout.name, rules, refused) + text]
+            raise
+
+
+def _refusal_text(name: str, rules: LayoutRules, refused: UserError) -> str:
+    problem = refused.problems[0]
+    return f"{name}: {rules.name} cannot hold it ({problem.where}, {problem.found}); "
+
+
 def layout_of(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
-    return _layout_and_sender(args)[0]
-
-
-def _layout_and_sender(args: SimpleNamespace) -> tuple[Layout, SenderLayout]:
-    choice = choice_of_options(args)
-    choice.rules()  # the arguments come first
-    types, own = types_of(args, args.type)
-    name, type_ = named_type(types, args.type, own)
-    rules, told = rules_of(choice, types, name)
-    layout = lay_out(type_, rules, name)
-    tell([*told, *notes_of(types, name, type_, rules)])
-    return layout, types.sender(name)
+    [asked] = type_choices(args, args)
+    layout, told = asked.layout()
+    tell([*told, *notes_of(asked.types, asked.name, asked.type, layout.rules)])
+    return layout
 
 
 def only_layout(path: str) -> tuple[Layout, SenderLayout]:
@@ -191,9 +243,9 @@ def only_layout(path: str) -> tuple[Layout, SenderLayout]:
     outer = [name for name in declared if name.casefold() not in inner]
     is_good = len(outer) == 1 and all(name.casefold() in types.types for name in declared)
     name = outer[0] if is_good else types.only(own)
-    rules, told = rules_of(LayoutChoice(), types, name)
+    layout, told = TypeChoice(types, name, types.named(name, path)).layout()
     tell(told)
-    return lay_out(types.named(name, path), rules, name), types.sender(name)
+    return layout, types.sender(name)
 
 
 def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
@@ -204,18 +256,6 @@ def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
             name = OPTION_NAMES.get(field, f"--{field.replace('_', '-')}")
             found[field] = choice_of(field, text, name)
     return LayoutChoice(**found)
-
-
-def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
-    """Return the rules for a type, and a note where its source decided on the layout."""
-    own, sender = types.layout(name), types.sender(name)
-    if choice.layout is not None or not sender.layout:
-        return choice.rules(), []
-    if own:
-        return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
-    shown = choice.rules()
-    text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
-    return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
 
 def tell(notes: Iterable[str]) -> None:
@@ -235,7 +275,7 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
     paths = [args.file, *args.others]
     read_headers_with(paths, getattr(args, "long_size", None))
     if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
-        raise mistake(STDIN, "stdin more than once", "one on stdin, the others in files")
+        raise mistake(where_of(STDIN), "it more than once", "one on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
     with all_problems() as problems:
@@ -249,18 +289,10 @@ def types_of(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[D
         folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
     wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
     given = [file for each in files.values() for file in each]
-    types, told = find_types(given, folders, wanted, ", ".join(paths), constants_of(args.constant))
+    where = ", ".join(map(where_of, paths))
+    types, told = find_types(given, folders, wanted, where, constants_of(args.constant))
     tell(told)
     return types, own
-
-
-def named_type(types: TypeSet, name: str | None, own: Sequence[Declarations]) -> tuple[str, Type]:
-    """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
-    try:
-        name = types.only(own) if name is None else name
-        return name, types.named(name, "--type")
-    except UserError as refused:
-        raise UserError([asked_for(problem) for problem in refused.problems]) from None
 
 
 def asked_for(problem: Problem) -> Problem:
@@ -276,22 +308,18 @@ def asked_for(problem: Problem) -> Problem:
     return problem
 
 
-def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
-    sides = _sides(args)
-    choices = [choice_of_options(side) for side in sides]
-    for choice in choices:
-        choice.rules()
+def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
+    """Return the type of each side, or the only one of FILE, with what its options say of the layout."""
+    choices = [choice_of_options(side) for side in sides]  # the arguments come first
     types, own = types_of(args, *[side.type for side in sides])
-    layouts: list[Layout] = []
-    notes: dict[str, None] = {}
-    for side, choice in zip(sides, choices, strict=True):
-        name, type_ = named_type(types, side.type, own)
-        rules, told = rules_of(choice, types, name)
-        layouts.append(lay_out(type_, rules, name))
-        if types.layout(name) or not any(one.layout for one in choices):
-            notes |= dict.fromkeys(told)
-    tell(notes)
-    return layouts[0], layouts[1]
+    try:
+        names = [types.only(own) if side.type is None else side.type for side in sides]
+        return [
+            TypeChoice(types, name, types.named(name, "--type"), choice)
+            for name, choice in zip(names, choices, strict=True)
+        ]
+    except UserError as refused:
+        raise UserError([asked_for(problem) for problem in refused.problems]) from None
 
 
 def _sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespace]:
@@ -315,7 +343,7 @@ def constants_of(given: Sequence[str]) -> dict[str, int]:
             name, _, value = text.partition("=")
             number = parse_integer(value) if value else None
             if not name.strip() or number is None:
-                problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
+                problems.append(Problem("--constant", f"'{text}'", "NAME=VALUE such as GVL.MAX=10"))
             else:
                 constants[name.strip()] = number
     return constants

@@ -28,16 +28,6 @@ _TOKEN = (
 )
 
 
-def read_number(text: str, where: str) -> Number:
-    """Return the number that a text says, as a formula if there are names in it; raise UserError."""
-    plain = parse_integer(text)
-    if plain is not None:
-        return plain
-    formula = Formula(text.strip(), where)
-    value = evaluate(formula, lambda name: None)
-    return formula if value is None else value
-
-
 def evaluate(number: Number, look_up: LookUp) -> int | None:
     """Return the value of a formula, None if `look_up` knows one of its names not; raise UserError."""
     if isinstance(number, int):
@@ -236,7 +226,8 @@ class Constants:
         like = self.by_end.get(parts[-1], [])
         if len(like) > MOST_LIKE:
             return []
-        return _of_first_layer([entry for entry in like if _is_end(entry.parts, parts)])
+        pairs = [(min(len(entry.parts), len(parts)), entry) for entry in like]
+        return _of_first_layer([entry for size, entry in pairs if entry.parts[-size:] == parts[-size:]])
 
     def _work_out(self, name: str, entries: list[_Entry]) -> _Found:
         values: dict[int, _Entry] = {}
@@ -271,8 +262,3 @@ def _both(name: str, values: Mapping[int, _Entry]) -> str:
 def _of_first_layer(entries: list[_Entry]) -> list[_Entry]:
     first = min((entry.layer for entry in entries), default=0)
     return [entry for entry in entries if entry.layer == first]
-
-
-def _is_end(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    shared = min(len(one), len(other))
-    return one[-shared:] == other[-shared:]

@@ -21,7 +21,6 @@ _MARKS: Final = (
     r"\u17b4-\u17d3\u1ab0-\u1aff\u1b00-\u1b44\u1dc0-\u1dff\u20d0-\u20f0\u302a-\u302f\u3099\u309a"
 )
 NAME: Final = rf"[^\W\d][\w{_MARKS}]*"
-QUALIFIED_NAME: Final = rf"{NAME}(\.{NAME})*"
 
 
 # IEC 61131-3 table 8: largest first, each at most once.
@@ -51,9 +50,10 @@ _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 def parse_time(text: str, where: str = "duration") -> int:
     """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
-    ns = _duration(text)
+    ns = parse_duration(text)
     if ns is None:
-        raise mistake(where, _quoted(text), EXPECTED[ValueKind.DURATION])
+        shown = f"'{text}'" if len(text) <= _LONGEST else f"'{text[:_LONGEST]}...'"
+        raise mistake(where, shown, EXPECTED[ValueKind.DURATION])
     return ns
 
 
@@ -99,7 +99,7 @@ def parse_literal(row: Elementary, text: str) -> int | None:
 def parse_s5time(text: str) -> int | None:
     """Return the nanoseconds of `S5T#1s500ms`, also written as TIME; None when it is none."""
     found = _match(_S5TIME, text)
-    return _duration(f"T#{found[1]}" if found else text)
+    return parse_duration(f"T#{found[1]}" if found else text)
 
 
 def parse_integer(text: str) -> int | None:
@@ -118,15 +118,12 @@ def parse_integer(text: str) -> int | None:
     return -number if sign == "-" else number
 
 
-def _quoted(text: str) -> str:
-    return f"'{text}'" if len(text) <= _LONGEST else f"'{text[:_LONGEST]}...'"
-
-
 def _match(pattern: str, text: str) -> re.Match[str] | None:
     return re.fullmatch(pattern, text.strip()) if len(text) <= _LONGEST else None
 
 
-def _duration(text: str) -> int | None:
+def parse_duration(text: str) -> int | None:
+    """Return the nanoseconds of an IEC duration, None when it is none."""
     found = _match(_DURATION, text)
     if found is None:
         return None
@@ -170,7 +167,7 @@ def parse_date_and_time(text: str) -> int | None:
 
 
 _READ = {
-    ValueKind.DURATION: _duration,
+    ValueKind.DURATION: parse_duration,
     ValueKind.DATE: _date,
     ValueKind.TIME_OF_DAY: _clock,
     ValueKind.DATE_AND_TIME: parse_date_and_time,

@@ -9,9 +9,9 @@ from operator import attrgetter, itemgetter
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf
+from trcvtui.udt.layout.layout_tree import Data
 from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
@@ -47,16 +47,13 @@ def show_text(layout: Layout) -> str:
 
 
 def _shown(layout: Layout) -> Iterator[Row]:
-    gaps: list[tuple[int, Row]] = [
-        (offset, (str(offset), str(size), "", "(padding)")) for offset, size in layout.padding()
-    ]
-    leaves = [(leaf.offset, _leaf_row(layout, leaf)) for leaf in layout.leaves()]
-    return (row for _, row in sorted([*leaves, *gaps], key=itemgetter(0)))
-
-
-def _leaf_row(layout: Layout, leaf: Leaf) -> Row:
-    named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
-    return place_text(leaf), str(leaf.size), leaf_type_text(layout, leaf) + named, leaf.path or layout.name
+    rows: list[tuple[int, Row]] = []
+    for leaf in layout.leaves():
+        named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
+        type_ = leaf_type_text(layout, leaf) + named
+        rows.append((leaf.offset, (place_text(leaf), str(leaf.size), type_, leaf.path or layout.name)))
+    rows += [(offset, (str(offset), str(size), "", "(padding)")) for offset, size in layout.padding()]
+    return (row for _, row in sorted(rows, key=itemgetter(0)))
 
 
 def place_text(leaf: Leaf) -> str:
@@ -72,9 +69,8 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
     leaves = layout.leaves(0, most)
     pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
     values = {leaf.path or name: json_value(value) for leaf, value in pairs}
-    markable = (leaf for leaf in leaves if leaf.coding.odd)
-    told = ((leaf.path or name, mark_text(leaf, _own_bytes(leaf, data))) for leaf in markable)
-    marks = {path: mark for path, mark in told if mark}
+    markable = [leaf for leaf in leaves if leaf.coding.odd]
+    marks = {one.path or name: mark for one in markable if (mark := mark_text(one, _own_bytes(one, data)))}
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
     return json_lines({**head, "values": values, **({"marks": marks} if marks else {})})
 
@@ -180,11 +176,8 @@ def csv_lines(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     import csv
     import io
 
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="")
     for number, row in enumerate(rows):
         for cells in (row,) if number else (HEAD, row):
-            writer.writerow(map(one_line, cells))
+            text = io.StringIO()
+            csv.writer(text, lineterminator="").writerow(map(one_line, cells))
             yield text.getvalue()
-            text.seek(0)
-            text.truncate()

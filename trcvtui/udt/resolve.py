@@ -33,7 +33,6 @@ from trcvtui.udt.types import (
 KNOWN = "a known "
 KNOWN_TYPE = f"{KNOWN}type"
 KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
-MOST_WALKED = 200  # types on the search for a circle
 
 
 class Resolver:
@@ -49,17 +48,15 @@ class Resolver:
         self.constants, self.known, self.broken = constants, known, broken
         self.last_wins = frozenset(name.casefold() for name in last_wins)
         self.declared: dict[str, ast.Declaration] = {}
-        self.places: dict[str, list[str]] = {}
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
+        self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
 
     def declare(self, declaration: ast.Declaration) -> None:
         key = declaration.name.casefold()
-        places = self.places.setdefault(key, [])
-        places.append(declaration.where)
-        if len(places) > 1 and key in self.last_wins:
+        if key in self.last_wins:
             self.bad.pop(key, None)
             self.declared[key] = declaration
         first = self.declared.setdefault(key, declaration)
@@ -99,18 +96,22 @@ class Resolver:
         """Return all declared keys, each after the ones it uses, without recursion: chains may be long."""
         order: list[str] = []
         seen: set[str] = set()
+        path: dict[str, Iterator[str]] = {}
         for root in self.declared:
-            path = [] if root in seen else [(root, self.uses(root))]
-            seen.add(root)
+            if root not in seen:
+                path[root] = self.uses(root)
             while path:
-                key, rest = path[-1]
-                used = next((used for used in rest if used not in seen), None)
+                key = next(reversed(path))
+                seen.add(key)
+                used = next(path[key], None)
                 if used is None:
                     order.append(key)
-                    path.pop()
-                else:
-                    seen.add(used)
-                    path.append((used, self.uses(used)))
+                    del path[key]
+                elif used in path:
+                    names = [self.declared[each].name for each in path]
+                    self.circles[key, used] = [names[-1], *names[list(path).index(used) : -1]]
+                elif used not in seen:
+                    path[used] = self.uses(used)
         return order
 
     def uses(self, key: str) -> Iterator[str]:
@@ -260,12 +261,13 @@ class Resolver:
         if key in self.bad or key in self.broken:
             self.refuse(user, *(self.bad.get(key) or self.broken[key]))
         elif key in self.declared:
-            circle = self.circle(key, user)
+            circle = self.circles.get((user, key), [])
             found = f"'{reference.name}', which contains this member"
-            if len(circle) > 1:
+            if 1 < len(circle) <= MOST_SHOWN:
                 found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
             expected = "a type that does not contain itself"
-            if self.is_base(reference, user):
+            spec = self.declared[user].spec if user in self.declared else None
+            if isinstance(spec, ast.StructSpec) and spec.base is reference:
                 found = f"'{reference.name}', which extends this"
                 expected = "a type that does not extend itself"
             self.refuse(user, Problem(reference.where, found, expected))
@@ -285,30 +287,6 @@ class Resolver:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
         return None
 
-    def circle(self, key: str, user: str) -> list[str]:
-        """Return the names of declarations from a user over this key back to it, the shortest way.
-
-        Empty when that is too long to be read.
-        """
-        before, waiting = {key: ""}, [key]
-        for found in waiting:
-            if user in before or len(waiting) > MOST_WALKED:
-                break
-            for used in self.uses(found):
-                if used not in before:
-                    before[used] = found
-                    waiting.append(used)
-        names: list[str] = []
-        at = user if user in before else ""
-        while at:
-            names.append(self.declared[at].name)
-            at = before[at]
-        return [*names[:1], *reversed(names[1:])] if len(names) <= MOST_SHOWN else []
-
-    def is_base(self, reference: ast.Reference, user: str) -> bool:
-        spec = self.declared[user].spec if user in self.declared else None
-        return isinstance(spec, ast.StructSpec) and spec.base is reference
-
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
         """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
         first, last = self.whole(low, user), self.whole(high, user)
@@ -316,7 +294,8 @@ class Resolver:
             return None
         if last < first:
             if isinstance(high, ast.Formula) or isinstance(low, int):
-                problem = _wrong(high, last, f"a number from {first} upwards", self.place(user))
+                place = self.declared[user].where if user in self.declared else "type"
+                problem = _wrong(high, last, f"a number from {first} upwards", place)
             else:
                 problem = _wrong(low, first, f"a number up to {last}")
             self.refuse(user, problem)
@@ -354,9 +333,6 @@ class Resolver:
             return self.constants.value(number, [], scope)
         except UserError:
             return None
-
-    def place(self, user: str) -> str:
-        return self.declared[user].where if user in self.declared else "type"
 
 
 def unknown_constant(name: str) -> str:

@@ -1,7 +1,7 @@
 """Types as source text: names that a language can carry, IEC ST, and the TYPE of a TIA source (SCL).
 
-Rules: what is legal stays, and a type in which nothing has to change is the same type. The text stands alone:
-every type that the written one uses is in it, before its first use.
+Rules: what is legal stays. The text stands alone: every type that the written one uses is in it, before its
+first use.
 """
 
 from __future__ import annotations
@@ -104,8 +104,7 @@ class _Renaming:
     def of(self, type_: Type) -> Type:
         match type_:
             case Array(bounds=bounds, element=element):
-                made = self.of(element)
-                return type_ if made is element else Array(bounds, made)
+                return Array(bounds, self.of(element))
             case Struct() | Union() | Enumeration():
                 if id(type_) not in self._made:
                     made = self.enumeration(type_) if isinstance(type_, Enumeration) else self.struct(type_)
@@ -121,20 +120,13 @@ class _Renaming:
             taken(member.name)
         members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
         name = self.names(type_.name) if type_.name else ""
-        pairs = zip(members, type_.members, strict=True)
-        is_same = all((new.name, id(new.type)) == (old.name, id(old.type)) for new, old in pairs)
-        if is_same and base is type_.base and name == type_.name:
-            return type_
-        made = Struct if isinstance(type_, Struct) else Union
         # A base is of its own kind.
-        return made(name, members, base, type_.pack, type_.bit_fields)  # type: ignore[arg-type]
+        return replace(type_, name=name, members=members, base=base)  # type: ignore[arg-type]
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
         taken = NameScope(st_word, str.casefold)
         values = tuple((taken(name), number) for name, number in type_.values)
-        name = self.names(type_.name) if type_.name else ""
-        is_same = (name, values) == (type_.name, type_.values)
-        return type_ if is_same else replace(type_, name=name, values=values)
+        return replace(type_, name=self.names(type_.name) if type_.name else "", values=values)
 
 
 INDENT: Final = "    "
@@ -154,7 +146,10 @@ def scl_text(type_: Type, name: str = "") -> str:
     found = [each for each in named_types(type_) if isinstance(each, Struct)]
     if not found:  # TIA has no type that is an ARRAY
         found = [Struct(name, (Member("raw", type_),))]
-    return "\n".join(_scl_type(each, name) for each in found)
+    head, end = f"VERSION : 0.1\n{INDENT}STRUCT", f"{INDENT}END_STRUCT;\n\nEND_TYPE\n"
+    return "\n".join(
+        f"TYPE {_scl_quoted(one.name or name)}\n{head}\n{_scl_body(one, INDENT)}{end}" for one in found
+    )
 
 
 # -- IEC ST --------------------------------------------------------------------------------------------------
@@ -225,11 +220,6 @@ def _scl_quoted(name: str) -> str:
     return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
 
 
-def _scl_type(type_: Struct, name: str) -> str:
-    head = f"TYPE {_scl_quoted(type_.name or name)}\nVERSION : 0.1\n{INDENT}STRUCT\n"
-    return f"{head}{_scl_body(type_, INDENT)}{INDENT}END_STRUCT;\n\nEND_TYPE\n"
-
-
 def _scl_body(type_: Struct, indent: str) -> str:
     inner = indent + INDENT
     members = all_members(type_)
@@ -246,14 +236,10 @@ def _scl_spec(type_: Type, indent: str) -> str:
             return _scl_quoted(name)
         case Union():
             return f"Array[0..{max(lay_out(type_, S7).size, 1) - 1}] of Byte"
-        case Enumeration(base=base):
+        case Enumeration(base=base) | Subrange(base=base):
             return base.name
-        case Subrange(base=base):
-            return base.name
-        case StringType(length=None, wide=wide):
-            return "WString" if wide else "String"
-        case StringType(length=length, wide=wide):
-            return f"{'WString' if wide else 'String'}[{length}]"
+        case StringType():
+            return type_text(type_).replace("STRING", "String")
         case Pointer():
             return "LWORD"
         case _:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import NO_SENDER, Declarations, SenderLayout, Spec
+from trcvtui.udt.ast import Declarations, SenderLayout, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.types import Type
@@ -18,11 +18,10 @@ from trcvtui.udt.types import Type
 
 @dataclass(frozen=True, slots=True)
 class TypeSet:
-    """The types of one or more files; `types`, `broken`, `notes` and `twice` by casefolded name.
+    """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
 
-    `senders` are the layouts that the sources of types tell, by casefolded name, too.
-    `problems` are those of all files in order. `unknown_constants` are the names to ask for, `twice` the
-    places of a type that is declared more than once, `notes` what is to be shown beside a type.
+    `problems` are those of all files in order. `unknown_constants` are the names to ask for, `notes` what is
+    to be shown beside a type, `senders` the layouts that the sources of types tell.
     """
 
     where: str
@@ -31,7 +30,6 @@ class TypeSet:
     problems: tuple[Problem, ...]
     unknown_constants: tuple[str, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    twice: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     senders: Mapping[str, SenderLayout] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
 
@@ -56,7 +54,7 @@ class TypeSet:
     def sender(self, name: str) -> SenderLayout:
         """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
         known = (key for key in _keys(name) if key in self.types)
-        return self.senders.get(next(known, ""), NO_SENDER)
+        return self.senders.get(next(known, ""), SenderLayout())
 
     def only(self, files: Sequence[Declarations]) -> str:
         """Return the name of the only type of these files; raise UserError for none, several or bad ones."""
@@ -68,8 +66,11 @@ class TypeSet:
             raise UserError(problem for problem in self.problems if problem in bad)
         if len(names) == 1:
             return names[0]
-        found = f"{len(names)} types: {', '.join(names[:8])}" if names else "no type"
-        raise mistake(self.where, found, "one type, or its name" if names else "TYPE ... END_TYPE")
+        if names:
+            found = f"{len(names)} types: {', '.join(names[:8])}"
+            raise mistake(self.where, found, "one type, or its name")
+        others = " and ".join({word: None for file in files for word in file.others})
+        raise mistake(self.where, f"no type, only {others}" if others else "no type", "TYPE ... END_TYPE")
 
 
 def _keys(name: str) -> tuple[str, str]:
@@ -102,12 +103,16 @@ def join(
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
     senders = {
-        key: SenderLayout(file.layout) if file.layout else file.sender
+        key: file.sender
         for file in files
         for declared in file.types
         if resolver.declared[key := declared.name.casefold()] is declared
     }
-    problems = tuple(_once_each(sorted(found, key=_reading_order)))
+    first: dict[object, Problem] = {}  # what is unknown: one name, one line, at the first place
+    for problem in sorted(found, key=_reading_order):
+        unknown = problem.found.casefold() + problem.expected.casefold()
+        first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
+    problems = tuple(first.values())
     return TypeSet(
         where,
         types={key: types[key] for key in resolver.declared if key in types},
@@ -121,19 +126,9 @@ def join(
             for key, declared in resolver.declared.items()
             if (notes := (*declared.notes, *resolver.notes.get(key, ())))
         },
-        twice={key: tuple(places) for key, places in resolver.places.items() if len(places) > 1},
         senders=senders,
         constants=known,
     )
-
-
-def _once_each(problems: Iterable[Problem]) -> Iterable[Problem]:
-    """Leave out what is unknown a second time: one name, one line, at the first place."""
-    first: dict[object, Problem] = {}
-    for problem in problems:
-        unknown = problem.found.casefold() + problem.expected.casefold()
-        first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
-    return first.values()
 
 
 def _reading_order(problem: Problem) -> list[str | int]:

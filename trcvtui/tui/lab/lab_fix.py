@@ -9,11 +9,13 @@ from trcvtui.tui.formatting import plain
 from trcvtui.udt.cure.padded_type import padded_type, told
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.st_write import scl_text, st_text
-from trcvtui.udt.types import Struct
+from trcvtui.udt.types import Array, Struct, Type, Union, all_members, all_parts
 
 RECEIVER, SENDER, SWAP = "receiver", "sender", "swap"
 KINDS: Final = (RECEIVER, SENDER, SWAP)
+MOST_NAMED: Final = 8
 LANGUAGES: Final[tuple[Language, ...]] = ("st", "scl")
 TITLES: Final = {
     RECEIVER: "type for our side",
@@ -33,14 +35,15 @@ class Cure(NamedTuple):
         return "\n".join([*(f"// {line}" for line in self.comments), self.text.rstrip("\n")]) + "\n"
 
 
-def cure(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
+def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
+    """Return the type that under `own` rules lies as is `wanted`, or the swap code."""
     try:
-        return _swap(ours, theirs, language) if kind == SWAP else _type(ours, theirs, kind, language)
+        return _swap(wanted, own, language) if kind == SWAP else _type(wanted, own, kind, language)
     except UserError as refused:
         return Cure((refused.lines()[0],), "")
 
 
-def cure_source(ours: Layout, theirs: Layout, form: str) -> str:
+def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
     """Return what `udt cure` prints: the type for our side and, where byte orders differ, the swap code.
 
     `form` is the language, `st` or `scl`; `padded` is the type alone, in the language of our side.
@@ -48,39 +51,53 @@ def cure_source(ours: Layout, theirs: Layout, form: str) -> str:
     from trcvtui.udt.cure.swap import language_of
 
     if form == "padded":
-        return cure(ours, theirs, RECEIVER, language_of(ours.rules)).source
+        return cure(theirs, ours, RECEIVER, language_of(ours)).source
     language: Language = "scl" if form == "scl" else "st"
-    kinds = (RECEIVER,) if ours.rules.byte_order == theirs.rules.byte_order else (RECEIVER, SWAP)
-    return "\n".join(cure(ours, theirs, kind, language).source for kind in kinds)
+    kinds = (RECEIVER,) if ours.byte_order == theirs.rules.byte_order else (RECEIVER, SWAP)
+    return "\n".join(cure(theirs, ours, kind, language).source for kind in kinds)
 
 
-def _type(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
-    wanted, own = (theirs, ours) if kind == RECEIVER else (ours, theirs)
-    found = padded_type(wanted, own.rules)
+def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
+    found = padded_type(wanted, own)
     name = plain(wanted.name)
     reached = "as it lies under" if found.is_possible else "as far as it can be as under"
-    comments = [f"{name} for {own.rules.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
+    comments = [f"{name} for {own.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
     if found.layout.size > wanted.size > 0:  # LEN 0 is the whole
         block, act = ("receiving", "waits for") if kind == RECEIVER else ("sending", "sends")
         without = f"without LEN it {act} {found.layout.size} bytes"
         comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
     comments += [plain(line) for line in told(found)]
-    if ours.rules.byte_order != theirs.rules.byte_order:
+    if own.byte_order != wanted.rules.byte_order:
         comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
-    if found.type is own.type:
+    if found.type is wanted.type:
         comments.append("nothing has to change: the gaps are the same")
+    if language == "scl" and (unions := _unions(found.type)):
+        names = ", ".join(map(plain, unions[:MOST_NAMED])) + ", ..." * (len(unions) > MOST_NAMED)
+        comments.append(f"a UNION is bytes here, for SCL has none: {names}")
     write = scl_text if language == "scl" else st_text
     return Cure(tuple(comments), write(found.type, found.layout.name))
 
 
-def _swap(ours: Layout, theirs: Layout, language: Language) -> Cure:
-    if ours.rules.byte_order == theirs.rules.byte_order:
-        order = ours.rules.byte_order
+def _unions(type_: Type) -> list[str]:
+    """Return the members that are a UNION, or an ARRAY of one; those of a STRUCT in it with its name."""
+    found = ["all of it"] if isinstance(type_, Union) else []
+    for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
+        for member in all_members(one):
+            inner = member.type
+            while isinstance(inner, Array):
+                inner = inner.element
+            if isinstance(inner, Union):
+                found.append(member.name if one is type_ else f"{one.name or 'STRUCT'}.{member.name}")
+    return found
+
+
+def _swap(theirs: Layout, ours: LayoutRules, language: Language) -> Cure:
+    order = theirs.rules.byte_order
+    if ours.byte_order == order:
         return Cure((f"both sides are {order}-endian: nothing is to be swapped",), "")
     if not isinstance(theirs.type, Struct):
         return Cure(("swap code is written for a STRUCT",), "")
     found = swap_code(theirs, language)
-    turned = f"from {theirs.rules.byte_order}-endian to {ours.rules.byte_order}-endian"
-    comments = [f"{plain(theirs.name)} {turned}, before it is sent"]
+    comments = [f"{plain(theirs.name)} from {order}-endian to {ours.byte_order}-endian, before it is sent"]
     comments += [f"not swapped: {plain(line)}" for line in found.left_out]
     return Cure(tuple(comments), found.text)

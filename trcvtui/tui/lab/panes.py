@@ -11,7 +11,7 @@ from trcvtui.history.waveform_text import merged
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
+from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, SENDER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.dialogs import FieldsDialog, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
@@ -277,10 +277,11 @@ class CureText(TextView):
 
     def write(self) -> Cure:
         """Return it, also while the pane is out of sight."""
-        ours, theirs = self._lab.layout(OURS), self._lab.layout(THEIRS)
-        if ours is None or theirs is None:
-            return Cure(("both sides have to be laid out first",), "")
-        return cure(ours, theirs, self.kind, self.language)
+        sides = (OURS, THEIRS) if self.kind == SENDER else (THEIRS, OURS)
+        wanted = self._lab.layout(sides[0])
+        if wanted is None:
+            return Cure((f"{sides[0]} has to be laid out first",), "")
+        return cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
 
     def _write(self) -> None:
         title = TITLES[self.kind] + f", {self.language.upper()}"

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from functools import reduce
+from operator import xor
 from typing import Final
 
 CRC16_START, CRC16_POLYNOMIAL = 0xFFFF, 0xA001
-
-
-def _xor8(content: bytes) -> int:
-    found = 0
-    for byte in content:
-        found ^= byte
-    return found
 
 
 def _crc16_row(byte: int) -> int:
@@ -34,7 +29,7 @@ def _crc16_modbus(content: bytes) -> int:
 
 CHECKSUMS: Final[dict[str, tuple[int, Callable[[bytes], int]]]] = {
     "sum8": (1, lambda content: sum(content) & 0xFF),
-    "xor8": (1, _xor8),
+    "xor8": (1, lambda content: reduce(xor, content, 0)),
     "crc16-modbus": (2, _crc16_modbus),
     "crc32": (4, zlib.crc32),
 }

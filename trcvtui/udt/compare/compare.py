@@ -12,17 +12,11 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
+from trcvtui.udt.layout.layout_tree import Data, Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
 from trcvtui.udt.layout.value_text import form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.report import (
-    json_text,
-    json_value,
-    leaf_type_text,
-    place_text,
-)
+from trcvtui.udt.report import json_text, json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
 from trcvtui.wording import in_columns
 
@@ -113,8 +107,6 @@ PLACE: Final = "place"
 TYPE: Final = "type"
 FORM: Final = "form"
 VALUE: Final = "value"
-ONLY_OURS: Final = "only ours"
-ONLY_THEIRS: Final = "only theirs"
 
 
 class ComparedLeaf(NamedTuple):
@@ -199,7 +191,7 @@ class Comparison:
 
 def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
-        return (ONLY_THEIRS if ours is None else ONLY_OURS,)
+        return ("only theirs" if ours is None else "only ours",)
     same_type = ours.type == theirs.type  # another type has a form of its own
     told = (
         (PLACE, ours.place != theirs.place),
@@ -256,18 +248,10 @@ def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
 
 
 def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
-    mark, path = MARK if row.differs else "", row.path or name
-    if not with_values:
-        return mark, path, _place_of(row.ours), _place_of(row.theirs)
-    return mark, path, _place_of(row.ours), _value(row.ours), _place_of(row.theirs), _value(row.theirs)
-
-
-def _place_of(cell: ComparedLeaf | None) -> str:
-    return place_text(cell.leaf) if cell else NOTHING
-
-
-def _value(cell: ComparedLeaf | None) -> str:
-    return cell.value if cell else ""
+    texts = [MARK if row.differs else "", row.path or name]
+    for cell in (row.ours, row.theirs):
+        texts += [place_text(cell.leaf), cell.value] if cell else [NOTHING, ""]
+    return tuple(texts if with_values else texts[:3] + texts[4:5])
 
 
 def _extent(layout: Layout) -> str:

@@ -6,15 +6,18 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.compare.fit import NAMED, Fit, verdict
+from trcvtui.udt.compare.fit import MOST_LENGTHS, NAMED, Fit, verdict
 
 MOST_ROWS: Final = 10  # of the text; JSON has all
 MOST_PRINTED: Final = 12
 
 
-def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
-    """Return every reading, the best first, as `udt fit --format json` prints it."""
-    return [
+def fit_json(fits: Sequence[Fit], lengths: Sequence[int]) -> list[dict[str, object]]:
+    """Return every reading, the best first, as `udt fit --format json` prints it.
+
+    The first one has what is said of all: the verdict, the lengths of the messages (the last ones of many).
+    """
+    rows: list[dict[str, object]] = [
         {
             "rank": found.rank,
             "layout": found.profile.layout,
@@ -26,9 +29,14 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
             "points": found.score,
             "fits_best": found.fits_best,
             "reasons": list(reason_lines(found)),
+            "doubt": found.doubt or None,
+            "same": list(found.same),
         }
         for found in fits
     ]
+    if rows:
+        rows[0] |= {"verdict": verdict(fits), "lengths": list(lengths[-MOST_LENGTHS:])}
+    return rows
 
 
 def fit_text(fits: Sequence[Fit], came: str) -> str:

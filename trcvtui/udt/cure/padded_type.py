@@ -8,13 +8,20 @@ compared, so that what is called possible is proved. The whole may be longer tha
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import suppress
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedMember, PlacedStruct
-from trcvtui.udt.layout.placing import Filling, Placing, Unreachable, free_name
+from trcvtui.udt.layout.layout_tree import (
+    Node,
+    PlacedArray,
+    PlacedLeaf,
+    PlacedMember,
+    PlacedStruct,
+    members_of,
+)
+from trcvtui.udt.layout.placing import BYTE, Filling, Placing, Unreachable, free_name
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -27,7 +34,6 @@ from trcvtui.udt.types import (
     Struct,
     Type,
     Union,
-    all_members,
     type_text,
 )
 
@@ -36,7 +42,7 @@ BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """What is to be known of a member."""
+    """What is to be known of a member, "" is all; of the elements of an ARRAY the first is named."""
 
     path: str
     text: str
@@ -45,7 +51,9 @@ class MemberNote(NamedTuple):
 def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     """Return the type under our rules for a leaf under theirs."""
     if node.is_bit:
-        return _bit(theirs, ours)
+        if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
+            return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
+        return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
     if isinstance(node.type, StringType):
         return _text(node.type, node.size, theirs, ours)
     stored, own = theirs.stored(node.type), ours.stored(node.type)
@@ -61,14 +69,6 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
         return None, f"{stored.name} is stored in its own way in {theirs.name}"
     note = f"{stored.name} is stored in its own way in {theirs.name}: here {bits}, to convert"
     return ELEMENTARY[bits], note
-
-
-def _bit(theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    if "BOOL" in ours.bits:
-        return ELEMENTARY["BOOL"], ""
-    if ours.takes_pack:  # only CODESYS has BIT
-        return ELEMENTARY["BIT"], ""
-    return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
 
 
 def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
@@ -88,14 +88,13 @@ def _text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) 
 RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
-def prove(wanted: Node, found: Node, raw: Collection[RawMember]) -> None:
+def prove(
+    wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
+) -> None:
     """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
+    proved = set() if proved is None else proved
     if found.size < wanted.size:
-        raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
-    _prove(wanted, found, "", raw, set())
-
-
-def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], proved: set[object]) -> None:
+        raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
     if (key := (id(wanted), id(found))) in proved:
         return
     if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
@@ -110,12 +109,12 @@ def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], pro
             if not is_raw:
                 if one.bit != bit:
                     raise Unreachable(_below(path, name), "it comes to lie at another bit")
-                _prove(node, one.node, _below(path, name), raw, proved)
+                prove(node, one.node, raw, _below(path, name), proved)
     elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
             raise Unreachable(path, "its elements come to lie elsewhere")
-        _prove(wanted.element, found.element, path + "[]", raw, proved)
+        prove(wanted.element, found.element, raw, path + "[]", proved)
     elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
         (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
     ):
@@ -124,28 +123,18 @@ def _prove(wanted: Node, found: Node, path: str, raw: Collection[RawMember], pro
 
 
 MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
-BYTE: Final = ELEMENTARY["BYTE"]
-
-
-class UnreachedMember(NamedTuple):
-    """A member that is raw bytes in the padded type, or is not in it (a bit): its path, "" is all; why.
-
-    Of the elements of an ARRAY the first is named. The reason names the part of it that is why.
-    """
-
-    path: str
-    why: str
 
 
 class PaddedType(NamedTuple):
     """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion.
 
-    It may be longer than is wanted: then LEN of the block is the wanted size.
+    What is unreached is raw bytes or is not in it (a bit): its reason names the part that is why. The type
+    may be longer than is wanted: then LEN of the block is the wanted size.
     """
 
     type: Type
     layout: Layout
-    unreached: tuple[UnreachedMember, ...]
+    unreached: tuple[MemberNote, ...]
     notes: tuple[MemberNote, ...]
 
     @property
@@ -177,10 +166,10 @@ def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[M
     members: list[Member] = []
     placed: list[PlacedMember] = []
     notes: list[MemberNote] = []
-    for name, offset, bit, node, inner in _members(type_, root):
+    for name, offset, bit, node, inner in members_of(type_, root):
         parts = [("", 0, bit, node, inner)]
         if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
-            parts = list(_members(inner, node))
+            parts = list(members_of(inner, node))
             notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
         for below, at, own_bit, part, part_type in parts:
             own = free_name(f"{name}_{below}", taken) if below else name
@@ -204,21 +193,13 @@ def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: 
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
         prove(wanted.root, layout.root, rebuild.raw)
-        unreached = tuple(UnreachedMember(one.path, one.reason) for one in rebuild.unreached)
+        unreached = tuple(MemberNote(one.path, one.reason) for one in rebuild.unreached)
         return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
-    except Unreachable as failed:
-        return all_raw(wanted, rules, f"{failed.path}: {failed.why}" if failed.path else failed.why)
-
-
-def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> PaddedType:
-    """Return the type as bytes and nothing else, which every layout can hold."""
-    raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-    layout = lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}")
-    return PaddedType(raw, layout, (UnreachedMember("", why),), ())
-
-
-def _suffix(wanted: Layout) -> str:
-    return wanted.rules.name.replace("-", "_")
+    except Unreachable as failed:  # bytes and nothing else, which every layout can hold
+        raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
+        layout = lay_out(raw, rules, f"{wanted.name}_{rebuild.suffix}")
+        why = f"{failed.path}: {failed.why}" if failed.path else failed.why
+        return PaddedType(raw, layout, (MemberNote("", why),), ())
 
 
 class _Raw(NamedTuple):
@@ -234,12 +215,11 @@ class _Raw(NamedTuple):
 
 
 class _Built(NamedTuple):
-    """A STRUCT that was rebuilt, or why it cannot be; paths are those after its own."""
+    """A STRUCT that was rebuilt; paths are those after its own."""
 
-    type: Struct | Union | None
+    type: Struct | Union
     unreached: list[_Raw]
     notes: list[MemberNote]
-    failed: tuple[str, str] = ("", "")
 
 
 class _Rebuild:
@@ -249,12 +229,12 @@ class _Rebuild:
         self.theirs, self.rules, self.pack = wanted.rules, rules, pack
         self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
         self.name = wanted.name
-        self.suffix = _suffix(wanted)
+        self.suffix = wanted.rules.name.replace("-", "_")
         self.placing = Placing(rules)
         self.unreached: list[_Raw] = []
         self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
-        self._built: dict[int, _Built] = {}
+        self._built: dict[int, _Built | Unreachable] = {}
 
     def type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type in place of this one; raise Unreachable."""
@@ -278,22 +258,22 @@ class _Rebuild:
         if id(type_) not in self._built:
             self._built[id(type_)] = self.built(type_, node, path)
         built = self._built[id(type_)]
-        if built.type is None:
-            raise Unreachable((path + built.failed[0]).removeprefix("."), built.failed[1])
+        if isinstance(built, Unreachable):
+            raise Unreachable(_below(path, built.path) if built.path else path, built.why)
         for one in built.unreached[: max(MOST_TOLD - len(self.unreached), 0)]:
             self.unreached.append(one._replace(path=_below(path, one.path)))
         for note in built.notes[: max(MOST_TOLD - len(self.notes), 0)]:
             self.notes.append(note._replace(path=_below(path, note.path)))
         return built.type
 
-    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built:
+    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built | Unreachable:
         others = self.unreached, self.notes
         self.unreached, self.notes = [], []
         try:
             made = self.struct(type_, node) if isinstance(type_, Struct) else self.union(type_, node)
             return _Built(self.named(type_, made, path), self.unreached, self.notes)
         except Unreachable as failed:
-            return _Built(None, [], [], (f".{failed.path}" if failed.path else "", failed.why))
+            return failed
         finally:
             self.unreached, self.notes = others
 
@@ -312,7 +292,7 @@ class _Rebuild:
         # No multiple of more is the size: no member may be aligned to it.
         limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
         fill = self.filling(type_, node, limit)
-        for name, offset, bit, child, inner in _members(type_, node):
+        for name, offset, bit, child, inner in members_of(type_, node):
             mark = len(self.unreached), len(self.notes)
             try:
                 fill.put(name, self.type(inner, child, name), offset, bit, name)
@@ -327,8 +307,8 @@ class _Rebuild:
 
     def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
-        for name, _, bit, child, inner in _members(type_, node):
-            fill.overlay(name, self.type(inner, child, name), bit, name)
+        for name, _, _, child, inner in members_of(type_, node):
+            fill.overlay(name, self.type(inner, child, name), name)
         fill.cover(self.size(node, fill), "")
         return fill
 
@@ -358,12 +338,6 @@ def _below(path: str, inner: str) -> str:
     return f"{path}.{inner}" if path else inner
 
 
-def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, int, int | None, Node, Type]]:
-    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
-    for one, member in zip(node.flat(), all_members(type_), strict=True):
-        yield one.name, one.offset, one.bit, one.node, member.type
-
-
 def told(found: PaddedType) -> list[str]:
-    lines = [f"{one.path or type_text(found.type)}: not reached: {one.why}" for one in found.unreached]
+    lines = [f"{one.path or type_text(found.type)}: not reached: {one.text}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

@@ -96,9 +96,9 @@ class Swap(NamedTuple):
         return "\n".join(part for part in (self.types, self.helpers, self.code) if part)
 
 
-def swap_code(sent: Layout, language: Language = "st", source: str = "msg", target: str = "wire") -> Swap:
-    """Return what turns round the bytes of every number of the variable `source`, into `target`."""
-    return _Swapping(sent.rules, language).swap(sent, source, target)
+def swap_code(sent: Layout, language: Language = "st") -> Swap:
+    """Return what turns round the bytes of every number of the variable `msg`, into `wire`."""
+    return _Swapping(sent.rules, language).swap(sent)
 
 
 class _At(NamedTuple):
@@ -120,21 +120,20 @@ class _Swapping:
         self.deepest = 0
         self._made: dict[int, Struct] = {}
 
-    def swap(self, sent: Layout, source: str, target: str) -> Swap:
+    def swap(self, sent: Layout) -> Swap:
         plain = sent.type
         if self.language == "st":
             sent = lay_out(st_renamed(sent.type), self.rules, st_word(sent.name))
         made = self.turned(sent.type)
         assert lay_out(made, self.rules).size == sent.size
-        body = "\n".join(self.statements(sent.type, _At(plain, target, source, "")))
+        body = "\n".join(self.statements(sent.type, _At(plain, "wire", "msg", "")))
         write = st_text if self.language == "st" else scl_text
         types = write(made, f"{sent.name}_swapped") if made is not sent.type else ""
         helpers = "\n".join(text for name, text in HELPERS.items() if name in self.helpers)
         loops = ", ".join(f"i{number}" for number in range(1, self.deepest + 1))
-        mark = "#" if self.language == "scl" else ""
         note = f"{loops} : DINT; " if loops else ""
         name = getattr(made, "name", "") or f"{sent.name}_swapped"
-        head = f"// {source} : {sent.name}; {target} : {name}; {note}send {mark}{target}"
+        head = f"// msg : {sent.name}; wire : {name}; {note}send {self.named('wire')}"
         return Swap(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
 
     def turned(self, type_: Type) -> Type:

@@ -7,7 +7,6 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.udt.layout.layout import Layout
 
-PORTS: Final = range(1, 65_536)
 LANGUAGES: Final = {"lua": "Wireshark dissector"}  # name, which is the files' extension too -> title
 
 
@@ -15,7 +14,7 @@ def check(to: str, port: int | None = None) -> None:
     """Raise UserError for an unknown language, or a port that is none."""
     if to not in LANGUAGES:
         raise mistake("--to", f"'{to}'", "one of " + ", ".join(LANGUAGES))
-    if port is not None and port not in PORTS:
+    if port is not None and port not in range(1, 65_536):
         raise mistake("--port", str(port), "a port from 1 to 65535")
 
 

@@ -1,21 +1,25 @@
-"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values."""
+"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values.
+
+Rule: each STRUCT is written once, however many members have its type, and an array holds its element once.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from string import Template
 from typing import NamedTuple
 
 from trcvtui.errors import mistake, one_line
-from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
-from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, members_of
 from trcvtui.udt.literals import PREFIXES
 from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
 
+MOST_FIELDS = 20_000
 PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
 LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
 CLOCKS = {
@@ -29,13 +33,15 @@ OWN_FORMS = {"8s": "bcd", "12s": "dtl"}
 
 def write(layout: Layout, port: int | None = None) -> str:
     """Return the dissector; without a port it waits for "Decode As"."""
-    refuse_empty(layout)
+    if not layout.size or not layout.leaf_count:
+        raise mistake(layout.name, "a type without a value", "a type with at least one")
     count = count_fields(layout.type, layout.root)
     if count > MOST_FIELDS:
         raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
     writer = _LuaWriter(layout)
     root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
-    structs = writer.structs()  # finds out what else is needed
+    # Finds out what else is needed.
+    structs = [writer.struct(type_, node) for type_, node in structs_of(layout.type, layout.root)]
     rules, name = layout.rules, one_line(layout.name)
     form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
     begin = Template(_parts()["begin"].text).substitute(
@@ -97,9 +103,6 @@ class _LuaWriter:
         self.type_names: dict[Struct | Union, str] = {}
         self.taken_types, self.taken_values = NameScope(ascii_word), NameScope(ascii_word)
 
-    def structs(self) -> list[str]:
-        return [self.struct(type_, node) for type_, node in structs_of(self.layout.type, self.layout.root)]
-
     def struct_name(self, type_: Struct | Union) -> str:
         if type_ not in self.type_names:
             self.type_names[type_] = self.taken_types("t_" + (type_.name or "in_place"))
@@ -108,10 +111,10 @@ class _LuaWriter:
     def struct(self, type_: Struct | Union, node: PlacedStruct) -> str:
         lines = [f"types.{self.struct_name(type_)} = function(path)", "  return {"]
         taken = NameScope(ascii_word)
-        for field in fields_of(type_, node):
-            path = f'path .. ".{taken(field.name)}"' if field.name else "path"
-            text = self.node(field.type, field.node, field.offset, field.name or None, path, field.bit)
-            lines.append(f"    {text},")
+        for name, offset, bit, inner, member in members_of(type_, node):
+            if inner.leaves:
+                path = f'path .. ".{taken(name)}"'
+                lines.append(f"    {self.node(member, inner, offset, name, path, bit or 0)},")
         return "\n".join([*lines, "  }", "end", ""])
 
     def node(self, type_: Type, node: Node, at: int, name: str | None, path: str, bit: int) -> str:
@@ -199,3 +202,38 @@ class _LuaWriter:
 
 def _integer(row: Elementary) -> str:
     return f"{'int' if row.code.islower() else 'uint'}{8 * row.size}"
+
+
+# -- the type as it is walked ------------------------------------------------------------------------------
+
+
+def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
+    """Yield every structure and union with leaves in it once, those that others use before these."""
+    seen: set[Struct | Union] = set()
+
+    def below(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
+        if isinstance(type_, Array) and isinstance(node, PlacedArray):
+            yield from below(type_.element, node.element)
+        elif isinstance(type_, Struct | Union) and isinstance(node, PlacedStruct) and type_ not in seen:
+            seen.add(type_)
+            for _, _, _, inner, member in members_of(type_, node):
+                if inner.leaves:
+                    yield from below(member, inner)
+            yield type_, node
+
+    yield from below(type_, node)
+
+
+def count_fields(type_: Type, node: Node) -> int:
+    """Return how many paths without indices lead to a leaf; it may grow as 2 to the depth."""
+    counts: dict[Type, int] = {}
+
+    def count(type_: Type, node: Node) -> int:
+        while isinstance(type_, Array) and isinstance(node, PlacedArray):
+            type_, node = type_.element, node.element
+        return counts.get(type_, 1)
+
+    for struct, placed in structs_of(type_, node):
+        members = members_of(struct, placed)
+        counts[struct] = sum(count(member, inner) for _, _, _, inner, member in members if inner.leaves)
+    return count(type_, node)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-from trcvtui.errors import UserError
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LayoutRules
 from trcvtui.udt.literals import (
     EXPECTED,
@@ -21,10 +20,10 @@ from trcvtui.udt.literals import (
     format_literal,
     format_time,
     parse_date_and_time,
+    parse_duration,
     parse_integer,
     parse_literal,
     parse_s5time,
-    parse_time,
 )
 from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, LeafType, StringType, ValueKind
 
@@ -415,12 +414,10 @@ def _day_and_rest(row: Elementary, text: str) -> int | None:
     count = parse_literal(row, day)
     if count is None or not and_:
         return count
-    try:
-        ns = parse_time(rest.removesuffix(")"))
-    except UserError:
+    ns = parse_duration(rest.removesuffix(")")) if rest.endswith(")") else None
+    if ns is None or not 0 <= ns < DAY or ns % row.unit_ns:
         return None
-    is_rest = rest.endswith(")") and 0 <= ns < DAY and ns % row.unit_ns == 0
-    return count + ns // row.unit_ns if is_rest else None
+    return count + ns // row.unit_ns
 
 
 def _address(row: Elementary, _: LayoutRules) -> Coding:

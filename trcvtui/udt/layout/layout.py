@@ -12,23 +12,18 @@ from functools import cached_property
 from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.layout.codec import Codec, codec_of
 from trcvtui.udt.layout.layout_tree import (
+    Codec,
     Leaf,
     Node,
     PlacedArray,
     PlacedLeaf,
+    codec_of,
     find,
     leaves_of,
 )
 from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
-from trcvtui.udt.layout.rules import (
-    BYTE_ORDERS,
-    DEFAULT_LAYOUT,
-    LAYOUTS,
-    LayoutRules,
-    rules_for,
-)
+from trcvtui.udt.layout.rules import BYTE_ORDERS, DEFAULT_LAYOUT, LAYOUTS, LayoutRules, rules_for
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, all_parts, type_text
 
@@ -198,40 +193,33 @@ def shape(layout: Layout, *, by_bytes: bool = False) -> object:
 
     `by_bytes`: it is also equal where only the sign of a duration, or the room after a text, differs.
     """
-    return layout.size, _Shapes(layout.rules, by_bytes).of(layout.root)
+    rules, known = layout.rules, dict[int, object]()
 
-
-class _Shapes:
-    def __init__(self, rules: LayoutRules, by_bytes: bool) -> None:
-        self.rules, self.by_bytes = rules, by_bytes
-        self._known: dict[int, object] = {}
-
-    def of(self, node: Node) -> object:
-        if id(node) not in self._known:
-            self._known[id(node)] = self._of(node)
-        return self._known[id(node)]
-
-    def _of(self, node: Node) -> object:
-        if isinstance(node, PlacedLeaf):
-            return self._leaf(node)
-        if isinstance(node, PlacedArray):  # a single element has no next one
-            return node.pitch if node.count > 1 and node.leaves else 0, self.of(node.element)
-        parts = zip(node.offsets, node.bits, node.nodes, strict=True)
-        return tuple((offset, bit, self.of(child)) for offset, bit, child in parts if child.leaves)
-
-    def _leaf(self, node: PlacedLeaf) -> object:
-        type_, rules = node.type, self.rules
-        if isinstance(type_, StringType):
-            is_bytes = not type_.wide
+    def of_leaf(node: PlacedLeaf) -> object:
+        form, size = stored_form(node.type, rules), node.size
+        if isinstance(node.type, StringType):
+            is_bytes = not node.type.wide
+            size = 0 if by_bytes else size
         else:
-            row = rules.stored(type_)
+            row = rules.stored(node.type)
             is_bytes = node.size == 1 or (row.name, row.code) == ("DT", "8s")
-        form, size = stored_form(type_, rules), node.size
-        if self.by_bytes and isinstance(type_, StringType):
-            size = 0
-        elif self.by_bytes and row.kind is ValueKind.DURATION:
-            form = (row.name, row.size, row.unit_ns)
+            if by_bytes and row.kind is ValueKind.DURATION:
+                form = (row.name, row.size, row.unit_ns)
         return size, node.is_bit, form, "" if is_bytes else rules.byte_order
+
+    def of(node: Node) -> object:
+        if isinstance(node, PlacedLeaf):
+            return of_leaf(node)
+        if id(node) in known:
+            return known[id(node)]
+        if isinstance(node, PlacedArray):  # a single element has no next one
+            known[id(node)] = node.pitch if node.count > 1 and node.leaves else 0, of(node.element)
+        else:
+            parts = zip(node.offsets, node.bits, node.nodes, strict=True)
+            known[id(node)] = tuple((offset, bit, of(one)) for offset, bit, one in parts if one.leaves)
+        return known[id(node)]
+
+    return layout.size, of(layout.root)
 
 
 def has_text(type_: Type) -> bool:

@@ -8,12 +8,13 @@ relative to the node.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from trcvtui.udt.layout.coding import Coding
-from trcvtui.udt.types import Array, LeafType
+from trcvtui.udt.layout.coding import Coding, Value
+from trcvtui.udt.types import Array, LeafType, Struct, Type, Union, all_members
 
 
 class Leaf(NamedTuple):
@@ -63,11 +64,6 @@ class FlatMember(NamedTuple):
 class PlacedStruct:
     """A structure: its members' names, offsets and nodes, and the number of leaves before each."""
 
-    __slots__ = (
-        "align", "bits", "firsts", "index", "leaves", "names", "nodes", "offsets", "overlaps",
-        "size", "steps",
-    )  # fmt: skip
-
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
         self.steps = tuple(map(_step, self.names))
@@ -98,8 +94,6 @@ class PlacedStruct:
 class PlacedUnion(PlacedStruct):
     """A union: as a structure, but every member begins at 0."""
 
-    __slots__ = ()
-
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         super().__init__(parts, size, align)
         self.overlaps = True
@@ -110,11 +104,6 @@ class PlacedArray:
 
     Of bits a row (all but the last index fixed) begins at a byte of its own, `row_size` bytes apart.
     """
-
-    __slots__ = (
-        "align", "bounds", "columns", "count", "element", "is_bits", "leaves", "overlaps",
-        "pitch", "row_size", "size",
-    )  # fmt: skip
 
     def __init__(self, type_: Array, element: Node, pitch: int, align: int) -> None:
         self.bounds, self.count, self.element, self.pitch = type_.bounds, type_.count, element, pitch
@@ -134,21 +123,20 @@ class PlacedArray:
         row, column = divmod(number, self.columns)
         return row * self.row_size + column // 8, column % 8
 
-    def number_of(self, index: Sequence[int]) -> int | None:
-        """Return the number of the element at an index; None when it is not within bounds."""
-        number = 0
-        for at, (low, high) in zip(index, self.bounds, strict=True):
-            if not low <= at <= high:
-                return None
-            number = number * (high - low + 1) + at - low
-        return number
-
 
 def _step(name: str) -> str:
     return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
 
 
 Node = PlacedLeaf | PlacedStruct | PlacedArray
+
+
+def members_of(
+    type_: Struct | Union, node: PlacedStruct
+) -> Iterator[tuple[str, int, int | None, Node, Type]]:
+    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
+    for one, member in zip(node.flat(), all_members(type_), strict=True):
+        yield one.name, one.offset, one.bit, one.node, member.type
 
 
 def leaves_of(node: Node, path: str = "", offset: int = 0, bit: int = 0) -> Iterator[Leaf]:
@@ -208,6 +196,55 @@ def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    found = [re.fullmatch(_INDEX, index) for index in text.split(",")]
-    index = [int(one[1]) for one in found if one is not None]
-    return node.number_of(index) if len(found) == len(index) == len(node.bounds) else None
+    """Return the number of the element at an index such as `1,2`; None when it is not within bounds."""
+    found, number = text.split(","), 0
+    for index, (low, high) in zip(found, node.bounds, strict=False):
+        at = re.fullmatch(_INDEX, index)
+        if at is None or not low <= int(at[1]) <= high:
+            return None
+        number = number * (high - low + 1) + int(at[1]) - low
+    return number if len(found) == len(node.bounds) else None
+
+
+# -- the leaves compiled: one `struct.Struct`, and what becomes of its raw values ---------------------------
+
+Data = bytes | bytearray | memoryview
+Values = tuple[Value | None, ...]
+
+
+class Codec:
+    """Reads bytes as values, in leaf order; raises struct.error when there are too few."""
+
+    def __init__(self, leaves: Sequence[Leaf], order: str) -> None:
+        parts, end = [order], 0
+        self._conversions: list[tuple[int, Callable[[Any], Value]]] = []
+        for number, leaf in enumerate(leaves):
+            if leaf.offset > end:
+                parts.append(f"{leaf.offset - end}x")
+            parts.append(leaf.coding.code)
+            end = leaf.offset + leaf.size
+            if leaf.coding.to_value:
+                self._conversions.append((number, leaf.coding.to_value))
+        self._unpack = struct.Struct("".join(parts)).unpack_from
+
+    def read(self, data: Data) -> Values:
+        raw = self._unpack(data)
+        if not self._conversions:
+            return raw
+        values = list(raw)
+        for number, to_value in self._conversions:
+            values[number] = to_value(values[number])
+        return tuple(values)
+
+
+def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
+    """Return the codec of leaves of which each begins where the one before ends, or later; else None.
+
+    Bits share their byte, the members of a UNION all of theirs: these are read one by one.
+    """
+    end = 0
+    for leaf in leaves:
+        if leaf.bit is not None or leaf.offset < end:
+            return None
+        end = leaf.offset + leaf.size
+    return Codec(leaves, order)

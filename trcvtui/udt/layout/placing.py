@@ -280,7 +280,7 @@ class Filling:
             raise Unreachable(path, f"{size} bytes: under {layout} the size is a multiple of {self.align}")
         self._fill_to(size, self.align, path)
 
-    def overlay(self, name: str, type_: Type, bit: int | None, path: str) -> None:
+    def overlay(self, name: str, type_: Type, path: str) -> None:
         """Put a member of a UNION at its begin."""
         node = self.placing.place(type_, path)
         self.align = max(self.align, self.placing.step(node, self.cap))
@@ -293,7 +293,7 @@ class Filling:
             raise Unreachable(path, why)
         if up(self.end, self.align) != size:
             pad = Array(((0, size - 1),), BYTE)
-            self.overlay(self._pad_name(), pad, None, path)
+            self.overlay(self._pad_name(), pad, path)
         if up(self.end, self.align) != size:
             raise Unreachable(path, f"a UNION of {size} bytes cannot be reached under {self.rules.name}")
 

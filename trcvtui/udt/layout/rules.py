@@ -9,10 +9,8 @@ from trcvtui.errors import mistake
 from trcvtui.udt.types import (
     ADDRESS,
     DAY,
-    ELEMENTARY,
     MS,
     SECOND,
-    WHOLE,
     Elementary,
     Enumeration,
     Pointer,
@@ -24,7 +22,6 @@ from trcvtui.udt.types import (
 DEFAULT_LAYOUT = "baosky"
 BYTE_ORDERS = {"little": "<", "big": ">"}
 POINTER_SIZES: Final = (4, 8)
-YES_OR_NO: Final = {"yes": True, "no": False}
 
 _T = TypeVar("_T")
 
@@ -96,7 +93,6 @@ class LayoutRules:
     rows: tuple[Elementary, ...] = ()
     unverified: frozenset[str] = frozenset()
     pointer_size: int = 8
-    enum_base: str = "INT"
     text_forms: tuple[str, ...] = ("nul",)
 
     def row(self, type_: Elementary) -> Elementary:
@@ -112,12 +108,10 @@ class LayoutRules:
         match type_:
             case Elementary():
                 return self.row(type_)
-            case Subrange(base=base):
+            case Subrange(base=base) | Enumeration(base=base):
                 return self.row(base)
             case Pointer():
                 return self.row(ADDRESS)
-            case Enumeration(base=base, is_named=is_named):
-                return self.row(base if is_named else ELEMENTARY[self.enum_base])
 
 
 # Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. Each of these readings but `packed` fits
@@ -184,7 +178,6 @@ def rules_for(
     *,
     pointer_size: int | None = None,
     string_even: bool | None = None,
-    enum_base: str | None = None,
 ) -> LayoutRules:
     """Return the rules of a layout, or these, with the settings that are given; raise UserError."""
     rules = layout
@@ -203,8 +196,6 @@ def rules_for(
         rules = replace(rules, pointer_size=pointer_size)
     if string_even is not None:
         rules = replace(rules, string_even=string_even)
-    if enum_base is not None:
-        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
     return rules
 
 
@@ -226,15 +217,12 @@ class LayoutChoice(NamedTuple):
 
     def __str__(self) -> str:
         """Return it as a line has it: `layout=packed byte_order=big`."""
-        given = zip(self._fields, self, strict=True)
-        return " ".join(f"{name}={choice_text(value)}" for name, value in given if value is not None)
+        words = [{True: "yes", False: "no"}[one] if isinstance(one, bool) else one for one in self]
+        given = zip(self._fields, words, strict=True)
+        return " ".join(f"{name}={word}" for name, word in given if word is not None)
 
 
 NO_CHOICE: Final = LayoutChoice()
-
-
-def choice_text(value: str | int | bool) -> str:
-    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
 
 
 def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
@@ -244,12 +232,9 @@ def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
         "byte_order": {name: name for name in BYTE_ORDERS},
         "text": {name: name for name in TEXT_FORMS},
         "pointer_size": {str(size): size for size in POINTER_SIZES},
-        "string_even": dict(YES_OR_NO),
+        "string_even": {"yes": True, "no": False},
     }
     return _known(where or name, text, choices[name])
-
-
-INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in WHOLE}
 
 
 def _known(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:

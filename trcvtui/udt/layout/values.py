@@ -8,14 +8,13 @@ as their value needs.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 from trcvtui.errors import Problem, UserError, all_problems, noting
-from trcvtui.udt.layout.codec import Data, Values
 from trcvtui.udt.layout.coding import Refused, Value
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
-from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.layout_tree import Data, Leaf, Values
 from trcvtui.udt.types import StringType
 
 
@@ -41,73 +40,49 @@ def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
     return value
 
 
-class Overlay:
-    """The bytes of a layout as they are written, and the bits in them that somebody's value needs."""
-
-    def __init__(self, layout: Layout, data: bytearray) -> None:
-        self._layout, self._data = layout, data
-        self._taken = bytearray(len(data))
-        self._exact: list[tuple[Leaf, bytes]] = []
-        self._loose: list[tuple[Leaf, bytes]] = []
-
-    def add(self, leaf: Leaf, part: bytes) -> None:
-        """Keep the bytes of a leaf until all are known."""
-        value = decode_leaf(self._layout, leaf, part)
-        (self._loose if _is_loose(leaf, value) else self._exact).append((leaf, part))
-
-    def write(self) -> None:
-        texts_first = sorted(self._loose, key=lambda row: _order(row[0]))
-        firm = bytes(len(self._data))
-        for number, (leaf, part) in enumerate((*self._exact, *texts_first)):
-            if number == len(self._exact):
-                firm = bytes(self._taken)
-            place = slice(leaf.offset, leaf.offset + leaf.size)
-            own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
-            needed = self._needed(leaf, part) if isinstance(leaf.type, StringType) else own
-            now, taken = self._data[place], self._taken[place]
-            free = bytes(ours & ~theirs for ours, theirs in zip(own, taken, strict=True))
-            forced = bytes(ours | theirs for ours, theirs in zip(free, needed, strict=True))
-            value = decode_leaf(self._layout, leaf, part)
-            gentle = bytes(ours & ~theirs for ours, theirs in zip(forced, firm[place], strict=True))
-            forms = (part, self._beyond(leaf, part))
-            for mask, form in (*product((free, gentle, forced), forms), (own, part)):
-                written = bytes(b & ~m | f & m for b, f, m in zip(now, form, mask, strict=True))
-                if _same(decode_leaf(self._layout, leaf, written), value):
-                    break
-            self._data[place] = written
-            self._taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken, strict=True))
-
-    def _beyond(self, leaf: Leaf, part: bytes) -> bytes:
-        """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
-        if not isinstance(leaf.type, StringType):
-            return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
-        if not self._layout.rules.text.header:
-            return part
-        unit = 2 if leaf.type.wide else 1
-        return part[:unit] + b"\xff" * unit + part[2 * unit :]
-
-    def _needed(self, leaf: Leaf, part: bytes) -> bytes:
-        """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
-        assert isinstance(leaf.type, StringType)
-        unit = 2 if leaf.type.wide else 1
-        text = str(decode_leaf(self._layout, leaf, part))
-        length = len(text.encode("utf-16-le", "surrogatepass")) // 2
-        if leaf.type.utf8:
-            length = len(text.encode("utf-8", "surrogateescape"))
-        first = unit if self._layout.rules.text.header else 0
-        last = min(first + (length + 1) * unit, len(part))
-        return bytes(255 if first <= at < last else 0 for at in range(len(part)))
+def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Leaf, bytes]]) -> None:
+    """Write leaves that share bytes; `taken` are the bits that the value of one before needs."""
+    taken = bytearray(len(data))
+    for leaf, part in sorted(parts, key=lambda row: _order(layout, *row)):
+        place = slice(leaf.offset, leaf.offset + leaf.size)
+        own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
+        value = decode_leaf(layout, leaf, part)
+        needed = _needed(layout, leaf, part) if isinstance(leaf.type, StringType) else own
+        free = bytes(ours & ~theirs for ours, theirs in zip(own, taken[place], strict=True))
+        for mask, form in (*product((free, needed), (part, _beyond(layout, leaf, part))), (own, part)):
+            written = bytes(b & ~m | f & m for b, f, m in zip(data[place], form, mask, strict=True))
+            if _same(decode_leaf(layout, leaf, written), value):
+                break
+        data[place] = written
+        taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken[place], strict=True))
 
 
-def _is_loose(leaf: Leaf, value: Value) -> bool:
-    """Return whether other bytes may say the same value."""
-    if isinstance(leaf.type, StringType) or leaf.coding.code.endswith("s"):
-        return True
-    return (value is True and leaf.bit is None) or value != value
+def _beyond(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
+    """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
+    if not isinstance(leaf.type, StringType):
+        return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
+    if not layout.rules.text.header:
+        return part
+    unit = 2 if leaf.type.wide else 1
+    return part[:unit] + b"\xff" * unit + part[2 * unit :]
 
 
-def _order(leaf: Leaf) -> int:
-    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, StringType) else 3
+def _needed(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
+    """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
+    assert isinstance(leaf.type, StringType)
+    unit = 2 if leaf.type.wide else 1
+    said = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))
+    first, last = (unit, said) if layout.rules.text.header else (0, said + unit)
+    return bytes(255 if first <= at < last else 0 for at in range(len(part)))
+
+
+def _order(layout: Layout, leaf: Leaf, part: bytes) -> int:
+    """Return a number that is higher where more other bytes say the same value; 0: each bit counts."""
+    if isinstance(leaf.type, StringType):
+        return 2 if leaf.type.wide else 1
+    value = decode_leaf(layout, leaf, part)
+    is_loose = leaf.coding.code.endswith("s") or (value is True and leaf.bit is None) or value != value
+    return 3 if is_loose else 0
 
 
 def _same(one: Value, other: Value) -> bool:
@@ -124,20 +99,19 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     Raise UserError with one problem for each unknown path and each value out of range.
     """
     data = bytearray(layout.size)
-    overlay = Overlay(layout, data) if layout.root.overlaps else None
+    parts: list[tuple[Leaf, bytes]] = []
     with all_problems() as problems:
         for path, value in values.items():
             with noting(problems):
                 number = layout.number_of(path)
                 if value is None:
                     continue
-                if overlay is None:
-                    put(layout, data, number, value)
-                else:
+                if layout.root.overlaps:
                     leaf = layout.leaf(number)
-                    overlay.add(leaf, encode_leaf(layout, leaf, value))
-    if overlay is not None:
-        overlay.write()
+                    parts.append((leaf, encode_leaf(layout, leaf, value)))
+                else:
+                    put(layout, data, number, value)
+    _write_overlapping(layout, data, parts)
     return bytes(data)
 
 

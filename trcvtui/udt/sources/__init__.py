@@ -53,7 +53,8 @@ class TypeFormat(NamedTuple):
         if self.refused:
             raise mistake(name, *self.refused)
         read = self.read(content) if self.root else self.read(content, name)
-        return read._replace(sender=SenderLayout(self.sender, self.name.split()[0]))
+        sender = SenderLayout(self.sender, self.name.split()[0])
+        return read if read.sender.layout else read._replace(sender=sender)
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
@@ -62,16 +63,18 @@ def _read_codesys_2(text: str, name: str) -> Declarations:
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))
 
 
-def _later(module: str) -> Callable[..., Declarations]:
+def _later(module: str, kind: str = "") -> Callable[..., Declarations]:
     """Return the reader of a module for XML or C, which the first such file imports."""
 
     def read(*given: Any) -> Declarations:
-        declared: Declarations = getattr(import_module(f"{__name__}.{module}"), f"read_{module}")(*given)
+        reader = getattr(import_module(f"{__name__}.{module}"), f"read_{kind or module}")
+        declared: Declarations = reader(*given)
         return declared
 
     return read
 
 
+_TWINCAT = _later("plcopen", "twincat")
 _NO_TEXTS = "the texts of a SIMATIC SD file", "the .s7dcl file beside it"
 _NO_EXPORT = "a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 
@@ -84,7 +87,7 @@ FORMATS: Final = {
         TypeFormat("SIMATIC SD texts", (".s7res",), refused=_NO_TEXTS),
         TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
         TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R), sender=NATURAL),
-        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _later("twincat"), "TcPlcObject", sender=NATURAL),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _TWINCAT, "TcPlcObject", sender=NATURAL),
         TypeFormat("PLCopen", (".xml",), _later("plcopen"), root="project", sender=NATURAL),
         TypeFormat("Siemens Openness", (".xml",), _later("openness"), root="Document"),
         TypeFormat("CODESYS 3 export", (".export",), refused=_NO_EXPORT),

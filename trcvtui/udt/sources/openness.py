@@ -11,17 +11,10 @@ import re
 from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.literals import QUALIFIED_NAME
-from trcvtui.udt.sources.st import OPTIMISED
-from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
-from trcvtui.udt.types import Pointer
+from trcvtui.udt.sources.st import OPTIMISED, read_spec
+from trcvtui.udt.sources.xml_source import Element, deeper
 
 TYPE, DATA_BLOCK = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
-
-_ARRAY = re.compile(r"array\s*\[([^\[\]]{1,400})\]\s*of\s+(.+)", re.IGNORECASE | re.DOTALL)
-_TEXT = re.compile(r"(w?)string\s*(?:\[([^\[\]]{1,200})\])?", re.IGNORECASE)
-_POINTER = re.compile(r"ref_to\s+.+", re.IGNORECASE | re.DOTALL)
-_QUOTED = re.compile(r'"([^"]+)"')
 
 
 def read_openness(root: Element) -> ast.Declarations:
@@ -35,7 +28,7 @@ def read_openness(root: Element) -> ast.Declarations:
     for struct in structs:
         with noting(problems):
             types.append(_declaration(struct))
-    return ast.Declarations(tuple(types), tuple(problems), layout=S7.name)
+    return ast.Declarations(tuple(types), tuple(problems), sender=ast.SenderLayout(S7.name))
 
 
 def _declaration(element: Element) -> ast.Declaration:
@@ -66,32 +59,13 @@ def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.
 
 
 def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> ast.Spec:
-    text = text.strip()
-    if array := _ARRAY.fullmatch(text):
-        inner = _type(array.group(2), member, deeper(depth, member), problems)
-        return ast.ArraySpec(_bounds(array.group(1), member), inner)
-    if text.upper() == "STRUCT":
-        return ast.StructSpec(tuple(_members(member, deeper(depth, member), problems)))
-    if string := _TEXT.fullmatch(text):
-        return text_type(string.group(2) or "", bool(string.group(1)), member.where)
-    if _POINTER.fullmatch(text):
-        return Pointer(text)
-    if quoted := _QUOTED.fullmatch(text):
-        return ast.Reference(quoted.group(1), member.where)
-    if re.fullmatch(QUALIFIED_NAME, text):
-        return ast.Reference(text, member.where)
-    expected = 'a type such as Int, String[10], Array[0..3] of "T"'
-    raise mistake(member.where, f"Datatype '{text[:40]}'", expected)
+    """Return the type that ST text names; the members of a STRUCT in it stand below the element."""
+    is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
+    spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
+    if is_struct:
+        return _filled(spec, ast.StructSpec(tuple(_members(member, deeper(depth, member), problems))))
+    return spec
 
 
-def _bounds(text: str, member: Element) -> tuple[tuple[ast.Number, ast.Number], ...]:
-    ranges = text.split(",")
-    if len(ranges) > ast.MOST_DIMENSIONS:
-        raise mistake(member.where, f"{len(ranges)} dimensions", f"at most {ast.MOST_DIMENSIONS}")
-    pairs: list[tuple[ast.Number, ast.Number]] = []
-    for range_ in ranges:
-        low, dots, high = range_.partition("..")
-        if not dots:
-            raise mistake(member.where, f"bounds '{range_.strip()[:40]}'", "low..high")
-        pairs.append(bounds(low, high, member.where))
-    return tuple(pairs)
+def _filled(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
+    return spec._replace(element=_filled(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct

@@ -1,22 +1,63 @@
-"""PLCopen TC6 XML: `dataType/baseType/{struct,enum,array,derived,string,...}`, with the CODESYS additions.
+"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files; both hold the ST text of types.
 
-Every version of the schema is read by local names. A `dataType` counts wherever it stands: CODESYS writes
-some into `addData` of a resource. Where the export carries the ST text of a type, that text is read.
+`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts wherever it
+stands: CODESYS writes some into `addData` of a resource. Where there is the ST text of a type, that is read.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 
-from trcvtui.errors import Problem, UserError, mistake, noting
+from trcvtui.errors import Problem, mistake, noting
 from trcvtui.udt import ast
-from trcvtui.udt.constants import read_number
-from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
-from trcvtui.udt.sources.st import read_spec
-from trcvtui.udt.sources.twincat import named, qualified, read_inside
-from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
+from trcvtui.udt.constants import evaluate
+from trcvtui.udt.literals import parse_integer
+from trcvtui.udt.sources.st import read_spec, read_st
+from trcvtui.udt.sources.xml_source import Element, deeper
 from trcvtui.udt.types import Pointer
+
+OBJECTS = ("DUT", "GVL")
+
+
+def read_twincat(root: Element) -> ast.Declarations:
+    """Return the type of a DUT, or the constants of a GVL; raise UserError for any other object."""
+    object_ = next(root.all(*OBJECTS), None)
+    if object_ is None:
+        kinds = ", ".join(f"<{child.name}>" for child in root.children[:3]) or "nothing"
+        raise mistake(root.where, f"{kinds} in it", "a <DUT> or a <GVL>")
+    text = object_.at("Declaration")
+    if text is None or not text.text.strip():
+        raise mistake(object_.where, f"<{object_.name}> without text", "<Declaration> with ST text")
+    read = read_inside(text)
+    if object_.name == "GVL":
+        return qualified(read, object_.get("Name"))
+    if not read.types and not read.problems:
+        return read._replace(problems=(Problem(text.where, "no type", "TYPE ... END_TYPE"),))
+    return read._replace(types=tuple(named(type_, object_.get("Name")) for type_ in read.types))
+
+
+def read_inside(text: Element) -> ast.Declarations:
+    """Return what the ST text in an element declares; places in it are those of the file."""
+    return read_st(text.text, text.source, text.text_line)
+
+
+def named(declaration: ast.Declaration, name: str) -> ast.Declaration:
+    """Return the declaration, with a note when the XML around it has another name."""
+    if not name or name.casefold() == declaration.name.casefold():
+        return declaration
+    note = f"the XML calls it '{name}', the declaration '{declaration.name}'"
+    return declaration._replace(notes=(*declaration.notes, note))
+
+
+def qualified(read: ast.Declarations, list_: str) -> ast.Declarations:
+    """Return constants also as `GVL.NAME`, as bounds name them."""
+    if not list_:
+        return read
+    both = tuple(constant._replace(name=f"{list_}.{constant.name}") for constant in read.constants)
+    return read._replace(constants=(*read.constants, *both))
+
+
+# -- PLCopen -------------------------------------------------------------------------------------------------
 
 NOT_TYPES = ("documentation", "addData")
 
@@ -135,7 +176,7 @@ class _TypeWalk:
         return ast.StructSpec(tuple(members), is_union=element.name == "union")
 
     def array(self, element: Element, depth: int) -> ast.Spec:
-        pairs = [bounds(d.needed("lower"), d.needed("upper"), d.where) for d in element.all("dimension")]
+        pairs = [_bounds(dimension) for dimension in element.all("dimension")]
         if not pairs:
             raise mistake(element.where, "<array> without bounds", '<dimension lower="..." upper="..."/>')
         return ast.ArraySpec(tuple(pairs), self.base(element, depth))
@@ -151,22 +192,19 @@ class _TypeWalk:
         limits, base = element.at("range"), _inner(element.at("baseType"))
         if limits is None or base is None:
             raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
-        low, high = bounds(limits.needed("lower"), limits.needed("upper"), limits.where)
-        return ast.RangeSpec(_reference(base), low, high)
+        return ast.RangeSpec(_reference(base), *_bounds(limits))
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:
         target = _inner(element.at("baseType"))
         return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
-        name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        if re.fullmatch(QUALIFIED_NAME, name):
-            return ast.Reference(name, element.where)
-        return read_spec(name, element.where)
+        return read_spec(element.needed("name"), element.where, first_line=0)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
-        return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
+        length = element.get("length").strip()
+        return read_spec(element.name + (f"[{length}]" if length else ""), element.where, first_line=0)
 
 
 def _inner(element: Element | None) -> Element | None:
@@ -175,13 +213,24 @@ def _inner(element: Element | None) -> Element | None:
     return next((child for child in children if child.name not in NOT_TYPES), None)
 
 
+def _bounds(element: Element) -> tuple[ast.Number, ast.Number]:
+    low, high = (_number(element.needed(limit), element.where) for limit in ("lower", "upper"))
+    for limit in (low, high):
+        evaluate(limit, lambda name: None)  # refuses what is no formula
+    if isinstance(low, int) and isinstance(high, int) and high < low:
+        raise mistake(element.where, f"'{high}'", f"a number from {low} upwards")
+    return low, high
+
+
+def _number(text: str, where: str) -> ast.Number:
+    plain = parse_integer(text)
+    return ast.Formula(text, where) if plain is None else plain
+
+
 def _value(value: Element) -> ast.Number | None:
     """Return the number of a value of an enumeration; None is one more than the value before."""
     text = value.get("value").strip()
-    try:
-        return read_number(text, value.where) if text else None
-    except UserError:
-        return ast.Formula(text, value.where)  # only the size is known
+    return _number(text, value.where) if text else None
 
 
 def _reference(element: Element) -> ast.Reference:

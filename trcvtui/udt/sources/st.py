@@ -60,8 +60,12 @@ class Parser(SpecParser):
         self.types: list[ast.Declaration] = []
         self.constants: list[ast.Constant] = []
         self.layout = dialect.layout
+        self.others: dict[str, None] = {}
         self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
-        self.ends = _block_ends(source.tokens)
+        self.ends: dict[str, list[int]] = {}
+        for at, token in enumerate(source.tokens):
+            if token.upper.startswith("END_"):
+                self.ends.setdefault(token.upper, []).append(at)
         words = pairwise(source.tokens)
         self.function_blocks = {name.name for word, name in words if word.upper == "FUNCTION_BLOCK"}
 
@@ -88,20 +92,19 @@ class Parser(SpecParser):
                 self.advance()
                 self.skip_to(*STARTS)
                 self.accept("END_TYPE")
-        return ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
+        found = ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants))
+        return found._replace(sender=ast.SenderLayout(self.layout), others=tuple(self.others))
 
     def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
         while not self.accept("END_TYPE"):
-            if self.block_ends() or self.is_other_block():
+            # A block of another kind begins with its word, and then has its name.
+            is_other = self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
+            if self.block_ends() or is_other:
                 self.note(self.refusal("'END_TYPE'"))
                 return
             if declaration := self.declaration():
                 self.types.append(declaration)
-
-    def is_other_block(self) -> bool:
-        """Return whether a block of another kind begins here: its word, and then its name."""
-        return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
 
     def bare(self) -> None:
         """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
@@ -233,6 +236,7 @@ class Parser(SpecParser):
     def other_block(self) -> None:
         """Go after a block that declares no types; keep the constants of one that declares those."""
         end = self.end_of_block()
+        self.others[self.token.upper] = None
         if end is None:
             self.note(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()
@@ -261,11 +265,3 @@ class Parser(SpecParser):
     def skip_until(self, end: int, *texts: str) -> None:
         while self.at < end and not self.sees(*texts):
             self.advance()
-
-
-def _block_ends(tokens: list[StToken]) -> dict[str, list[int]]:
-    ends: dict[str, list[int]] = {}
-    for at, token in enumerate(tokens):
-        if token.upper.startswith("END_"):
-            ends.setdefault(token.upper, []).append(at)
-    return ends

@@ -79,6 +79,12 @@ _TOKEN = re.compile(
     |(?P<STRAY>.)""",
     re.VERBOSE | re.DOTALL,
 )
+# Between BEGIN and END_DATA_BLOCK: start values, which no layout needs. A file may have 100,000 of them.
+_VALUES = re.compile(
+    r"""//[^\r\n]*|/\*(?:.*?\*/|.*)|\(\*(?:.*?\*\)|.*)|'(?:\$.|[^'$\r\n])*'|"[^"\r\n]*"
+        |(?P<END>\bEND_DATA_BLOCK\b)""",
+    re.VERBOSE | re.DOTALL | re.IGNORECASE,
+)
 _COMMENT_MARK = re.compile(r"\(\*|\*\)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
@@ -95,7 +101,9 @@ class Source:
         self.tokens = self.cut()
 
     def where(self, place: int) -> str:
-        """Return file, line and column of a place, both from 1."""
+        """Return file, line and column of a place, both from 1; a text that begins in line 0 has none."""
+        if not self.first_line:
+            return self.name
         line = self.line(place)
         column = place - self.lines[line - 1] + 1
         return f"{self.name}:{line + self.first_line - 1}:{column}"
@@ -113,7 +121,7 @@ class Source:
     def cut(self) -> list[StToken]:
         """Return all tokens, the last one an END."""
         tokens: list[StToken] = []
-        place, end = 0, len(self.text)
+        place, end, is_data = 0, len(self.text), False
         while place < end:
             found = _TOKEN.match(self.text, place)
             assert found is not None and found.lastgroup is not None  # STRAY takes any character
@@ -124,7 +132,10 @@ class Source:
             if text[0] == "{" and group == "GAP":
                 self.pragmas.append((len(tokens), text))
             if group != "GAP":
-                tokens.append(StToken(Shape[group], text, begin, text.upper()))
+                tokens.append(StToken(Shape[group], text, begin, word := text.upper()))
+                is_data = word == "DATA_BLOCK" or (is_data and word != "END_DATA_BLOCK")
+                if is_data and word == "BEGIN":
+                    place = self.after_values(place)
             if group == "UNCLOSED":
                 place = self.after_unclosed(text, begin)
         tokens.append(StToken(Shape.END, "", end, ""))
@@ -141,6 +152,13 @@ class Source:
         self.nested = False
         first = self.text.find("*)", place + 2)
         return first + 2 if first >= 0 else 0
+
+    def after_values(self, place: int) -> int:
+        """Return where the data block ends whose start values begin here; the place itself if nowhere."""
+        if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
+            return place
+        found = _VALUES.finditer(self.text, place)
+        return next((one.start() for one in found if one["END"]), place)
 
     def after_unclosed(self, text: str, place: int) -> int:
         """Return where to go on: text in quotes ends with its line, anything else with the file."""
@@ -246,8 +264,18 @@ class Cursor:
 
     def number(self) -> Number:
         """Return the number at the cursor, a formula if it is more than a literal, and go after it."""
-        first = self.at
-        self.expression(0)
+        first, depth = self.at, 0
+        while True:
+            while self.sees("+", "-") or (self.sees("(") and depth < DEEPEST):
+                depth += self.advance().text == "("
+            self.operand()
+            while depth and self.accept(")"):
+                depth -= 1
+            if not self.sees("+", "-", "*", "/"):
+                break
+            self.advance()
+        if depth:
+            raise self.refusal("')'")
         formula = self.formula(first)
         plain = parse_integer(formula.text)
         return formula if plain is None else plain
@@ -256,21 +284,6 @@ class Cursor:
         """Return what stands from a token up to the cursor as a formula."""
         taken = self.tokens[first : self.at]
         return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
-
-    def expression(self, depth: int) -> None:
-        """Go after an expression of literals and names."""
-        while True:
-            while self.sees("+", "-"):
-                self.advance()
-            if self.sees("(") and depth < DEEPEST:
-                self.advance()
-                self.expression(depth + 1)
-                self.expect(")")
-            else:
-                self.operand()
-            if not self.sees("+", "-", "*", "/"):
-                return
-            self.advance()
 
     def operand(self) -> None:
         """Go after `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""

@@ -42,13 +42,12 @@ class TypeFolder:
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
             for path in (os.path.join(folder, name) for name in type_files_in(folder)):
+                if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
+                    continue
                 with suppress(UserError):
-                    if os.path.realpath(path) not in self.without:
-                        data = content_of(path)
-                        size += len(data)
-                        texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
-                if len(texts) > MOST or size > MOST_BYTES:
-                    break
+                    data = content_of(path)
+                    size += len(data)
+                    texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
             if max(number, len(texts)) > MOST or size > MOST_BYTES:
                 found = f"a folder of more than {MOST} type files or {MOST_BYTES >> 20} MiB"
                 raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")
@@ -123,9 +122,13 @@ def _lacking(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 
 def _line(users: Collection[str], place: str, found: Mapping[str, Iterable[str]]) -> str:
-    lacked = [name for name in found if name not in users]
-    files = dict.fromkeys(file for each in found.values() for file in each)
-    return f"{_short(users)}{' uses ' if lacked else ''}{_short(lacked)}: found in {_short(files)} {place}"
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, files in found.items():
+        names.setdefault(tuple(files), []).append(name)
+    told = [f"{_short(each)}: found in {_short(files)}" for files, each in names.items()]
+    verb = "uses" if len(users) == 1 else "use"
+    uses = f"{_short(users)} {verb} " if found.keys().isdisjoint(users) else ""
+    return f"{uses}{_short(told)} {place}"
 
 
 def _short(names: Collection[str]) -> str:
@@ -137,7 +140,7 @@ def _once(files: Iterable[Declarations]) -> list[Declarations]:
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:
-        bare = [_bare((each.name, each.spec, file.layout)) for each in file.types]
+        bare = [_bare((each.name, each.spec, file.sender.layout)) for each in file.types]
         new = [each for each, content in zip(file.types, bare, strict=True) if content not in known]
         kept.append(file._replace(types=tuple(new)))
         known |= set(bare)

@@ -10,9 +10,7 @@ from collections.abc import Iterator
 from xml.parsers import expat
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.ast import MOST_NESTED, Number, TextSpec
-from trcvtui.udt.constants import read_number
-from trcvtui.udt.types import StringType
+from trcvtui.udt.ast import MOST_NESTED
 
 MOST_DEPTH = 200
 MOST_ELEMENTS = 400_000
@@ -160,23 +158,3 @@ def deeper(depth: int, element: Element) -> int:
         expected = f"at most {MOST_NESTED} levels of STRUCT and ARRAY"
         raise mistake(element.where, "a type nested deeper", expected)
     return depth + 1
-
-
-def bounds(low: str, high: str, where: str) -> tuple[Number, Number]:
-    """Return the bounds of an array or subrange."""
-    lowest, highest = read_number(low, where), read_number(high, where)
-    if isinstance(lowest, int) and isinstance(highest, int) and highest < lowest:
-        raise mistake(where, f"'{highest}'", f"a number from {lowest} upwards")
-    return lowest, highest
-
-
-def text_type(length: str, wide: bool, where: str) -> StringType | TextSpec:
-    """Return STRING or WSTRING; an empty length is the default one."""
-    if not length.strip():
-        return StringType(None, wide)
-    longest = read_number(length, where)
-    if not isinstance(longest, int):
-        return TextSpec(longest, wide)
-    if longest < 1:
-        raise mistake(where, f"'{longest}'", "a length of 1 or more")
-    return StringType(longest, wide)

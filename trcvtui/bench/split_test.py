@@ -74,7 +74,6 @@ class SplitTest:
             self._state = FINISHED
 
     def cancel(self) -> None:
-        """Try no more."""
         if self._state == RUNNING:
             self._state = CANCELLED
 
@@ -175,7 +174,6 @@ class SplitTest:
     # -- what is told ----------------------------------------------------------------------------------
 
     def snapshot(self) -> TrialSnapshot:
-        """Return the table as far as it has come."""
         return TrialSnapshot(
             peer=self._command.peer,
             instance=self._command.instance,
@@ -227,9 +225,7 @@ class SplitTests:
         return ""
 
     def scanned(self) -> None:
-        """Go on: a scan has passed."""
         next(self._under_way, None)
 
     def snapshot(self) -> TrialSnapshot | None:
-        """Return the table as far as it has come."""
         return self._trial.snapshot() if self._trial is not None else None

@@ -136,8 +136,6 @@ class StoppedBlock(JoblessBlock):
 
 
 class Block(Protocol):
-    """One block instance's inside."""
-
     @property
     def job(self) -> Job: ...
 

@@ -15,8 +15,6 @@ _NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
 
 class Reproducibility(StrEnum):
-    """How a code can be brought about on this bench."""
-
     REAL = "real"
     LOGIC = "logic"
     NAMESPACE = "namespace"

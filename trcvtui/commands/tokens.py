@@ -351,7 +351,6 @@ class Words:
             raise self.wrong(shown(self.peek()), "the end of the command", "surplus")
 
     def wrong(self, found: str, expected: str, kind: str = "value") -> UserError:
-        """Return a mistake in this command."""
         return mistake(self.where, found, expected, kind)
 
     def one_of(self, known: Collection[str], what: str, expected: str = "") -> str:

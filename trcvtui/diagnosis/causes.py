@@ -128,8 +128,6 @@ class LineCase(NamedTuple):
 
 
 class LineFinding(NamedTuple):
-    """One cause found."""
-
     cause: str
     confidence: float
     said: Sign

@@ -109,7 +109,6 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
 
 
 def _number(leaf: Leaf) -> Elementary | None:
-    """Return the type of a number of more than one byte."""
     row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
     if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
         return row

@@ -54,7 +54,6 @@ class Evidence:
     buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on
 
     def pin(self, name: str) -> PinValue | None:
-        """Return the value of a pin, None where it is not known."""
         return next((value for pin, value in self.pins if pin == name), None)
 
     def age_of(self, moment: ScanStamp) -> int:

@@ -79,7 +79,6 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 
 
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
-    """Return the receiver where it is of this kind, and the bytes are its own."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
         return None
     if (
@@ -101,7 +100,6 @@ def _start(line: LineFacts) -> int:
 
 
 def _is_right(line: LineFacts, need: int) -> bool:
-    """Return whether frames of `need` bytes end where messages end."""
     found = judged_messages(line)
     start = _start(line) if line.has_begin else found[0].at
     hits = _aligned(found, need, start)

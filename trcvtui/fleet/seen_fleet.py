@@ -45,8 +45,6 @@ CAUSES: Final = {
 
 
 class FleetInstance:
-    """One instance of a line: what it shows, its events."""
-
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
         self.status: StatusMessage | None = None

@@ -51,7 +51,6 @@ class Topic(NamedTuple):
     kind: str
 
     def __str__(self) -> str:
-        """Return the topic as the broker knows it."""
         names = (self.site, self.agent, self.line, self.instance)
         return "/".join((ROOT, *(encoded(name) for name in names if name), self.kind))
 

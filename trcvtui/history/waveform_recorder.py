@@ -95,8 +95,6 @@ class PinRecord:
 
 
 class WaveformRecorder:
-    """The record of each instance of one bench."""
-
     def __init__(self, bench: Bench, history: JobHistory) -> None:
         self._bench, self._history = bench, history
         project = bench.project

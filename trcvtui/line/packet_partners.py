@@ -120,7 +120,6 @@ class ShadowBench:
         return scans > 0
 
     def step(self) -> None:
-        """Let one scan pass."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._let_in()

@@ -186,7 +186,6 @@ def changing(before: Declaration, after: Declaration | None, project: Project) -
 
 
 def with_edits(project: Project, edits: Edits) -> Project:
-    """Return the project after these edits."""
     for edit in edits:
         found = [each for each in entries_of(edit.kind, project) if each.name != edit.name]
         if edit.after is not None:

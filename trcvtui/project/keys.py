@@ -243,7 +243,6 @@ def _is_newer(project: Project, block: str) -> bool:
 
 
 def _field_keys() -> Iterable[Key]:
-    """Return the fields that a form asks for; the description reads them with `type`."""
     ends, numbers = _at("peer", "connect"), _number()
     refers = {"RemotePort": _PEER_OR_CONNECT}
 

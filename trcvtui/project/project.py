@@ -185,7 +185,6 @@ class CertificateDecl(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Return what it is called: its number."""
         return str(self.number)
 
 
@@ -278,7 +277,6 @@ class Project(Struct, frozen=True, eq=False):
         return next((i for i in self.instances if i.name == name), None)
 
     def data_decl(self, name: str) -> DataDecl | None:
-        """Return the global variable of that name."""
         return next((d for d in self.data if d.name == name), None)
 
     def connect(self, name: str) -> ConnectConfig | None:

@@ -133,8 +133,6 @@ def _plain(value: object) -> object:
 
 
 class _PageParts:
-    """The parts of the page, as the template asks for them."""
-
     left, width, row, most_members = LEFT, WIDTH, ROW, MOST_MEMBERS
 
     def __init__(self, source: ReportSource, notes: RunNotes, verdict: Verdict | None) -> None:

@@ -105,8 +105,6 @@ _CLOSED_BY_ANOTHER = Outcome(
 
 
 class UsendC(JobBlock):
-    """One USEND_C instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramOut(bound)
         self._part = UdpControl(bound.env, bound.port)
@@ -144,8 +142,6 @@ _NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class UrecvC(JobBlock):
-    """One URECV_C instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramIn(bound)
         self._part = UdpControl(bound.env, bound.port)

@@ -22,8 +22,6 @@ NAMES: Final = {
 
 
 class CutKind(StrEnum):
-    """What parts the frames."""
-
     PREFIX = "constant prefix"
     SUFFIX = "constant suffix"
     PREFIX_SUFFIX = "constant prefix and suffix"
@@ -218,7 +216,6 @@ def _rest(made: Cut) -> list[str]:
 
 
 def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
-    """Return what speaks against it."""
     doubt = []
     if framing.timeout_ns and recording.source == "tcp":
         doubt.append("a gap over TCP is a guess: the network joins and parts what was sent")

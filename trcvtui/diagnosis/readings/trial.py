@@ -88,8 +88,6 @@ def cut_by_length(recording: LineRecording, field: LengthField, longest: int, mo
 
 
 class _Run:
-    """One run over a recording."""
-
     def __init__(
         self, recording: LineRecording, framing: Framing, most: int, by: tuple[LengthField, int] | None = None
     ) -> None:

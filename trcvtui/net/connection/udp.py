@@ -65,7 +65,6 @@ class UdpSetUp(SetUp):
         return None  # two programs would share the port, and the datagrams
 
     def look(self, now: int) -> Accepted | StepFault | None:
-        """Hand the socket over."""
         assert self.attempt is not None
         handle, self.attempt = self.attempt, None
         self._holder.has_been_up = True

@@ -83,7 +83,6 @@ class TapLoop:
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
-        """Tell those that look on."""
         raise NotImplementedError
 
 
@@ -139,7 +138,6 @@ class TapEnd:
         loop.hear(self.fd, 0, self.ready)
 
     def ready(self, events: int) -> None:
-        """Do what the poll set says."""
         if events & (IN | ERR | HUP):
             if self.mask & IN:
                 self.reads.read()
@@ -231,7 +229,6 @@ class TapLane:
             self.take(self.loop.buffer[:size])
 
     def take(self, data: memoryview) -> None:
-        """Let bytes go on, or wait."""
         if self.held is not None:
             self.held += data
             self.tell_held()
@@ -286,7 +283,6 @@ class TapLane:
         self.pass_late()
 
     def let_go(self) -> None:
-        """Hold and delay nothing any more."""
         held, self.held, self.delay_ns = self.held, None, 0
         if held is not None:
             self.tell_held()

@@ -417,7 +417,6 @@ class SimStream:
     # -- the handshake -------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Send the first SYN."""
         self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
         self._wire.syn(self)
 

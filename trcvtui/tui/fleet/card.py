@@ -29,8 +29,6 @@ def time_text(t: float, wall: float) -> str:
 
 
 class FleetCard(CardText):
-    """Everything that is known of one line."""
-
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
         self._line = line

@@ -39,8 +39,6 @@ def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) ->
 
 
 class ProjectPart(NamedTuple):
-    """One entry of the project."""
-
     kind: str
     name: str
 

@@ -24,8 +24,6 @@ ACTIONS: Final = ("type", "profile('ours')", "profile('theirs')")
 
 
 class LabHead(LineView, can_focus=False):
-    """Three lines."""
-
     DEFAULT_CSS = "LabHead { height: 3; background: $background; padding: 0 1; }"
 
     def __init__(self, lab: Lab) -> None:
@@ -92,8 +90,6 @@ class LeafCell(NamedTuple):
 
 
 class TreeColumns(NamedTuple):
-    """How wide the columns are."""
-
     name: int
     type: int
     offset: int

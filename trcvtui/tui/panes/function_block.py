@@ -47,8 +47,6 @@ DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
 
 
 class Drawing(NamedTuple):
-    """Both sides of a block."""
-
     inputs: tuple[DrawnPin, ...] = ()
     outputs: tuple[DrawnPin, ...] = ()
 

@@ -80,11 +80,6 @@ class BlockRow(Struct, frozen=True):
         return self.sends or self.receives
 
     @property
-    def begins(self) -> str:
-        """Return the pin that begins a job."""
-        return "EN_R" if self.receives else "REQ"
-
-    @property
     def speaks_udp(self) -> bool:
         """Return whether it moves datagrams alone, with an ADDR."""
         return bool(self.on_config)

@@ -172,7 +172,7 @@ def _refused(case: LineCase) -> Sign | None:
     return Sign(
         0.97,
         (text, f"{times(case.group.refusals)} in this capture"),
-        way=_from_listener(line),
+        way="to-plc" if line.plc_calls else "from-plc",
         at=reset,
         is_fact=True,
     )
@@ -638,10 +638,6 @@ def _incomplete(case: LineCase) -> Sign | None:
 
 def _listener_end(line: LineFacts) -> tuple[bytes, int]:
     return line.partner_end if line.plc_calls else line.plc_end
-
-
-def _from_listener(line: LineFacts) -> str:
-    return "to-plc" if line.plc_calls else "from-plc"
 
 
 def _to_listener(line: LineFacts) -> str:

@@ -87,10 +87,6 @@ class FleetAgent:
     def is_offline(self) -> bool:
         return self.state is not None and self.state.state == "offline"
 
-    @property
-    def is_stale(self) -> bool:
-        return self.state is not None and self.state.state == "stale"
-
     def begin(self) -> None:
         """Take that what came before we looked has come."""
         self.has_begun = True
@@ -191,7 +187,7 @@ class FleetLine:
         shown = [each.status for each in self.instances.values() if each.status is not None]
         if self.agent.is_offline:
             return OFFLINE
-        if self.agent.is_stale:
+        if self.agent.state is not None and self.agent.state.state == "stale":
             return STALE
         if any(status.error for status in shown):
             return ERROR

@@ -110,11 +110,6 @@ class InstanceSnapshot(Struct, frozen=True):
         return block_row(self.block).sends
 
     @property
-    def moves_bytes(self) -> bool:
-        """Return whether this block has a DATA pin."""
-        return block_row(self.block).moves_bytes
-
-    @property
     def data_pin(self) -> str:
         """Return what the manual calls the pin of DATA, "" where the block has none."""
         return block_row(self.block).data_pin

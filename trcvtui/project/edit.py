@@ -5,7 +5,7 @@ Rule: these are the loader's own readers, so what a file may not say, no command
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
@@ -46,7 +46,7 @@ from trcvtui.project.project import (
     Edits,
     Project,
 )
-from trcvtui.project.tables import Given, Table
+from trcvtui.project.tables import Table
 
 
 class AddField(Struct, frozen=True):
@@ -154,11 +154,6 @@ def _placed(problem: Problem, where: str) -> Problem:
     if not problem.where.startswith(_GIVEN):
         return problem
     return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
-
-
-def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
-    """Return texts such as `LocalPort=0` as the values of a table."""
-    return {key: Given(key, text) for key, text in pairs}
 
 
 def entry(kind: str, name: str, project: Project) -> Declaration | None:

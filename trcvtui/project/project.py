@@ -319,14 +319,3 @@ class Project(Struct, frozen=True, eq=False):
         return next((t for t in self.tasks if t.name == name), None)
 
     # -- a running PLC changes its program: another Project, the file stays as it is -------------------
-
-    def with_instance(self, decl: InstanceDecl) -> Project:
-        """Return the project with one more instance, last in the call order of its task."""
-        return replace(self, instances=(*self.instances, decl))
-
-    def without_instance(self, name: str) -> Project:
-        return replace(self, instances=tuple(i for i in self.instances if i.name != name))
-
-    def with_data(self, decl: DataDecl) -> Project:
-        """Return the project with another type for a global variable."""
-        return replace(self, data=tuple(decl if d.name == decl.name else d for d in self.data))

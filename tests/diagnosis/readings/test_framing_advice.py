@@ -185,7 +185,7 @@ def test_a_length_field_is_found_and_what_does_it_in_the_place_of_receivedata(re
     best = advise(recording).proposals[0]  # type: ignore[arg-type]
     assert best.title == "length field: 2 bytes, high byte first, at byte 4; counts the bytes after it"
     assert best.field == LengthField(4, 2, "big", 6)
-    assert not best.can_be_set
+    assert best.framing is None
     assert best.evidence[0] == "20 lengths lead from frame to frame, the last to byte 330 of 330"
     assert best.instead == (
         "cannot be set: ReceiveData has no length field; a program does it with two jobs: "

@@ -69,11 +69,6 @@ class Proposal:
     bits: float
     preview: tuple[ShownFrame, ...]
 
-    @property
-    def can_be_set(self) -> bool:
-        """Return whether ReceiveData can cut so."""
-        return self.framing is not None
-
 
 @dataclass(frozen=True, slots=True)
 class FramingAdvice:

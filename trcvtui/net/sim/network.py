@@ -298,7 +298,7 @@ class SimWire:
             self._leave(old) if old.lingering else old.reset()
         if len(listener.queue) > listener.backlog:
             return None
-        claim = listener.claim.child(client.remote.address)
+        claim = PortClaim(client.remote.address, listener.claim.port, listener.claim.reuse)
         server = SimStream(self, listener.owner, claim, *ends, replace(listener.tuning))
         self.ports.add(claim)
         self._streams[ends] = server

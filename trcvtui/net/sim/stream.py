@@ -213,10 +213,6 @@ class PortClaim(Struct, eq=False):
         """Return the local end, None while there is none."""
         return Endpoint(self.address, self.port) if self.port else None
 
-    def child(self, address: str) -> PortClaim:
-        """Return the claim of a connection that a listener accepts: it shares port and REUSEADDR."""
-        return PortClaim(address, self.port, self.reuse)
-
 
 class StreamPhase(Enum):
     """Where the connection stands, as far as its program can tell."""

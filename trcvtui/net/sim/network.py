@@ -168,10 +168,6 @@ class SimWire:
         else:
             self._deliver(source, partner, segment)
 
-    def carry_at_once(self, source: SimStream, data: memoryview) -> bool:
-        """Let bytes arrive, and their acknowledgement; False: they have to go as segments."""
-        return not (self._latency or self._down) and source.hand_over(data)
-
     def _deliver(self, source: SimStream, partner: SimStream, segment: Segment) -> None:
         if self._down and not self.is_up(source.owner, partner.owner):
             return

@@ -89,7 +89,6 @@ def is_our_text(node: ast.AST) -> bool:
 
 
 def is_parsed(node: ast.AST, path: Path) -> bool:
-    """Return whether this looks into a text of ours."""
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
         is_regex = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
         by_itself = node.func.attr in PARSERS and is_our_text(node.func.value)

@@ -14,7 +14,6 @@ EMPTY = 'dialect = "twincat"\n'
 
 
 def desk(folder: Path) -> LocalDriver:
-    """Return a console on a project with nothing in it."""
     file = folder / "empty.toml"
     file.write_text(EMPTY, encoding="utf-8")
     return LocalDriver(fresh_bench(load_project(file), "sim"), pause=1)

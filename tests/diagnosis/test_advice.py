@@ -74,7 +74,6 @@ SIEMENS = UDP.replace('"baosky"', '"s7-1500"').replace("URECV_C", "TURCV").repla
 
 
 def desk(text: str, *lines: str, base: Path = CONFIGS) -> Told:
-    """Return a bench of a project, told these lines."""
     told = Told()
     project = read_project(tomllib.loads(text.partition("[scenario]")[0]), "b.toml", base)
     told.driver, told.lines = LocalDriver(Bench(project, "sim")), []
@@ -123,7 +122,6 @@ def played(name: str) -> tuple[Bench, tuple[Line, ...]]:
 
 
 def advice_of_scenario(name: str, condition: Condition) -> Advice:
-    """Return what is told of the first edge that shows a condition."""
     bench, lines = played(name)
     line, edge = next(
         (line, line.event)

@@ -18,7 +18,6 @@ from trcvtui.plc.ledger import PeerSent
 
 
 def talking() -> tuple[Generator, HistoryReader]:
-    """Return a connected bench with its history."""
     bench = history_bench()
     told = Generator(bench, JobHistory(bench, StreamIndex()))
     told.do("set X CONT=1 EN_R=1")

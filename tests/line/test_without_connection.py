@@ -229,7 +229,6 @@ every = "T#20ms"
 
 
 def recorded(tmp_path: Path, bench: str, steps: str) -> tuple[Path, list[Record]]:
-    """Return the recording of a scenario, and its records."""
     project(tmp_path, bench)
     scenario, path, out = tmp_path / "s.toml", tmp_path / "run.pcapng", tmp_path / "run.jsonl"
     text = f'project = "bench.toml"\n[scenario]\nname = "s"\nsteps = """\n{steps}\n"""\n'

@@ -248,7 +248,6 @@ class SharedMachine(RuleBasedStateMachine):
                 self.witness.crowded.add(ends)
 
     def on_the_way(self, ends: tuple[str, str]) -> int:
-        """Return how many bytes of a peer the PLC has not received."""
         there = [link for link in self.model.links.values() if (link.peer, link.local) == ends]
         return len(self.model.said[ends]) - sum(link.received for link in there)
 
@@ -317,7 +316,6 @@ class SharedMachine(RuleBasedStateMachine):
 
     @rule(first=PICK, gaps=st.lists(st.integers(0, 4), min_size=2, max_size=12))
     def ask(self, first: int, gaps: list[int]) -> None:
-        """Let the senders send in turn, or in one scan."""
         names = self.senders()
         for number, gap in enumerate(gaps if names else ()):
             self.do(f"pulse {names[(first + number) % len(names)]} REQ")
@@ -339,7 +337,6 @@ class SharedMachine(RuleBasedStateMachine):
 
     @rule(scans=st.integers(2, 20))
     def blink(self, scans: int) -> None:
-        """Let all senders send as fast as they can."""
         for name in self.senders():
             self.do(f"set {name} REQ=blink")
         self.run(scans)

@@ -84,7 +84,6 @@ def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int,
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process has not ended."""
     with suppress(OSError):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     return False

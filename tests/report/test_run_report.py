@@ -68,7 +68,6 @@ def elements(text: str) -> Elements:
 
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
-    """Return the page of a journal."""
     run, notes, verdict, stopped = look_at(
         InMemory(tuple(entries_of(blocks(entries), "R"))), "R", has_payload
     )
@@ -76,7 +75,6 @@ def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
 
 
 def plain(text: str) -> str:
-    """Return what a reader sees, a blank for each tag."""
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text))
 
 

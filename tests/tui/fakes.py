@@ -206,7 +206,6 @@ def armed() -> StatusEdge:
 
 
 def written(*events: tuple[int, StatusEdge], first: int = 1) -> tuple[Line, ...]:
-    """Return ledger lines of (scan, edge), one task of T#10ms."""
     return tuple(Line(first + n, scan, (scan - 1) * 10 * MS, event) for n, (scan, event) in enumerate(events))
 
 

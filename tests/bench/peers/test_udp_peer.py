@@ -60,7 +60,6 @@ class Air(Wire):
         assert self.kernel.send_to(handle, memoryview(data), to) == len(data)
 
     def heard(self, handle: Handle) -> list[bytes]:
-        """Return the datagrams that wait."""
         into = memoryview(bytearray(65536))
         found = []
         while isinstance(got := self.kernel.recv_from(handle, into), Datagram):

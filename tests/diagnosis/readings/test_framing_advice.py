@@ -40,7 +40,6 @@ SCANNED = [b"\x02" + str(4006381 * (number + 3) ** 3).encode() + b"\r\n" for num
 
 
 def noisy(share: int, least: int = 1, most: int = 3) -> list[bytes]:
-    """Return codes of which so many percent have noise before them."""
     source, frames = random.Random(share), []
     for code in SCANNED:
         size = source.randint(least, most) if source.randrange(100) < share else 0
@@ -172,7 +171,6 @@ def test_lines_of_text_have_a_suffix_and_their_first_letters_may_be_data() -> No
 
 
 def modbus(number: int) -> bytes:
-    """Return an answer of Modbus TCP."""
     body = bytes([1, 3]) + numbers(number, (3, 5, 9, 17)[number % 4])
     return number.to_bytes(2, "big") + b"\0\0" + len(body).to_bytes(2, "big") + body
 

@@ -41,48 +41,6 @@ def told(desk: Desk, what: str) -> list[str]:
     return [note.detail for note in notes]
 
 
-def test_forty_silent_clients_do_not_delay_a_good_one(desk: Desk) -> None:
-    desk.say(*[f"peer RAW{n} connect" for n in range(SILENT)], "peer P1 connect")
-    since = desk.bench.runtime.scans
-    desk.until_status("R", "7006")
-    assert desk.bench.runtime.scans - since < SECOND
-    assert told(desk, "client dropped")
-    assert all("a newer one takes its place" in why for why in told(desk, "client dropped"))
-
-
-def test_a_cr_that_comes_a_byte_a_second_is_dropped_after_5_s(desk: Desk) -> None:
-    connect(desk, "RAW0")
-    for byte in CR.split()[:5]:
-        desk.say(f"peer RAW0 send hex {byte}", f"run {SECOND}")
-    desk.until(lambda: desk.bench.peers["RAW0"].state == "closed")
-    assert told(desk, "client dropped") == ["no handshake in 5 s"]
-    assert desk.status("R") == "7002"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("half", ["03 00 00 09 02 f0 00 61 62", "03 00 00 09 02 f0", "03"])
-def test_half_a_message_is_dropped_after_30_s_and_the_next_partner_is_welcome(desk: Desk, half: str) -> None:
-    connect_by_hand(desk)
-    desk.say(f"peer RAW0 send hex {half}", f"run {29 * SECOND}")
-    assert desk.status("R") == "7006"
-    desk.until(lambda: desk.status("R") == "80C4", most=2 * SECOND)
-    assert told(desk, "session ended") == ["a message that has not ended in 30 s"]
-    desk.until_status("R", "7002")
-    connect(desk, "P1")
-    desk.until_status("R", "7006")
-    desk.say("peer P1 send hex 01 02")
-    desk.until_done("R")
-    assert desk.bench.runtime.outputs("R").rcvd_len == 2
-
-
-@pytest.mark.slow
-def test_endless_dts_are_dropped_at_16_times_the_longest_message(desk: Desk) -> None:
-    connect_by_hand(desk)
-    desk.say(f"peer RAW0 send hex 03 00 00 84 02 f0 00{' 55' * 125} repeat=8400")
-    desk.until(lambda: told(desk, "session ended"))
-    assert told(desk, "session ended") == ["a message of more than 1048576 bytes"]
-
-
 @pytest.mark.parametrize(
     ("sent", "why"),
     [
@@ -97,13 +55,6 @@ def test_what_cannot_be_right_ends_the_connection_with_a_line(desk: Desk, sent: 
     desk.say(f"peer RAW0 send hex {sent}")
     desk.until_status("R", "7002")
     assert told(desk, "session ended") == [why]
-
-
-def test_garbage_in_the_place_of_the_cr_is_dropped_with_a_line(desk: Desk) -> None:
-    connect(desk, "RAW0")
-    desk.say("peer RAW0 send random 300 seed=1")
-    desk.until(lambda: told(desk, "client dropped"))
-    assert desk.status("R") == "7002"
 
 
 def test_a_refused_cr_and_an_ignored_tpdu_have_a_line(desk: Desk) -> None:

@@ -113,15 +113,6 @@ def test_status_alone_is_the_table_of_the_default_dialect_and_with_all_the_whole
     assert {"16#0000", "16#7006", "16#80C5"} <= set(codes)
 
 
-def test_the_codes_of_one_block_are_known_by_its_name(run: Run) -> None:
-    _, out, _ = run("status", "--block", "TRCV_C")
-    assert "16#7008" in out and "16#7009" not in out
-    _, out, _ = run("status", "--block", "tdiscon", "--dialect", "baosky")
-    assert [line.split()[1] for line in out.splitlines()] == [
-        *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
-    ]
-
-
 def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_read(run: Run) -> None:
     code, out, err = run("--help")
     assert (code, err) == (0, "")

@@ -134,24 +134,6 @@ async def test_keys_typed_before_anything_is_there_are_obeyed_in_order() -> None
         assert driver.lines == ["set TRCV_C_1 CONT=1", "plc stop"]
 
 
-async def test_len_is_edited_with_keys_in_one_batch() -> None:
-    async with looking(SMALL) as looker:
-        await looker.at_once("l4\rt")
-        assert looker.lines == ["set TRCV_C_1 LEN=4", "set TRCV_C_1 CONT=0"]
-
-
-async def test_a_payload_is_typed_and_sent_in_one_batch() -> None:
-    async with looking(WIDE) as looker:
-        await looker.at_once("7mi" + "scan\rfrz\x1bf")
-        assert looker.lines == ['peer P1 send text "scan"', "peer P1 close"]
-
-
-async def test_tab_completes_in_a_batch_too() -> None:
-    async with looking(SMALL) as looker:
-        await looker.at_once(":se\t TR\t AD\t1\r")
-        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
-
-
 async def test_a_row_that_changes_and_changes_back_before_it_is_painted_stands_as_it_is() -> None:
     async with looking(WIDE) as looker:
         prompt = looker.app.main.prompt

@@ -243,7 +243,7 @@ def test_every_condition_has_an_answer_whatever_is_known() -> None:
     known = Told(*UP).evidence("X")
     wrong = []
     for condition in Condition:
-        bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 1, 10_000_000)
+        bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 10_000_000)
         for evidence in (replace(known, condition=str(condition)), bare, replace(bare, is_past=True)):
             told = advice_on(evidence)
             if not told.why or not all(told.checks) or "None" in " ".join(told.checks):

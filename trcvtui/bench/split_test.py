@@ -178,7 +178,6 @@ class SplitTest:
             peer=self._command.peer,
             instance=self._command.instance,
             payload=self._command.payload,
-            gap_ns=self._gap_ns,
             state=self._state,
             problem=self._problem,
             runs=self._runs,

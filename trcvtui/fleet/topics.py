@@ -149,7 +149,7 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
 class FiguresMessage(
     FleetMessage, frozen=True, rename={"received": "received_bytes_s", "sent": "sent_bytes_s"}
 ):
-    """How a line runs. Rates in bytes a second; None: this system does not say."""
+    """How a line runs. Rates in bytes a second."""
 
     KIND = "figures"
     TEXTS = ("state",)
@@ -159,8 +159,6 @@ class FiguresMessage(
     sent: Number
     done_a_minute: Number
     errors_an_hour: Number
-    round_trip_ms: Number | None = None
-    retransmissions: Count | None = None
 
 
 class RecentMessage(FleetMessage, frozen=True):

@@ -112,8 +112,6 @@ class Player:
     def snapshot(self) -> PlayerSnapshot:
         return PlayerSnapshot(
             path=self._path,
-            scenario=_cut(self._scenario.name),
-            about=_cut(self._scenario.about),
             steps=self._told,
             current=self._current,
             running=self.wants_scan,

@@ -370,7 +370,6 @@ def _proposal(
         left=made.left,
         broken=made.broken,
         longest=longest,
-        bits=round(tried.bits, 1),
         preview=shown(made.frames),
     )
 

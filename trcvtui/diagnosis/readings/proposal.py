@@ -47,7 +47,7 @@ class Proposal:
     `rank` counts from 1; proposals that cut alike share one. `framing` is what ReceiveData is to be set to,
     None: it cannot be (`field` says what parts the frames, `instead` what does it). `frames` of `of_frames`
     ended as they should and have `explained` of `total` bytes; `noise`, `left` and `broken` are the rest.
-    `longest` is the longest frame; `bits` is the weight of the evidence: how much shorter it can be told.
+    `longest` is the longest frame.
     """
 
     rank: int
@@ -66,7 +66,6 @@ class Proposal:
     left: int
     broken: int
     longest: int
-    bits: float
     preview: tuple[ShownFrame, ...]
 
 

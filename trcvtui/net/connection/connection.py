@@ -466,10 +466,6 @@ class Connection:
             return self._found(self.pending_loss)
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
-    @property
-    def last_loss(self) -> ConnectionLoss | None:
-        return self._losses[max(self._losses)] if self._losses else None
-
     def unread(self) -> int:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 

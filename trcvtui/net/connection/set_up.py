@@ -138,7 +138,8 @@ class SetUp:
         return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
 
     def create(self) -> StepFault | None:
-        made = self._kernel.socket(self.config.name)
+        make = self._kernel.datagram_socket if self.config.is_datagram else self._kernel.socket
+        made = make(self.config.name)
         if isinstance(made, Fault):
             return StepFault(SetUpStage.SOCKET, made)
         self.attempt = made

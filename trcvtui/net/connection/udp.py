@@ -41,13 +41,6 @@ class UdpSetUp(SetUp):
     def judge(self) -> StepFault | None:
         return super().judge() or (NO_ADDR if self.needs_addr else None)
 
-    def create(self) -> StepFault | None:
-        made = self._kernel.datagram_socket(self.config.name)
-        if isinstance(made, Fault):
-            return StepFault(SetUpStage.SOCKET, made)
-        self.attempt = made
-        return None
-
     def prepare(self, now: int) -> StepFault | None:
         assert self.attempt is not None
         failed = self._bind(self.attempt)

@@ -55,7 +55,6 @@ class Refusal(IntEnum):
     NOBODY_WAITS = 0x02
     UNKNOWN_TSAP = 0x03
     NEGOTIATION_FAILED = 0x82
-    REFUSED = 0x88
 
 
 class _Parameter(IntEnum):

@@ -68,16 +68,13 @@ class FleetCard(CardText):
             host = f" on {plain(agent.host)}" if agent is not None else ""
             yield from self._labelled("recorded", [f"{plain(recorded.file)}{host}"], "strong")
         if figures is not None:
-            trip, again = figures.round_trip_ms, figures.retransmissions
             parts = [
                 f"{size_text(figures.received)}/s in",
                 f"{size_text(figures.sent)}/s out",
                 f"{figures.done_a_minute:g} DONE a minute",
-                f"round trip {trip:g} ms" if trip is not None else "",
-                count(again, "retransmission") if again is not None else "",
                 f"told {since_text(line.agent.at(figures.t, wall), wall)} ago",
             ]
-            yield from self._labelled("figures", [" · ".join(filter(None, parts))], "")
+            yield from self._labelled("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
         yield row(("errors".ljust(LABEL), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 

@@ -207,7 +207,6 @@ class SplitTests:
         self._under_way: Iterator[None] = iter(())
 
     def begin(self, bench: Bench, command: TrySplits) -> str:
-        """Begin a trial; return what is wrong, or ""."""
         if self._trial is not None and self._trial.is_running:
             return f"a trial is running; `peer {command.peer} try-splits stop` ends it"
         self._trial = SplitTest(bench, command)

@@ -188,7 +188,6 @@ class Tally(NamedTuple):
         return self._replace(good=self.good + 1)
 
     def dropped(self, reason: str) -> Tally:
-        """Return the tally with a part more that was thrown away."""
         return self._replace(parts=self.parts + 1, reason=reason)
 
 

@@ -696,7 +696,6 @@ RULES: Final = (
 
 
 def verdict_of(case: LineCase) -> LineVerdict:
-    """Return what is found, and what is worth knowing of one conversation."""
     blind = [(rule.cause, each) for rule in RULES for each in rule.blind if each in case.line.qualities]
     seen = {rule.cause: rule for rule in RULES if rule.cause not in dict(blind)}
 

@@ -199,7 +199,6 @@ def _peer(e: Evidence) -> str:
 
 
 def where_the_flaw_is(e: Evidence) -> str:
-    """Return which bytes of the description hold the flaw."""
     if e.config is None or e.config.description is None or e.config.flaw is None:
         return ""
     field = e.config.description.structure.field(e.config.flaw.field)

@@ -66,8 +66,6 @@ class _Figures:
 
 
 class ConversationFigures:
-    """The figures of conversations, as their events come."""
-
     def __init__(self) -> None:
         self._figures: dict[int, _Figures] = {}
         self._newest = 0  # ns

@@ -274,7 +274,6 @@ def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
 def framer_snapshot(
     block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, PinValue]
 ) -> FramerSnapshot:
-    """Return a receiving block's framer as it stands."""
     is_text = "SizeReceiveData" not in inputs
     if is_text:
         prefix, suffix = _text(bound.prefix), _text(bound.suffix)

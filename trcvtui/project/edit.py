@@ -204,7 +204,6 @@ def taken_back(project: Project) -> Edits:
 
 
 def undone(project: Project) -> Project:
-    """Return the project without its newest step."""
     return replace(with_edits(project, taken_back(project)), undoable=project.undoable[:-1])
 
 

@@ -124,7 +124,6 @@ def _named(what: str) -> Key:
 
 
 def names_of(kind: str, project: Project) -> tuple[str, ...]:
-    """Return the names of a project's entries of one kind."""
     return tuple([entry.name for entry in entries_of(kind, project)])
 
 

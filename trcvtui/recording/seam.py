@@ -232,12 +232,15 @@ class _SeamKernel:
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
-            got = self._inner.recv_from(handle, into)
+            got = self._do_recv_from(handle, into)
             return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
 
         got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), do)
         into[: len(data)] = data
         return got
+
+    def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        return self._inner.recv_from(handle, into)
 
     def note_arrivals(self) -> None:
         """Do nothing: a replay has them in its journal, of a peer they are not noted."""

@@ -38,7 +38,7 @@ from trcvtui.report.run_notes import (
 from trcvtui.scenario.runner import Verdict
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
-from trcvtui.wording import count, stamp, times, utc_text
+from trcvtui.wording import count, last_part, stamp, times, utc_text
 
 T = TypeVar("T")
 Row = TypeVar("Row")
@@ -106,11 +106,6 @@ class _DrawnLane(NamedTuple):
     name: str
     y: int
     paths: list[tuple[str, str]]  # class and data of each
-
-
-def last_part(path: str) -> str:
-    """Return the name of a file without its folders: they tell its maker, and nothing else."""
-    return path.replace("\\", "/").rpartition("/")[2]
 
 
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:

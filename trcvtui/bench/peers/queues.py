@@ -185,8 +185,6 @@ class Outbox:
 
 
 class PatternSearch(Protocol):
-    """One match at work on a stream."""
-
     def begin(self) -> None: ...
 
     def take(self, arrived: bytes, now: int) -> int:

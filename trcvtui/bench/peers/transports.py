@@ -354,7 +354,6 @@ class DatagramTransport(_Transport):
 
     @property
     def remote(self) -> Endpoint | None:
-        """Return the end it sends to, None while it knows none."""
         remote = self._decl.remote
         if remote is None:
             return self._heard

@@ -69,7 +69,6 @@ class Reception:
         return self.framer.last_byte
 
     def partial(self) -> bytes:
-        """Return a copy of the frame that is not complete yet."""
         return self.framer.part
 
     # -- one call ----------------------------------------------------------------------------------------

@@ -44,7 +44,6 @@ class LengthField:
         return self.position + self.width
 
     def size_of(self, head: bytes) -> int:
-        """Return how many bytes the frame has."""
         field = head[self.position : self.head]
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 

@@ -354,7 +354,6 @@ class OsKernel:
         return Fault("send", error)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; what is larger than the view is cut off."""
         if handle in self._polled and handle not in self._ready:
             return WOULD_BLOCK
         for _ in range(MOST_ICMP):

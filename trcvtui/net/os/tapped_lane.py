@@ -206,7 +206,6 @@ class TapLane:
     # -- in ---------------------------------------------------------------------------------------------
 
     def room(self) -> int:
-        """Return how many bytes may be read."""
         if self.out:
             return 0
         return MOST_HELD - self.late_size - (len(self.held) if self.held is not None else 0)

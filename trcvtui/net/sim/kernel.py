@@ -265,7 +265,6 @@ class SimKernel:
         return ""
 
     def leaks(self) -> tuple[str, ...]:
-        """Return a line for every handle that is still open."""
         return tuple(f"{handle} {socket}" for handle, socket in self._sockets.items())
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:

@@ -202,7 +202,6 @@ class PortClaim(Struct, eq=False):
 
     @property
     def end(self) -> Endpoint | None:
-        """Return the local end, None while there is none."""
         return Endpoint(self.address, self.port) if self.port else None
 
 

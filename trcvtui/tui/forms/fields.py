@@ -75,7 +75,6 @@ def all_parts(project: Project) -> list[ProjectPart]:
 
 
 def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
-    """Return the keys that a part has now."""
     decl = entry(*part, project)
     return keys_to_change(decl, project) if decl is not None else {}
 

@@ -41,22 +41,6 @@ def told(desk: Desk, what: str) -> list[str]:
     return [note.detail for note in notes]
 
 
-@pytest.mark.parametrize(
-    ("sent", "why"),
-    [
-        ("47 45 54 20 2f", "TPKT version 71"),
-        ("03 00 00 85 02 f0 80" + " 55" * 126, "a DT of 129 bytes, 128 are agreed"),
-        ("03 00 00 0b 06 80 00 05 44 31 80", "DR, reason 80"),
-    ],
-    ids=["garbage", "oversize", "DR"],
-)
-def test_what_cannot_be_right_ends_the_connection_with_a_line(desk: Desk, sent: str, why: str) -> None:
-    connect_by_hand(desk)
-    desk.say(f"peer RAW0 send hex {sent}")
-    desk.until_status("R", "7002")
-    assert told(desk, "session ended") == [why]
-
-
 def test_a_refused_cr_and_an_ignored_tpdu_have_a_line(desk: Desk) -> None:
     connect(desk, "RAW0")
     desk.say("peer RAW0 send hex 03 00 00 0b 06 10 00 01 00 01 07")

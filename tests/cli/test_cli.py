@@ -42,13 +42,6 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
 # -- mistakes: one line on stderr, exit 2, nothing on stdout ---------------------------------------------
 
 
-def test_several_mistakes_of_one_file_are_one_line_each(files: Path, run: Run) -> None:
-    code, out, err = run("udt", "encode", "telegram.st", "wrong.json")
-    assert (code, out) == (2, "")
-    assert len(err.splitlines()) == 2
-    assert "Telegram.id" in err and "sped" in err
-
-
 @pytest.mark.parametrize("argv", [["\x1b[2J"], ["status", "\x1b[2J"], ["udt", "show", "\x1b[2J\n.st"]])
 def test_escape_codes_in_an_argument_are_shown_not_sent(argv: list[str], run: Run) -> None:
     code, out, err = run(*argv)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from tests.properties.byte_model import ByteModel
 from tests.properties.drawn_projects import BLOCKS, DATA, Document, projects
@@ -406,3 +407,12 @@ class SharedMachine(RuleBasedStateMachine):
 def _written(old: bytes, at: int, payload: bytes) -> bytes:
     """Return DATA after a write; it may have become smaller since the command was given."""
     return old[:at] + payload[: max(0, len(old) - at)] + old[at + len(payload) :]
+
+
+def run_machine(machine: type[SharedMachine], examples: int) -> None:
+    SharedMachine.scans = 0
+    checks = list(HealthCheck)
+    many = settings(
+        max_examples=examples, stateful_step_count=50, database=None, suppress_health_check=checks
+    )
+    run_state_machine_as_test(machine, settings=many)

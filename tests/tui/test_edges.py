@@ -105,14 +105,6 @@ async def test_keys_that_come_faster_than_the_screen_follows_are_all_obeyed() ->
 # -- keys in one batch: nothing on the screen has had the time to react to the one before ----------------
 
 
-@pytest.mark.parametrize("size", [WIDE, SMALL])
-@pytest.mark.parametrize("before", ["", "4", "7", "5l", "\t"])
-async def test_what_is_typed_after_a_colon_goes_into_the_prompt(size: tuple[int, int], before: str) -> None:
-    async with looking(size) as looker:
-        await looker.at_once(f"{before}:set TRCV_C_1 CONT=1\r:plc stop\rn ")
-        assert looker.lines == ["set TRCV_C_1 CONT=1", "plc stop", "set TRCV_C_1 EN_R=0", "hold"]
-
-
 async def test_a_prompt_opened_again_at_once_keeps_the_focus() -> None:
     async with looking(SMALL) as looker:
         await looker.press("colon")

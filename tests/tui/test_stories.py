@@ -57,27 +57,6 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert newcomer.value("tool") == "-"
 
 
-@BOTH
-async def test_a_dropped_en_r_is_named_with_its_scan_and_the_byte_that_frames_begin_with(size: Size) -> None:
-    async with opened("en_r_dropped", size, 960) as newcomer:
-        await newcomer.press("3")
-        card = newcomer.read("status")
-        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
-        assert "This frame begins with byte 10 of Scanner's message" in card
-        assert "do Press x (COM_RST) to put the stream back in step, or CONT 0, then 1." in card
-
-
-@BOTH
-async def test_com_rst_by_one_key_cures_the_shift(size: Size) -> None:
-    async with opened("en_r_dropped", size, 960) as newcomer:
-        await newcomer.press("x")
-        await newcomer.look(300)
-        await newcomer.press("3")
-        assert "the stream is shifted" not in newcomer.read("status")
-        await newcomer.press("6")
-        assert newcomer.value("length") == "400.0"
-
-
 STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*.toml")), demo_path()]
 
 

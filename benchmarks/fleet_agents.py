@@ -87,7 +87,7 @@ class SimulatedAgent:
     def figures(self, seen: SeenInstance) -> None:
         """Tell how a line runs."""
         rate = random.randrange(1000)
-        message = FiguresMessage(time.time(), "connected", rate, 0, 60, 0, 1.25, 0)
+        message = FiguresMessage(time.time(), "connected", rate, 0, 60, 0)
         self.client.publish(self.topic("figures", seen.line), message.to_json(), 1, True)
 
     def fail(self, seen: SeenInstance, times: int = 1) -> None:

@@ -29,7 +29,6 @@ class Certificates:
         return str(self.folder / f"{name}.key")
 
     def locked_key(self, name: str) -> str:
-        """Return a copy of the key that wants a password."""
         assert OPENSSL is not None
         words = f"ec -in {name}.key -aes256 -passout pass:secret -out {name}-locked.key"
         subprocess.run([OPENSSL, *words.split()], cwd=self.folder, check=True, capture_output=True)
@@ -66,7 +65,6 @@ def secure_bench(certificates: Certificates) -> Path:
 
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Certificates:
-    """Return certificates that are made once."""
     if OPENSSL is None:
         pytest.skip("the openssl program is not here")
     return Certificates(tmp_path_factory.mktemp("tls") / "certificates")

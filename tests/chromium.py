@@ -25,7 +25,6 @@ class Tab:
         self._number = 0
 
     async def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Say one thing and wait for its answer."""
         self._number += 1
         await self._socket.send_json({"id": self._number, "method": method, "params": parameters})
         async for message in self._socket:
@@ -36,7 +35,6 @@ class Tab:
         raise AssertionError("the browser has gone")
 
     async def is_true(self, script: str) -> bool:
-        """Return what a script of the page says."""
         answer = await self.ask("Runtime.evaluate", expression=script, returnByValue=True)
         return answer["result"].get("value") is True
 
@@ -53,7 +51,6 @@ class Tab:
 
 @asynccontextmanager
 async def chromium(folder: Path, address: str) -> AsyncIterator[Tab]:
-    """Open a page in a headless Chromium of its own."""
     assert CHROMIUM is not None
     words = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0", address]
     profile = folder / "profile"

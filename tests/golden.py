@@ -19,7 +19,6 @@ SECTION = re.compile(r"^== (.*) ==\n\n", re.MULTILINE)
 
 
 def cases(name: str, section: str) -> list[tuple[str, str]]:
-    """Return the kinds and the inputs of a section."""
     lines = _sections(name)[section].splitlines()
     found = [line.partition(": ") for line in lines if line and not line.startswith(" ")]
     return [(kind, text) for kind, _, text in found]

@@ -73,7 +73,7 @@ def test_no_two_classes_have_one_name() -> None:
 
 
 PARSERS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "rpartition", "split"}
-TOLD = {"detail", "reason", "why", "said", "told", "last_loss"}  # fields that hold a text of ours
+TOLD = {"detail", "reason", "why", "said", "told"}  # fields that hold a text of ours
 BY_NAME = {"c_header.py", "c_parse.py"}  # makes classes; reads pycparser when there is a header
 SAID_ONCE = {"advice.py"}  # a pin that the name of a cause says already is not said twice
 PARSED = "parses a text that we have made: give the event a field for it, make the text in the view"
@@ -89,7 +89,6 @@ def is_our_text(node: ast.AST) -> bool:
 
 
 def is_parsed(node: ast.AST, path: Path) -> bool:
-    """Return whether this looks into a text of ours."""
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
         is_regex = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
         by_itself = node.func.attr in PARSERS and is_our_text(node.func.value)

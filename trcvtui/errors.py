@@ -25,7 +25,6 @@ class Problem(Struct, frozen=True):
     kind: str = "value"
 
     def __str__(self) -> str:
-        """Return the one line that the user reads."""
         return one_line(f"{self.where}: {self.message}")
 
     @property

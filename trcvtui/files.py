@@ -122,7 +122,6 @@ def close_files(why: str) -> None:
 
 
 def open_files() -> None:
-    """Take back `close_files`."""
     _closed.clear()
 
 

@@ -56,6 +56,11 @@ def rate(size: int, ns: int) -> str:
     return f"{size_text(size * SECOND / max(1, ns))}/s"
 
 
+def last_part(path: str) -> str:
+    """Return the name of a file of any machine without its folders."""
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
 def size_text(size: float) -> str:
     """Return `40 B`, `1.2 KB`."""
     if size < 1000:

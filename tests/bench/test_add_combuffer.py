@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests import golden
 from tests.local_driver import LocalDriver
-from trcvtui.commands.table import parse_line, to_line
+from trcvtui.commands.table import parse_line
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 
@@ -14,7 +14,6 @@ EMPTY = 'dialect = "twincat"\n'
 
 
 def desk(folder: Path) -> LocalDriver:
-    """Return a console on a project with nothing in it."""
     file = folder / "empty.toml"
     file.write_text(EMPTY, encoding="utf-8")
     return LocalDriver(fresh_bench(load_project(file), "sim"), pause=1)
@@ -67,22 +66,6 @@ def test_a_stream_can_be_added_after_blocks_that_run(tmp_path: Path) -> None:
     assert console.bench.peers["P"].has_received(b"hello there")
     recording = console.bench.runtime.recording("RX")
     assert (recording.source, [chunk.payload for chunk in recording.chunks]) == ("tcp", [b"hi"])
-
-
-def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
-    console = desk(tmp_path)
-    lines = (
-        "add combuffer RX source=serial port=/dev/ttyUSB0 baud=19200 parity=even stop_bits=2",
-        "add combuffer TX size=500 per_cycle=2 line=RX",
-        "add instance SB block=SendByte TxBuffer=TX task=MAIN SendByte=7",
-    )
-    console.do(*lines, f"save project {tmp_path / 'saved.toml'}")
-    saved = load_project(tmp_path / "saved.toml")
-    assert saved.combuffers == console.bench.project.combuffers
-    assert [buffer.is_written for buffer in saved.combuffers] == [False, True]
-    project = load_project(tmp_path / "empty.toml")
-    command = parse_line(lines[0], project, "w")
-    assert command is not None and to_line(command) == lines[0]
 
 
 def test_what_is_no_combuffer_is_refused(tmp_path: Path) -> None:

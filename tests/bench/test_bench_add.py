@@ -29,7 +29,6 @@ expect R9 trace 0001 7001 7002+ 80A1!* 7002* 7004* 7006+ 7008
 
 
 def holds(folder: Path, steps: str, kernel: str) -> None:
-    """Let steps be played on an empty project."""
     file = folder / "added.toml"
     file.write_text(EMPTY.format(steps=steps))
     played = play(file, kernel)

@@ -69,7 +69,6 @@ A_SCAN = 6000  # bytes
 
 
 def bench_on(folder: Path, source: str, mark: str) -> Bench:
-    """Return a bench whose line is up."""
     file = folder / "line.toml"
     file.write_text(PROJECT.format(source=source, mark=mark), encoding="utf-8")
     bench = fresh_bench(load_project(file), "sim")
@@ -97,7 +96,6 @@ def framer_of(bench: Bench) -> FramerSnapshot:
 
 
 def held(bench: Bench) -> int:
-    """Return how many bytes of the line the PLC holds."""
     (rx,) = bench.runtime.snapshot().combuffers
     noise = framer_of(bench).noise
     assert rx.count <= rx.size and len(noise) <= KEPT_NOISE
@@ -105,7 +103,6 @@ def held(bench: Bench) -> int:
 
 
 def room(source: str) -> int:
-    """Return how many bytes may be held, however many come."""
     return (65_536 if source == STREAM else 300) + KEPT_NOISE + SIZE + MOST_BYTES
 
 

@@ -98,7 +98,6 @@ class Wire:
         self._packets.append(ip + tcp + data)
 
     def write(self, file: Path) -> None:
-        """Write a capture of raw IP packets, a millisecond apart."""
         head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 262144, 101)
         records = [
             struct.pack("<IIII", n // 1000, n % 1000 * 1000, len(packet), len(packet)) + packet

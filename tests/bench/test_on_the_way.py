@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.local_driver import LocalDriver
-from trcvtui.commands.table import parse_line, to_line
 from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.results import Endpoint
@@ -68,11 +67,3 @@ def test_on_real_sockets_a_port_that_somebody_has_is_not_taken(tmp_path: Path) -
         port = bench.bench.project.connects[0].local.port
         assert line == f"add instance R1 block=TRCV_C LocalPort={port}", "a saved session has the same port"
         bench.bench.close()
-
-
-def test_the_line_is_the_command_again(tmp_path: Path) -> None:
-    project = console(tmp_path).bench.project
-    command = parse_line("add instance R1 block=TRCV_C task=MAIN", project, "line")
-    assert command is not None
-    assert to_line(command) == "add instance R1 block=TRCV_C task=MAIN LocalPort=2000"
-    assert parse_line(to_line(command), project, "line") == command

@@ -44,7 +44,6 @@ KERNELS = pytest.mark.parametrize("kernel", ["sim", "live"])
 
 
 def plain_desk(folder: Path, kernel: str, certificates: str = "") -> Desk:
-    """Return a bench on which R1 receives from P1 over plain TCP."""
     desk = Desk(PLAIN.format(certificates=certificates), folder, kernel)
     desk.say("set R1 CONT=1 EN_R=1", "run 3", "peer P1 connect")
     desk.until_status("R1", "7006")

@@ -95,7 +95,6 @@ class Desk:
         raise AssertionError(f"not in {SCANS} scans; so far {self.shown()}")
 
     def shown(self) -> list[str]:
-        """Return the ERROR codes that X has shown."""
         edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
         return [f"{edge.outputs.status:04X}" for edge in edges if edge.outputs.status & 0x8000]
 

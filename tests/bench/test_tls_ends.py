@@ -79,14 +79,12 @@ class Partner:
 
 
 def speaks_and_unwraps(end: ssl.SSLSocket) -> object:
-    """Send a frame, say close_notify, and wait for the answer."""
     end.sendall(b"abcd")
     end.unwrap().close()
     return "in good order"
 
 
 def hears_the_end_and_unwraps(end: ssl.SSLSocket) -> object:
-    """Wait for the close_notify, and answer it."""
     heard = end.recv(1)
     end.unwrap().close()
     return "in good order" if heard == b"" else heard

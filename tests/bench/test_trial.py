@@ -18,7 +18,6 @@ TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
 
 @pytest.fixture
 def driver() -> Iterator[LocalDriver]:
-    """Return TRCV_C_1 connected with P1 and armed for 8 bytes."""
     driver = LocalDriver(fresh_bench(load_project(CONFIGS / "passive.toml"), "sim"))
     say(driver, "set TRCV_C_1 CONT=1 EN_R=1")
     driver.scan(3)

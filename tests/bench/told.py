@@ -128,7 +128,6 @@ class Told:
         self.driver.play(*lines)
 
     def picture(self, instance: str, most_lines: int = 20_000) -> BenchUpdate:
-        """Return a picture, and keep its news."""
         since = self.lines[-1].seq if self.lines else 0
         picture = self.driver.shown(UpdateRequest(since, (), (instance,), most_lines))
         assert [answer.error for answer in picture.answers if answer.error] == []
@@ -136,13 +135,11 @@ class Told:
         return picture
 
     def evidence(self, instance: str) -> Evidence:
-        """Return what is known of an instance now."""
         found = evidence_now(self.picture(instance), self.driver.console.bench.project, instance)
         assert found is not None
         return found
 
     def of(self, instance: str) -> Advice:
-        """Return what is told of an instance now."""
         return advice_on(self.evidence(instance))
 
     def then(self, instance: str, condition: Condition) -> Advice:

@@ -19,7 +19,6 @@ class Beacon:
         self._req = False
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call."""
         was, self._req = self._req, inputs.req
         condition = Condition.SENDING if inputs.req else Condition.SENT if was else Condition.NO_JOB
         return Outcome(condition, Cause(Why.INPUT, "REQ is asked", pin="REQ", value=int(inputs.req)))

@@ -43,7 +43,6 @@ class Vector:
 
     @property
     def has_target(self) -> bool:
-        """Return whether pReceiveData points somewhere."""
         return "pReceiveData = 0" not in self.settings
 
     @property
@@ -53,20 +52,16 @@ class Vector:
 
     @property
     def len_prefix(self) -> int:
-        """Return LenPrefix."""
         return len(self.prefix) or int(not self.has_prefix)
 
     def suffix_at(self, ms: int) -> bytes:
-        """Return the suffix that is in use."""
         return [suffix for since, suffix in self.suffixes if since <= ms][-1]
 
     def arrived(self, before: int, until: int) -> bytes:
-        """Return what arrives after one time and up to another."""
         return b"".join(piece for ms, piece in self.fed if before < ms <= until)
 
     @property
     def last_ms(self) -> int:
-        """Return a time by which every gap has been seen."""
         events = [ms for ms, _ in self.fed] + [call.ms for call in self.calls] + [20]
         return max(events) + self.timeout + 2 * self.cycle
 

@@ -14,7 +14,6 @@ from trcvtui.errors import UserError
 from trcvtui.net.events import ConnectionChanged
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project, read_project
-from trcvtui.project.keys import keys_of
 from trcvtui.project.st_call import st_call
 
 FILE = CONFIGS / "s7-udp-connect.toml"
@@ -122,16 +121,6 @@ def test_a_connect_of_udp_and_its_blocks_can_be_added_to_a_running_bench(tmp_pat
     assert desk.bench.runtime.data("rx")[:2] == b"\7\x08"
     assert desk.bench.peers["P7"].snapshot().bytes_received == 4
     desk.close()
-
-
-def test_what_is_written_back_into_a_file_is_read_as_it_was() -> None:
-    project = load_project(FILE)
-    decl = project.instance("TUSEND_1")
-    assert decl is not None
-    assert keys_of(decl)[:3] == [("block", "TUSEND"), ("connect", "C1"), ("addr", "TARGET")]
-    on_config = load_project(CONFIGS / "s7-udp.toml").instance("TUSEND_1")
-    assert on_config is not None
-    assert keys_of(on_config)[:2] == [("block", "TUSEND"), ("config", "U1")]
 
 
 def test_the_call_in_structured_text_has_connect_and_addr() -> None:

@@ -44,7 +44,6 @@ from trcvtui.errors import UserError
 def listen(
     packets: Iterable[bytes], link_type: int = pcap.RAW_IP, step_ns: int = 1_000_000
 ) -> list[ConversationEvent]:
-    """Return the events of packets, one each millisecond."""
     events: list[ConversationEvent] = []
     found = Conversations(events.append)
     for packet in CaptureReader(io.BytesIO(capture(list(packets), link_type, step_ns)).read, "F"):

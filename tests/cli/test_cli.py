@@ -42,13 +42,6 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
 # -- mistakes: one line on stderr, exit 2, nothing on stdout ---------------------------------------------
 
 
-def test_several_mistakes_of_one_file_are_one_line_each(files: Path, run: Run) -> None:
-    code, out, err = run("udt", "encode", "telegram.st", "wrong.json")
-    assert (code, out) == (2, "")
-    assert len(err.splitlines()) == 2
-    assert "Telegram.id" in err and "sped" in err
-
-
 @pytest.mark.parametrize("argv", [["\x1b[2J"], ["status", "\x1b[2J"], ["udt", "show", "\x1b[2J\n.st"]])
 def test_escape_codes_in_an_argument_are_shown_not_sent(argv: list[str], run: Run) -> None:
     code, out, err = run(*argv)
@@ -111,15 +104,6 @@ def test_status_alone_is_the_table_of_the_default_dialect_and_with_all_the_whole
     codes = [one["code"] for one in json.loads(as_json)]
     assert [line.split()[1] for line in text.splitlines()] == codes
     assert {"16#0000", "16#7006", "16#80C5"} <= set(codes)
-
-
-def test_the_codes_of_one_block_are_known_by_its_name(run: Run) -> None:
-    _, out, _ = run("status", "--block", "TRCV_C")
-    assert "16#7008" in out and "16#7009" not in out
-    _, out, _ = run("status", "--block", "tdiscon", "--dialect", "baosky")
-    assert [line.split()[1] for line in out.splitlines()] == [
-        *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
-    ]
 
 
 def test_each_command_stands_in_a_group_of_the_help_with_an_example_that_can_be_read(run: Run) -> None:

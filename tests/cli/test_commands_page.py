@@ -19,7 +19,6 @@ QUOTED = re.findall(r"`([^`]+)`", PAGE)
 
 
 def not_in_the_page() -> list[str]:
-    """Return the commands that docs/commands.md forgets."""
     return [verb for verb in verbs() if not any(text.startswith(verb) for text in QUOTED)]
 
 

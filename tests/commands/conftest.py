@@ -10,5 +10,4 @@ from trcvtui.project.project import Project
 
 @pytest.fixture(scope="package")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
     return bench_project(tmp_path_factory.mktemp("bench"))

@@ -18,7 +18,6 @@ FLAGS = Struct("Flags", tuple(Member(name, ELEMENTARY["BOOL"]) for name in ("rea
 
 @pytest.fixture
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return a project whose variable rx is two bits of one byte."""
     found = bench_project(tmp_path_factory.mktemp("bits"))
     layout = lay_out(FLAGS, rules_for("s7-standard"))
     data = tuple(replace(decl, layout=layout) if decl.name == "rx" else decl for decl in found.data)

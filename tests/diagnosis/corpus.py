@@ -85,7 +85,6 @@ def outcome_of_given(given: Given) -> Outcome:
 
 
 def subjects(most: int = MOST_MUTATED) -> Iterator[tuple[Given, Subject]]:
-    """Yield the captures that a fault can be added to."""
     number = 0
     for given in given_captures():
         subject = subject_of(given.path, number) if number < most else None
@@ -124,7 +123,6 @@ def told_by(words: Sequence[str]) -> Found | None:
 
 
 def own_projects() -> list[Path]:
-    """Return the demo and all projects, stories and scenarios."""
     patterns = "*.toml", "stories/*.toml", "scenarios/**/*.toml"
     return [DEMO, *[path for one in patterns for path in sorted((ROOT / "configs").glob(one))]]
 
@@ -152,7 +150,6 @@ def outcome_of_project(path: Path, folder: Path) -> Outcome:
 
 
 def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
-    """Yield the sets of captures, each as soon as it is judged."""
     given = given_captures()
     for is_one_run, name in enumerate(("public captures", "public captures, one run")):
         chosen = [one for one in given if (ONE_RUN in one.path.name) == bool(is_one_run)]
@@ -164,7 +161,6 @@ def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
 
 
 def print_table() -> None:
-    """Print a line for each set, then what went wrong."""
     print(f"{'':32} files  false alarms       missed")
     wrong = []
     with TemporaryDirectory() as folder:

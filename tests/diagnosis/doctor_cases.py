@@ -33,7 +33,6 @@ class Built:
     plc: str | None = None  # as --plc names it
 
     def file(self, cut: int = 0) -> bytes:
-        """Return the pcapng file."""
         found = sorted(self.packets, key=lambda one: one[0])[self.first_packet :]
         blocks = [packet_block(0, ns, data[:cut] if cut else data, (), len(data)) for ns, data in found]
         return b"".join((section_block("tests"), interface_block(RAW_IP, "t"), *blocks))
@@ -60,7 +59,6 @@ class Wire:
         self, who: str, data: bytes = b"", flags: int = ACK, seq: int | None = None, at: int | None = None,
         window: int | None = None,
     ) -> None:  # fmt: skip
-        """Put one packet, without a change of any number."""
         ends = (self.plc, self.partner) if who == "plc" else (self.partner, self.plc)
         other = "partner" if who == "plc" else "plc"
         packet = tcp(
@@ -105,7 +103,6 @@ class Wire:
             self.wait(wait if self.delayed == 0 else 0)
 
     def again(self, who: str, data: bytes) -> None:
-        """Say the last bytes again."""
         self.put(who, data, ACK | PSH, self.seq[who] - len(data))
 
     def ask_to_connect(self, answer: str = "") -> None:
@@ -206,7 +203,6 @@ def static(need: int, **more: object) -> Receiver:
 
 
 def say_each(r: random.Random, wire: Wire, messages: Iterable[bytes], every: int) -> None:
-    """Let the partner say messages, one after the other."""
     for message in messages:
         wire.say("partner", message)
         wire.wait(jitter(r, every))
@@ -854,7 +850,6 @@ FAULTS: tuple[tuple[str, Make, tuple[str, ...]], ...] = tuple(
 
 
 def built(cause: str, make: Make, what: str, seed: int) -> Built:
-    """Return one capture."""
     made = Built(cause, what=what)
     make(random.Random(f"{cause} {make.__name__} {what} {seed}"), made)
     return made
@@ -909,14 +904,12 @@ def two_faults(seed: int) -> tuple[Built, Built, Built]:
 
 
 def faults(seeds: range) -> Iterator[Built]:
-    """Yield one capture of each fault and kind a seed."""
     for seed in seeds:
         for cause, make, kinds in FAULTS:
             yield built(cause, make, kinds[seed % len(kinds)], seed)
 
 
 def healthy(seeds: range) -> Iterator[Built]:
-    """Yield one capture of each healthy kind a seed."""
     for seed in seeds:
         for make in HEALTHY:
             yield built("", make, make.__name__, seed)

@@ -130,7 +130,6 @@ def subject_of(path: Path, number: int) -> Subject | None:
 
 
 def write_capture(path: Path, link_type: int, packets: Sequence[Packet]) -> None:
-    """Write a pcap of nanoseconds."""
     parts = [struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, link_type)]
     for one in packets:
         parts.append(struct.pack("<IIII", *divmod(one.ns, 1_000_000_000), len(one.data), one.length))

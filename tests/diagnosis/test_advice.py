@@ -74,7 +74,6 @@ SIEMENS = UDP.replace('"baosky"', '"s7-1500"').replace("URECV_C", "TURCV").repla
 
 
 def desk(text: str, *lines: str, base: Path = CONFIGS) -> Told:
-    """Return a bench of a project, told these lines."""
     told = Told()
     project = read_project(tomllib.loads(text.partition("[scenario]")[0]), "b.toml", base)
     told.driver, told.lines = LocalDriver(Bench(project, "sim")), []
@@ -123,7 +122,6 @@ def played(name: str) -> tuple[Bench, tuple[Line, ...]]:
 
 
 def advice_of_scenario(name: str, condition: Condition) -> Advice:
-    """Return what is told of the first edge that shows a condition."""
     bench, lines = played(name)
     line, edge = next(
         (line, line.event)
@@ -245,7 +243,7 @@ def test_every_condition_has_an_answer_whatever_is_known() -> None:
     known = Told(*UP).evidence("X")
     wrong = []
     for condition in Condition:
-        bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 1, 10_000_000)
+        bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 10_000_000)
         for evidence in (replace(known, condition=str(condition)), bare, replace(bare, is_past=True)):
             told = advice_on(evidence)
             if not told.why or not all(told.checks) or "None" in " ".join(told.checks):

@@ -24,7 +24,6 @@ def telegram(tmp_path: Path) -> Layout:
 
 
 def content(layout: Layout, order: str, number: int, speed: float) -> bytes:
-    """Return a telegram in a byte order."""
     return struct.pack(order + HEAD, number, speed, True, 7, 1500).ljust(layout.size, b"\0")
 
 

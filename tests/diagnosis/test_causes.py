@@ -154,7 +154,6 @@ FAULTS = [
 
 
 def cause_of_the_error(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    """Run a scenario of one ERROR and return its cause."""
     path = folder / "one.toml"
     path.write_text(text)
     assert main(["scenario", str(path), "--format", "jsonl"]) == 0

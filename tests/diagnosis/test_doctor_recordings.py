@@ -79,24 +79,6 @@ def first_finding(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, 
     return max(found, key=lambda one: float(one["confidence"]), default=None)
 
 
-@pytest.mark.parametrize(
-    ("scenario", "cause"),
-    [("byte-order-swapped", "byte-order"), ("four-bytes-short", "frame-short"), ("udt-mismatch", "padding")],
-)
-def test_the_remedy_of_a_story_set_as_a_what_if_takes_its_finding_away(
-    scenario: str, cause: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = judged(f"stories/{scenario}.toml", tmp_path, capsys)
-    number, first = next(
-        (n, f) for n, one in enumerate(before) for f in one["findings"] if f["cause"] == cause
-    )
-    sets = [word for mend in first["mend"] if mend["set"] for word in ("--set", mend["set"])]
-    assert sets
-    main(["doctor", str(tmp_path / "run.pcapng"), "--format", "json", *sets])
-    after = {one["cause"] for one in json.loads(capsys.readouterr().out)[number]["findings"]}
-    assert not after & {"byte-order", "frame-short", "padding", "frame-long", "header"}
-
-
 def test_the_story_of_the_night_and_of_the_colleague_have_one_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,7 +60,6 @@ UDP_PEER = 'udp = true\nremote = "@U1"\nevery = "T#200ms"\nsays = ["hex 01 02 03
 
 
 def each(times: int, *steps: tuple[int, str]) -> list[tuple[int, str]]:
-    """Return the steps, so often."""
     return list(steps) * times
 
 
@@ -220,7 +219,6 @@ def test_the_checkweigher_of_the_readme_is_found_to_pack_its_struct(tmp_path: Pa
 
 
 def scenario(folder: Path, *steps: str) -> Path:
-    """Return a scenario on the first story."""
     path = folder / "asked.toml"
     lines = "\n".join(steps)
     path.write_text(

@@ -57,14 +57,12 @@ SendByte = 65
 
 
 def bench_on(folder: Path, port: str = "/dev/ttyUSB0", timeout: str = "T#0s", task: str = "FAST") -> Bench:
-    """Return a bench with one serial port."""
     file = folder / "port.toml"
     file.write_text(PROJECT.format(port=port, timeout=timeout, task=task), encoding="utf-8")
     return fresh_bench(load_project(file), "sim")
 
 
 def why(bench: Bench, name: str) -> Advice:
-    """Return what is told about an instance."""
     picture = Controller(bench).picture(UpdateRequest(), EngineTiming(), 0)
     evidence = evidence_now(picture, bench.project, name)
     assert evidence is not None

@@ -25,7 +25,6 @@ SEND = "peer Drive send udt AxisReport {axis=1, position=12.5}"
 
 @pytest.fixture
 def project() -> Project:
-    """Return the project of the story."""
     return load_project(CONFIGS / "udt-mismatch.toml")
 
 

@@ -33,7 +33,6 @@ def judge_or_die(path: str, asked: DoctorQuestion) -> Answer | UserError:
 
 
 def captures(folder: Path, count: int) -> list[str]:
-    """Write captures, every other one with a fault."""
     paths = []
     for seed in range(count):
         built = Built("")

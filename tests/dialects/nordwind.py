@@ -61,7 +61,6 @@ STATUS: Final = (
 
 
 def answer(values: Mapping[str, SwitchValue]) -> Rules:
-    """Return the rules for these switch values."""
     return Rules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
         course=StatusSequence(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),

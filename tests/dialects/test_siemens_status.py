@@ -65,7 +65,6 @@ LISTED = {
 
 
 def conditions(names: str) -> set[Condition]:
-    """Return the conditions of these names."""
     return {Condition[name] for name in names.split()}
 
 

@@ -30,7 +30,6 @@ class Tap:
 
     @classmethod
     def of_project(cls, project: Path, *words: str) -> Tap:
-        """Return the tap of a project."""
         return cls("", "--project", str(project), *words)
 
     def __enter__(self) -> Tap:
@@ -44,7 +43,6 @@ class Tap:
         self.process.communicate()
 
     def order(self, line: str) -> None:
-        """Type a line at its stdin."""
         assert self.process.stdin is not None
         self.process.stdin.write(f"{line}\n".encode())
         self.process.stdin.flush()
@@ -57,14 +55,12 @@ class Tap:
 
 
 def listening(family: int = socket.AF_INET) -> tuple[socket.socket, int]:
-    """Return a socket that listens, and its port."""
     door = socket.create_server(("::1" if family == socket.AF_INET6 else "127.0.0.1", 0), family=family)
     door.settimeout(PATIENCE)
     return door, door.getsockname()[1]
 
 
 def calling(port: int, source: str = "127.0.0.1") -> socket.socket:
-    """Return a connection to a port of this machine."""
     return socket.create_connection(("127.0.0.1", port), PATIENCE, (source, 0))
 
 
@@ -95,7 +91,6 @@ def exactly(sock: socket.socket, size: int) -> bytes:
 
 
 def end_of(sock: socket.socket) -> tuple[int, str]:
-    """Return how many bytes still come, and how it ends."""
     size = 0
     try:
         while part := sock.recv(1 << 16):
@@ -106,7 +101,6 @@ def end_of(sock: socket.socket) -> tuple[int, str]:
 
 
 def reset(sock: socket.socket) -> None:
-    """End a connection with RST."""
     with contextlib.suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
     sock.close()

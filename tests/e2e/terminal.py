@@ -47,16 +47,13 @@ class Terminal:
 
     @property
     def modes(self) -> str:
-        """Return what the program has asked of the terminal."""
         asked = "alternate #{alternate_on}, mouse #{mouse_any_flag}"
         return self._call("display-message", "-p", asked).strip()
 
     def keys(self, *keys: str) -> None:
-        """Press keys, by tmux's names."""
         self._call("send-keys", *keys)
 
     def type(self, text: str) -> None:
-        """Type text as it is."""
         self._call("send-keys", "-l", text)
 
     def wait(self, seen: str | Callable[[str], bool]) -> str:
@@ -72,5 +69,4 @@ class Terminal:
         raise AssertionError(f"never seen: {seen}\n{screen}")
 
     def close(self) -> None:
-        """End the session."""
         subprocess.run([*self._tmux, "kill-server"], capture_output=True, check=False)

@@ -22,7 +22,6 @@ PASSIVE = CONFIGS / "passive.toml"
 
 
 def below(terminal: Terminal) -> Iterator[int]:
-    """Yield the processes of a terminal."""
     return _below(int(terminal._call("display-message", "-p", "#{pane_pid}")))
 
 
@@ -111,7 +110,6 @@ def test_the_program_ends_with_its_terminal_even_where_no_signal_comes(tmp_path:
 
 
 def running(project: Path) -> bool:
-    """Return whether a process has the project on its command line."""
     return subprocess.run(["pgrep", "-f", str(project)], capture_output=True, check=False).returncode == 0
 
 

@@ -23,12 +23,10 @@ SIZES = pytest.mark.parametrize(("columns", "rows"), [(100, 30), (80, 24)])
 
 
 def section(title: str) -> str:
-    """Return what stands under a heading."""
     return README.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
 
 
 def steps(title: str) -> list[str]:
-    """Return the numbered steps of a section."""
     return re.findall(r"^\d\. (.*?)(?=^\d\. |^$)", section(title), re.MULTILINE | re.DOTALL)
 
 

@@ -147,14 +147,12 @@ RECORDED = 'dialect = "baosky"\n[[task]]\nname = "MAIN"\ninterval = "T#2ms"\n'
 
 @pytest.fixture
 def door() -> Iterator[socket.socket]:
-    """Return where partners of an active PLC listen."""
     with socket.create_server(("127.0.0.1", 0)) as made:
         made.setblocking(False)
         yield made
 
 
 def calls(door: socket.socket, base: dict[str, Any], port: str = "RemotePort") -> dict[str, Any]:
-    """Return a CONNECT that calls the door."""
     ends = {"RemoteAddress": "127.0.0.1", port: door.getsockname()[1]}
     return base | ends | {"ActiveEstablished": True}
 
@@ -254,7 +252,6 @@ def test_tls(
 
 
 def iso(line: Line, sock: socket.socket) -> socket.socket:
-    """Ask for the PLC, or answer what it asks."""
     if line.is_active:
         assert line.got("no CR", lambda: sock.recv(100))[5] == 0xE0
         sock.sendall(CONFIRM)

@@ -69,7 +69,6 @@ class Line:
         self.bench, self._pace = fresh_bench(load_project(file), "live"), LivePace()
 
     def plug(self) -> None:
-        """Join the two ends."""
         ends = [f"pty,raw,echo=0,link={end}" for end in (self.ours, self.theirs)]
         self._socat = subprocess.Popen([need("socat"), *ends])
         while not (self.ours.exists() and self.theirs.exists()):
@@ -78,7 +77,6 @@ class Line:
         self._device = os.open(self.theirs, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
 
     def pull(self) -> None:
-        """Let both ends vanish."""
         if self._socat is not None:
             os.close(self._device)
             self._socat.terminate()
@@ -86,18 +84,15 @@ class Line:
         self._socat = None
 
     def say(self, payload: bytes) -> None:
-        """Send from the other end."""
         assert os.write(self._device, payload) == len(payload)
 
     def heard(self) -> bytes:
-        """Return what has come at the other end."""
         try:
             return os.read(self._device, 100)
         except BlockingIOError:
             return b""
 
     def scan(self) -> None:
-        """Let one scan pass."""
         self._pace.next_scan(self.bench)
 
     def until(self, holds: Callable[[], object]) -> None:
@@ -109,11 +104,9 @@ class Line:
         raise AssertionError("never")
 
     def pin(self, name: str) -> bool | int:
-        """Return an output of the ReceiveData."""
         return self.bench.runtime.outputs("RD").pin(name)
 
     def is_up(self) -> bool:
-        """Return whether the port is open."""
         return self.bench.runtime.snapshot().combuffers[0].is_up
 
     def come(self) -> int:
@@ -122,7 +115,6 @@ class Line:
         return rx.arrived + rx.lost
 
     def notes(self) -> list[str]:
-        """Return what the ledger says of the port."""
         events = [line.event for line in self.bench.runtime.ledger]
         return [e.what for e in events if isinstance(e, BenchNote) and e.subject.startswith("RX ")]
 

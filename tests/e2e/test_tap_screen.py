@@ -55,7 +55,6 @@ class Line:
 
 
 def _below(pid: int) -> Iterator[int]:
-    """Yield the children of a process, and theirs."""
     for child in children_of(pid):
         yield child
         yield from _below(child)
@@ -69,7 +68,6 @@ def line() -> Iterator[Line]:
 
 
 def still(sock: socket.socket) -> bool:
-    """Return whether nothing has come."""
     sock.setblocking(False)
     try:
         return not sock.recv(1)

@@ -52,7 +52,6 @@ data = "answers"
 
 
 def records(tap: Tap, count: int, **wanted: object) -> list[dict[str, Any]]:
-    """Return so many records that have these values, as they come."""
     assert tap.process.stdout is not None
     found: list[dict[str, Any]] = []
     while len(found) < count:
@@ -71,7 +70,6 @@ def test_shadows_show_at_once_what_watch_shows_on_the_recording(tmp_path: Path) 
         lines: list[bytes] = []
 
         def shown(text: bytes) -> None:
-            """Wait for a line, as an engineer would."""
             assert tap.process.stdout is not None
             while text not in (line := tap.process.stdout.readline()):
                 lines.append(line)

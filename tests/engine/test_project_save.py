@@ -30,7 +30,6 @@ ADD = (
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """Return a project of the user's own, with a UDT beside it."""
     shutil.copytree(CONFIGS / "types", tmp_path / "types")
     shutil.copy(CONFIGS / "checkweigher.toml", tmp_path / "mine.toml")
     return tmp_path / "mine.toml"

@@ -71,7 +71,6 @@ class Desk:
 
     @property
     def scan(self) -> int:
-        """Return how many scans have passed."""
         return self.driver.console.bench.runtime.scans
 
 

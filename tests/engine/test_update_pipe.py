@@ -38,7 +38,6 @@ DOCUMENT = {
 
 @contextmanager
 def two_ends() -> Iterator[tuple[Channel, Channel]]:
-    """Yield the engine's and the screen's end of a channel."""
     ours, theirs = multiprocessing.Pipe()
     with ours, theirs:
         yield ours, theirs
@@ -52,7 +51,6 @@ def picture(console: Controller, *data: str) -> tuple[BareUpdate, BenchUpdate]:
 
 
 def console() -> Controller:
-    """Return the console of a simulated bench."""
     return Controller(Bench(read_project(DOCUMENT, "pipe", Path()), "sim"))
 
 

@@ -80,7 +80,6 @@ class IdleAgent:
 
 
 def page() -> str:
-    """Return the page as Prometheus reads it."""
     from prometheus_client import generate_latest
     from prometheus_client.core import CollectorRegistry
 

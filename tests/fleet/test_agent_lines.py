@@ -85,7 +85,6 @@ def test_an_empty_name_is_a_mistake(option: str, capsys: pytest.CaptureFixture[s
 
 
 def recording(folder: Path) -> Path:
-    """Return a capture of 12 bytes to the PLC."""
     begin = "run 5\npeer P1 connect\nwait R STATUS=7004\nset R EN_R=1\nrun 5\n"
     steps = f"{begin}peer P1 send hex 01 02 03 04 05 06 07 08 09 0A 0B 0C\nrun 20\n"
     project = written(folder, LINE + PEER.replace("EN_R = true", ""))

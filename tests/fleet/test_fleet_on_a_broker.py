@@ -54,7 +54,6 @@ class OneLine:
         return StateMessage(state, time.time(), "0", "pc-7").to_json()
 
     def fail(self, times: int) -> None:
-        """Have ERROR edges."""
         for _ in range(times):
             event = self.instance.event("b0", time.time(), "error", "80A6", {"text": "reset"})
             self.publisher.event(self.topic("event", "L", "T"), event.to_json())
@@ -67,7 +66,6 @@ class OneLine:
 
     @property
     def line(self) -> FleetLine | None:
-        """Return the line as the reader knows it."""
         self.turn()
         return next(iter(self.reader.fleet.ordered(time.time())), None)
 
@@ -83,7 +81,6 @@ class OneLine:
         return self.reader.is_complete and bool(agents) and all(agent.has_begun for agent in agents)
 
     def is_alone(self) -> bool:
-        """Return whether both know that the broker is away."""
         self.turn()
         return not (self.reader.is_up or self.publisher.is_up)
 

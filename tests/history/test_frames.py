@@ -13,7 +13,6 @@ MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
 
 
 def line(*lines: str) -> Controller:
-    """Return a simulated line with ReceiveData on it."""
     console = Controller(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
     for text in lines:
         fed(console, text, scans=0)
@@ -21,14 +20,12 @@ def line(*lines: str) -> Controller:
 
 
 def fed(console: Controller, text: str, scans: int = 1) -> None:
-    """Carry out a command and let scans pass."""
     console.take(0, text)
     for _ in range(scans):
         console.scan()
 
 
 def seen(console: Controller, seek: Seek | None = None) -> HistoryWindow:
-    """Return the stream of the line."""
     asked = HistoryRequest("RX", 0, 8192, seek=seek)
     picture = console.picture(UpdateRequest(history=asked), EngineTiming(), 100)
     console.bench.close()

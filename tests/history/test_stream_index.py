@@ -16,7 +16,6 @@ PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 
 
 def told(*events: Event, scan: int = 40) -> StreamIndex:
-    """Return what a ledger of these events tells, one scan a line."""
     index = StreamIndex(kept_messages=KEPT, kept_recvs=KEPT)
     for number, event in enumerate(events):
         index.take([(scan + number, 0, event)])
@@ -24,29 +23,24 @@ def told(*events: Event, scan: int = 40) -> StreamIndex:
 
 
 def connected(incarnation: int = 1) -> ConnectionChanged:
-    """Return the note of an accepted partner."""
     return ConnectionChanged("C1", incarnation, EventKind.CONNECTED, PLC, PEER)
 
 
 def sent(message: int, offset: int, size: int) -> PeerSent:
-    """Return a message of P1."""
     return PeerSent("P1", message, PEER, PLC, offset, size)
 
 
 def taken(
     recv: int, offset: int, size: int, incarnation: int = 1, instance: str = "TRCV_C_1"
 ) -> BytesReceived:
-    """Return a recv call on C1."""
     return BytesReceived("C1", incarnation, recv, offset, size, instance)
 
 
 def started(job: int, offset: int, length: int = 24) -> JobStarted:
-    """Return the start of a job of TRCV_C_1."""
     return JobStarted("TRCV_C_1", job, "C1", 1, offset, length, False)
 
 
 def ended(job: int, offset: int, size: int, done: bool = True) -> JobEnded:
-    """Return the end of a job of TRCV_C_1."""
     return JobEnded("TRCV_C_1", job, "C1", 1, offset, size, done, "")
 
 

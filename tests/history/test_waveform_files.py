@@ -9,7 +9,7 @@ from typing import cast
 import pytest
 from vcdvcd import VCDVCD  # type: ignore[import-untyped]
 
-from tests.history.waveform_runs import RECEIVER, SENDER, Run, connected, random_run
+from tests.history.waveform_runs import RECEIVER, Run, connected, random_run
 from trcvtui.errors import UserError
 from trcvtui.history.pin_waveform import pins_of
 from trcvtui.history.waveform_text import (
@@ -39,20 +39,6 @@ def read_back(text: str) -> dict[str, list[tuple[int, int | None]]]:
 
 def whole(run: Run) -> ScanRange:
     return ScanRange(1, run.wave().until_scan)
-
-
-def test_the_vcd_read_back_is_what_every_pin_was_after_every_scan() -> None:
-    run = random_run(21, 3000)
-    told = read_back(vcd_text([run.wave(RECEIVER), run.wave(SENDER)], whole(run)))
-    for instance, pins in run.seen.items():
-        for pin, values in pins.items():
-            changes = told[f"{instance}.{pin}"]
-            place = 0
-            for scan, value in enumerate(values, 1):
-                end = scan * INTERVAL - 1
-                while place + 1 < len(changes) and changes[place + 1][0] <= end:
-                    place += 1
-                assert changes[place][1] == value, (instance, pin, scan)
 
 
 def test_the_vcd_read_back_has_every_change_of_the_ledger() -> None:

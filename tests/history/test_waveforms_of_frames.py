@@ -42,7 +42,6 @@ def wave() -> Waveform:
 
 
 def row(wave: Waveform, name: str) -> str:
-    """Return one row of 23 scans."""
     return "".join(text for text, _ in drawn(wave, name, Window(0, 23, 1)))
 
 

@@ -48,12 +48,10 @@ class Run:
         self._number = 0
 
     def say(self, line: str) -> None:
-        """Give one bench command."""
         self._number += 1
         self.console.take(self._number, line)
 
     def scan(self, scans: int = 1) -> None:
-        """Let scans pass and note every pin after each."""
         runtime = self.console.bench.runtime
         for _ in range(scans):
             self.console.scan()
@@ -73,14 +71,12 @@ class Run:
         self.catch_up()
 
     def look(self, *instances: str) -> None:
-        """Let the screen take one picture."""
         asked = self.scenario_folder.asked(instances or (RECEIVER, SENDER))
         request = UpdateRequest(self.console.bench.runtime.ledger.last_seq, waves=asked)
         picture = self.console.picture(request, EngineTiming(), request.most_lines)
         self.scenario_folder.take(picture.waves, picture.snapshot.interval_ns)
 
     def catch_up(self) -> None:
-        """Look until nothing new comes."""
         while True:
             before = [self.wave(name).number for name in self.seen]
             self.look()
@@ -88,11 +84,9 @@ class Run:
                 return
 
     def wave(self, instance: str = RECEIVER) -> Waveform:
-        """Return what the screen knows of an instance."""
         return self.scenario_folder.of(instance)
 
     def lane(self, pin: str, instance: str = RECEIVER) -> PinWaveform:
-        """Return one lane of it."""
         return self.wave(instance).lane(pin)
 
 

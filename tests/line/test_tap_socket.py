@@ -73,12 +73,10 @@ class TapService:
         return self._said.read_text()
 
     def connect(self) -> tuple[socket.socket, socket.socket]:
-        """Return a device and the PLC that it has reached."""
         device = socket.create_connection(("127.0.0.1", self.port))
         return device, self._listener.accept()[0]
 
     def observer(self) -> socket.socket:
-        """Return an observer that is told all from now on."""
         return socket.socket(fileno=connection_to(self.project))
 
     def close(self) -> None:
@@ -115,7 +113,6 @@ def exactly(end: socket.socket, size: int) -> bytes:
 
 
 def events_in(packets: list[Packet], link_types: list[int]) -> list[tuple[object, bytes]]:
-    """Return what happens in the conversations of packets."""
     events: list[tuple[object, bytes]] = []
     found = Conversations(lambda event: events.append((event.kind, bytes(event.data))))
     found.take_all(iter(packets), link_types)

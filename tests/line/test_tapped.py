@@ -35,7 +35,6 @@ def packets_of(*events: TapEvent) -> list[TapPacket]:
 
 
 def told_of(packets: Sequence[TapPacket]) -> list[ConversationEvent]:
-    """Return what reassembly says of packets."""
     told: list[ConversationEvent] = []
     conversations = Conversations(told.append)
     for n, each in enumerate(packets):

@@ -85,7 +85,6 @@ class Watch:
         return self.file(self.path, *words)
 
     def refused(self, packets: list[bytes], *words: str) -> str:
-        """Return the one line of stderr."""
         self.path.write_bytes(capture(packets))
         self._capsys.readouterr()
         assert main(["watch", str(self.path), *words]) == 2
@@ -105,7 +104,6 @@ def watch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Watch:
 
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return a list that grows by one with each scan that is run."""
     scans: list[int] = []
     usual = Bench.step
     monkeypatch.setattr(Bench, "step", lambda self, now=None: scans.append(0) or usual(self, now))  # type: ignore[func-returns-value]
@@ -113,7 +111,6 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def stream(*sizes: int, seq: int = 101) -> Iterator[bytes]:
-    """Yield the segments of a partner, each answered by the PLC."""
     for size in sizes:
         yield tcp(bytes(range(size)), seq, 501)
         seq += size

@@ -71,18 +71,15 @@ class Pieces:
         self.live.found.take_all(known[0], known[0].link_types)
 
     def end(self) -> list[Record]:
-        """Return all that was printed."""
         played = self.live.finish().close()
         self.lines.end(played)
         return self.records()
 
     def records(self) -> list[Record]:
-        """Return what was printed up to now."""
         return [json.loads(line) for line in "".join(self.printed).splitlines()]
 
 
 def conversation(partner: int, chance: random.Random) -> list[bytes]:
-    """Return a conversation with holes, copies, and any end."""
     at = ("10.0.0.9", 50_000 + partner)
     plc = ("10.0.0.5", 2000 + partner)
 

@@ -8,15 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.diagnosis.truth.cases import ISO, ISO_PEER, pins, plc, receiver
-from tests.line.test_on_screen import work
 from tests.line.test_watch import Record, Watch, watch
-from tests.recording.wire import NS, PARTNER, PLC, capture, handshake, serial_line, tcp, udp
+from tests.recording.wire import NS, PARTNER, PLC, handshake, serial_line, tcp, udp
 from trcvtui.capture.command import take_captures
 from trcvtui.capture.pcap import RAW_IP, interface_block, packet_block, section_block
 from trcvtui.capture.reassembly import Conversations
 from trcvtui.cli.main import main
 from trcvtui.line.capture_player import MISSING
-from trcvtui.line.on_screen import _played
 
 __all__ = ["watch"]
 
@@ -192,24 +190,6 @@ def test_blocks_on_a_combuffer_that_a_watched_trcv_c_fills_look_on_too(watch: Wa
     assert [size for _, size in watch([*handshake(), *stream], *where).jobs("RD")] == [4, 3]
 
 
-@pytest.mark.parametrize("kind", ["udp", "serial"])
-def test_the_screen_shows_the_run_of_watch(watch: Watch, tmp_path: Path, kind: str) -> None:
-    bench = project(tmp_path, UDP if kind == "udp" else SERIAL.format("RX", "RX"))
-    sent = [udp(bytes(n)) for n in (8, 3, 8)]
-    content = capture(sent, step_ns=70_000_000) if kind == "udp" else serial_line(*[(RECEIVED, b"34\n")] * 3)
-    watch.path.write_bytes(content)
-    name = "R1" if kind == "udp" else "RD"
-    seen = watch.file(watch.path, "--project", str(bench))
-    shown = _played([str(watch.path)], (bench, None, None), tmp_path / "shadows.pcapng")
-    work(shown)
-    assert [*shown.survey.edges[name]] == [record["scan"] for record in seen.of(name)]
-    assert len(seen.jobs(name)) >= 3
-    shown.take(1, "at end")
-    work(shown)
-    assert shown.survey.trouble == ""
-    assert shown.controller.bench.runtime.snapshot().instances[0].jobs_done == 3
-
-
 SAYS = 'says = ["random 16", "random 9"]\nevery = "T#30ms"\n'
 RECEIVES = receiver("TRCV_C", 16, pins(CONT=True, EN_R=True))
 TWO_SENDERS = """
@@ -229,7 +209,6 @@ every = "T#20ms"
 
 
 def recorded(tmp_path: Path, bench: str, steps: str) -> tuple[Path, list[Record]]:
-    """Return the recording of a scenario, and its records."""
     project(tmp_path, bench)
     scenario, path, out = tmp_path / "s.toml", tmp_path / "run.pcapng", tmp_path / "run.jsonl"
     text = f'project = "bench.toml"\n[scenario]\nname = "s"\nsteps = """\n{steps}\n"""\n'

@@ -11,7 +11,6 @@ NOBODY = Endpoint(LOOPBACK, 9)
 
 
 def opened(b: Bench, end: Endpoint | None = ANY_PORT, polled: bool = False) -> Handle:
-    """Return a UDP socket, bound where an end is given."""
     handle = b.kernel.datagram_socket("X")
     assert not isinstance(handle, Fault), handle
     if end is not None:

@@ -14,7 +14,6 @@ TIMED_OUT = Fault("recv", "ETIMEDOUT")
 
 
 def partners(b: Bench, small: bool = False) -> Pair:
-    """Return a connection from C1 to X."""
     return b.pair(small=small, client=b.socket(owner="C1"))
 
 

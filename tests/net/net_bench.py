@@ -71,7 +71,6 @@ class Bench:
         raise AssertionError("it never came true")
 
     def settle(self) -> None:
-        """Let whatever is under way arrive, then poll."""
         for _ in range(8):
             self.network.breathe()
         self.kernel.poll()
@@ -79,7 +78,6 @@ class Bench:
     def socket(
         self, reuse: bool = False, end: Endpoint | None = None, polled: bool = False, owner: str = "X"
     ) -> Handle:
-        """Return a new socket, bound where an end is given."""
         handle = self.kernel.socket(owner)
         assert not isinstance(handle, Fault), handle
         if reuse:
@@ -93,7 +91,6 @@ class Bench:
     def listener(
         self, end: Endpoint = ANY_PORT, backlog: int = 4, reuse: bool = True, small: bool = False
     ) -> Handle:
-        """Return a listening socket in the poll set."""
         handle = self.socket(reuse, end)
         if small:
             self.kernel.set_options(handle, SocketOptions(small_buffers=True))
@@ -102,13 +99,11 @@ class Bench:
         return handle
 
     def end(self, handle: Handle) -> Endpoint:
-        """Return the local end."""
         end = self.kernel.local_end(handle)
         assert end is not None
         return end
 
     def verdict(self, handle: Handle) -> Fault | None:
-        """Wait for the verdict of a connect."""
         found: list[Fault | None] = []
 
         def decided() -> bool:
@@ -123,7 +118,6 @@ class Bench:
         return found[0]
 
     def connect(self, end: Endpoint, client: Handle | None = None, small: bool = False) -> Handle:
-        """Return a socket in the poll set that is connected to end."""
         handle = self.socket() if client is None else client
         if small:
             self.kernel.set_options(handle, SocketOptions(small_buffers=True))
@@ -141,18 +135,15 @@ class Bench:
         return got
 
     def pair(self, listener: Handle | None = None, small: bool = False, client: Handle | None = None) -> Pair:
-        """Return a connection."""
         waiting = self.listener(small=small) if listener is None else listener
         end = self.end(waiting)
         caller = self.connect(end, client, small)
         return Pair(caller, self.accept(waiting).handle, waiting, end)
 
     def send(self, handle: Handle, data: bytes) -> None:
-        """Send all of it in one call."""
         assert self.kernel.send(handle, memoryview(data)) == len(data)
 
     def try_send(self, handle: Handle, data: bytes = b"x") -> object:
-        """Return what send answers."""
         return self.kernel.send(handle, memoryview(data))
 
     def try_recv(self, handle: Handle, size: int = 100) -> object:
@@ -162,7 +153,6 @@ class Bench:
         return bytes(into[:got]) if isinstance(got, int) and got > 0 else got
 
     def receive(self, handle: Handle, size: int) -> bytes:
-        """Wait for exactly size bytes."""
         data = bytearray()
 
         def complete() -> bool:
@@ -190,7 +180,6 @@ class Bench:
         return found[0]
 
     def loss(self, handle: Handle) -> KernelLoss:
-        """Wait until the connection is gone, and return why."""
         found: list[KernelLoss] = []
 
         def lost() -> bool:

@@ -13,7 +13,6 @@ OF_THE_WIRE: list[Fact] = []  # facts that take real time and in which the poll 
 
 
 def fact(check: Fact) -> Fact:
-    """Put a check into the list."""
     FACTS.append(check)
     return check
 

@@ -76,7 +76,6 @@ def of_the_others(played: Played) -> list[dict[str, Any]]:
 
 
 def done_of(played: Played, block: str) -> dict[str, int]:
-    """Return how many DONE each instance of a block has shown."""
     done: dict[str, int] = {}
     for record in played.records():
         if record["block"] == block and record["DONE"]:

@@ -71,7 +71,6 @@ class Line:
                     self.received.append(self.bench.runtime.data("rx"))
 
     def device(self, peer: str, number: int, end: str = "close") -> None:
-        """Connect, send one frame, and be gone."""
         self.do(f"peer {peer} connect", f"peer {peer} send hex {frame(number).hex()}", f"peer {peer} {end}")
 
     def walk(self, name: str) -> str:

@@ -33,7 +33,6 @@ PORT = 'source = "serial"\nport = "/dev/ttyS0"'
 
 
 def tx(name: str, keys: str) -> str:
-    """Return one more ComBuffer."""
     return f'[[combuffer]]\nname = "{name}"\n{keys}\n'
 
 

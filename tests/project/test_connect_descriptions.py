@@ -11,10 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests import golden
-from tests.scenario.scenarios import CONFIGS
-from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import Add
-from trcvtui.engine.project_edits import save_project
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import Flaw
@@ -22,8 +18,7 @@ from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.project.connect_view import DescriptionView, description_view, initial_values
 from trcvtui.project.descriptions import db_bytes, either_way, parse_selector
-from trcvtui.project.edit import adding
-from trcvtui.project.file import load_project, read_project
+from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.project.project import PeerDecl
 
@@ -306,21 +301,6 @@ def test_the_keys_of_a_description_are_read_as_that_connect_again(what: str) -> 
     document = tomllib.loads(HEAD + peer) | {"connect": [{"name": "C1", **dict(keys_of(first))}]}
     [again] = read_project(document, "b.toml", Path(".")).connects
     assert again == first
-
-
-def test_an_added_connect_of_iso_on_tcp_and_its_peer_can_be_saved(tmp_path: Path) -> None:
-    project = load_project(CONFIGS / "s7-receiver.toml")
-    lines = (
-        "add connect C2 type=TCON_IP_RFC LocalTSelector=E0.02 IsoPort=0",
-        "add peer P2 active=false iso=true local_tsap=E0.01 remote_tsap=E0.02 tpdu=256",
-    )
-    added = [command.decl for line in lines if isinstance(command := parse_line(line, project, "w"), Add)]
-    assert len(added) == 2
-    saved = save_project(
-        project.path, tmp_path / "x.toml", tuple(adding(decl, project) for decl in added), "w", {}
-    )
-    assert saved.connect("C2") == added[0]
-    assert saved.peer("P2") == added[1]
 
 
 def view(table: str, dialect: str = "s7-1500") -> DescriptionView | None:

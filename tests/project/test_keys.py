@@ -122,7 +122,6 @@ def test_every_row_says_what_it_is_for_and_where_its_value_goes() -> None:
 
 
 def written(project: Project) -> dict[str, Any]:
-    """Return the document of a project, by its rows alone."""
     switches = {switch.name: switch for switch in project.dialect.switches}
     return {
         "dialect": project.dialect.name,

@@ -59,7 +59,6 @@ ONE_INSTANCE = SMALLEST + '[[instance]]\nname = "X"\nblock = "TRCV_C"\nconnect =
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a folder with a UDT source."""
     (tmp_path / "telegram.st").write_text("TYPE Telegram : STRUCT id : DINT; c : CHAR; END_STRUCT END_TYPE")
     return tmp_path
 

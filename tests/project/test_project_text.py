@@ -69,7 +69,6 @@ texts = st.text(st.characters(min_codepoint=32, max_codepoint=0x2FFF, exclude_ca
 
 @st.composite
 def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
-    """Draw entries that the project takes, one after the other."""
     added: list[Declaration] = []
     for number in range(draw(st.integers(1, 6))):
         connects = names_of("connect", project) or ("",)

@@ -87,7 +87,6 @@ NDR = {("TURCV", "DONE"): "NDR"}  # what the manual of the block calls it
 
 
 def head_of(block: str) -> str:
-    """Return the head of a project whose vendor has the block."""
     if block in DIALECTS["baosky"].blocks:
         return HEAD
     if BLOCKS[block].on_buffer:

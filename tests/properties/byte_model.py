@@ -70,7 +70,6 @@ class ByteModel:
         self.anew: list[str] = []  # which instances began anew in this scan
 
     def read(self, news: tuple[Line, ...]) -> None:
-        """Believe the lines of one scan."""
         self.began, self.done, self.anew = [], [], []
         for line in news:
             match line.event:

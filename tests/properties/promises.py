@@ -23,7 +23,6 @@ MAX_LEN = 65535
 
 
 def check_outputs(out: StatusEdge, before: StatusEdge | None) -> None:
-    """Check the pins of one call against those of the call before."""
     pins = out.outputs
     assert pins.status in LISTED[out.block], f"{out.block} lists no {pins.status:04X}"
     assert pins.busy + pins.done + pins.error <= 1

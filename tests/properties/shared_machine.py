@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from tests.properties.byte_model import ByteModel
 from tests.properties.drawn_projects import BLOCKS, DATA, Document, projects
@@ -248,7 +249,6 @@ class SharedMachine(RuleBasedStateMachine):
                 self.witness.crowded.add(ends)
 
     def on_the_way(self, ends: tuple[str, str]) -> int:
-        """Return how many bytes of a peer the PLC has not received."""
         there = [link for link in self.model.links.values() if (link.peer, link.local) == ends]
         return len(self.model.said[ends]) - sum(link.received for link in there)
 
@@ -317,7 +317,6 @@ class SharedMachine(RuleBasedStateMachine):
 
     @rule(first=PICK, gaps=st.lists(st.integers(0, 4), min_size=2, max_size=12))
     def ask(self, first: int, gaps: list[int]) -> None:
-        """Let the senders send in turn, or in one scan."""
         names = self.senders()
         for number, gap in enumerate(gaps if names else ()):
             self.do(f"pulse {names[(first + number) % len(names)]} REQ")
@@ -339,7 +338,6 @@ class SharedMachine(RuleBasedStateMachine):
 
     @rule(scans=st.integers(2, 20))
     def blink(self, scans: int) -> None:
-        """Let all senders send as fast as they can."""
         for name in self.senders():
             self.do(f"set {name} REQ=blink")
         self.run(scans)
@@ -409,3 +407,12 @@ class SharedMachine(RuleBasedStateMachine):
 def _written(old: bytes, at: int, payload: bytes) -> bytes:
     """Return DATA after a write; it may have become smaller since the command was given."""
     return old[:at] + payload[: max(0, len(old) - at)] + old[at + len(payload) :]
+
+
+def run_machine(machine: type[SharedMachine], examples: int) -> None:
+    SharedMachine.scans = 0
+    checks = list(HealthCheck)
+    many = settings(
+        max_examples=examples, stateful_step_count=50, database=None, suppress_health_check=checks
+    )
+    run_state_machine_as_test(machine, settings=many)

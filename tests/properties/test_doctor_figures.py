@@ -63,7 +63,6 @@ def shares(name: str, cases: Iterable[Built], path: Path) -> tuple[float, float]
 
 
 def false_alarms(name: str, cases: Iterable[Built], path: Path) -> float:
-    """Return the share of healthy lines with a finding."""
     found = [(made.what, findings_at(made, path)) for made in cases]
     told = Counter((what, one[0][1]) for what, one in found if one)
     if IS_SOAK:

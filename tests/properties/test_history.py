@@ -25,7 +25,6 @@ DATA = 24
 
 
 def history_bench(seed: int = 0, fragment: bool = False) -> Bench:
-    """Return a passive TRCV_C on C1 with its peer P1."""
     document: dict[str, object] = {
         "dialect": "baosky",
         "sim": {"seed": seed, "fragment": fragment},
@@ -50,7 +49,6 @@ class Generator:
     taken: int = 0
 
     def do(self, line: str) -> None:
-        """Carry out a bench command."""
         do(self.bench, line)
 
     def scan(self, times: int = 1) -> None:
@@ -70,7 +68,6 @@ class Generator:
                 self.taken += collected
 
     def send(self, payload: bytes, cuts: list[int]) -> None:
-        """Let the peer send a message, cut before these bytes."""
         places = sorted({cut % len(payload) for cut in cuts} - {0})
         ends = [*places, len(payload)]
         sizes = [stop - start for start, stop in zip([0, *places], ends, strict=True)]
@@ -88,11 +85,11 @@ class Generator:
 
 def all_of(reader: HistoryReader, connect: str = "C1") -> list[HistoryWindow]:
     """Return the whole history in small windows, as somebody sees it who scrolls through it."""
-    end = reader.window(HistoryRequest(connect)).end
-    position = reader.window(HistoryRequest(connect)).begin
+    end = reader.later(HistoryRequest(connect))().end
+    position = reader.later(HistoryRequest(connect))().begin
     windows: list[HistoryWindow] = []
     while position < end:
-        windows.append(reader.window(HistoryRequest(connect, position, 37)))
+        windows.append(reader.later(HistoryRequest(connect, position, 37))())
         assert windows[-1].start == position
         position = windows[-1].stop
     return windows

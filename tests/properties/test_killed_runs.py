@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_cli import ENVIRONMENT
+from tests.recording.test_black_box import PROJECT as OF_EIGHT_BYTES
 from tests.waiting import children_of, until, until_size
 from trcvtui.recording.journal import STEP, Answered, RunBegins
 from trcvtui.recording.recording import Recording
@@ -27,30 +28,7 @@ from trcvtui.replay.run_again import ReplayRun
 KILLS = 200 if os.environ.get("TRCVTUI_SOAK") else 3
 VICTIMS = ("engine", "writer", "both")
 MOST_MISSING_NS = 1_000_000_000
-PROJECT = """
-dialect = "baosky"
-[[data]]
-name = "rx"
-type = "ARRAY[0..63] OF BYTE"
-[[connect]]
-name = "C1"
-LocalAddress = "127.0.0.1"
-LocalPort = 0
-[[instance]]
-name = "A"
-block = "TRCV_C"
-connect = "C1"
-data = "rx"
-CONT = true
-EN_R = true
-[[peer]]
-name = "P1"
-active = true
-remote = "@C1"
-reconnect = "T#50ms"
-every = "T#20ms"
-says = ["hex {}"]
-""".format("5a " * 64)
+PROJECT = OF_EIGHT_BYTES.replace("0..7", "0..63").replace("01 02 03 04 05 06 07 08", "5a " * 64)
 
 
 def waited_ns(process: int) -> int:
@@ -84,7 +62,6 @@ def killed(folder: Path, victim: str, chance: random.Random) -> tuple[Path, int,
 
 
 def is_running(process: int) -> bool:
-    """Return whether a process has not ended."""
     with suppress(OSError):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     return False

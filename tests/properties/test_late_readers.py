@@ -44,7 +44,6 @@ def controller(kept: int = 20_000) -> Controller:
 
 
 def lines(draw: random.Random, every: float, also: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines that are given before each scan."""
     for scan in range(SCANS):
         if scan % 80 < len(MENDED):
             yield MENDED[scan % 80], "set TRCV_C_1 CONT=1 EN_R=1", "set TSEND_C_1 CONT=1"
@@ -87,12 +86,10 @@ def joined(runs: list[Run]) -> list[Run]:
 
 
 def told(of: Controller) -> BenchUpdate:
-    """Return all that a screen can ask for."""
     return of.picture(ALL_BYTES, EngineTiming(), 0)
 
 
 def waves(of: BenchUpdate) -> dict[str, Waveform]:
-    """Return the waves of a picture."""
     found = {}
     for news in of.waves:
         found[news.instance] = Waveform(news.instance)
@@ -151,6 +148,5 @@ def test_what_the_ledger_has_overwritten_is_not_known_and_never_wrong(
 
 
 def traces(of: Controller) -> dict[str, TracePattern]:
-    """Return what a saved session expects of each instance."""
     told = [line.split(maxsplit=3) for line in of.session.steps() if " trace " in line]
     return {name: parse_pattern(pattern, "test") for _, name, _, pattern in told}

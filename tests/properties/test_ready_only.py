@@ -7,11 +7,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
-from hypothesis.stateful import run_state_machine_as_test
 
 from tests.properties.drawn_projects import Document
-from tests.properties.shared_machine import SharedMachine
+from tests.properties.shared_machine import SharedMachine, run_machine
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.table import parse_line
 from trcvtui.plc.instance import Instance
@@ -73,16 +71,7 @@ class TwinMachine(SharedMachine):
 
 @pytest.mark.timeout(300)  # of processor time it takes a tenth
 def test_letting_idle_instances_sleep_changes_no_scan() -> None:
-    SharedMachine.scans = 0
-    many = settings(
-        max_examples=EXAMPLES,
-        stateful_step_count=50,
-        deadline=None,
-        database=None,
-        derandomize=True,
-        suppress_health_check=list(HealthCheck),
-    )
-    run_state_machine_as_test(TwinMachine, settings=many)
+    run_machine(TwinMachine, EXAMPLES)
     assert SharedMachine.scans >= LEAST_SCANS
 
 

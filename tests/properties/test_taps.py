@@ -69,7 +69,6 @@ def drawn(number: int) -> tuple[SidePlan, SidePlan]:
 
 
 def bytes_of(number: int, side: int, size: int) -> bytes:
-    """Return what a side writes."""
     return random.Random(number * 2 + side).randbytes(size)
 
 
@@ -134,7 +133,6 @@ class Lines:
         self.seen[number] = acted(sock, plan, bytes_of(number, 1, sum(plan.pieces)))
 
     def near(self, number: int, port: int) -> Seen:
-        """Play the near side of a conversation over a port."""
         plan = drawn(number)[0]
         sock = calling(port)
         sock.sendall(number.to_bytes(NAME_BYTES, "big"))

@@ -22,14 +22,12 @@ class Ear(Inbox):
         self._fresh = fresh
 
     def begin(self) -> None:
-        """Begin with a new connection."""
         super().begin()
         seen = self._peer.snapshot()
         self._ends = seen.remote, seen.local
         self._here = self._heard[self._ends] = bytearray()
 
     def take(self, arrived: memoryview) -> None:
-        """Append what has arrived."""
         super().take(arrived)
         self._here += arrived
         self._fresh.add(self._ends)
@@ -76,7 +74,6 @@ class Witness:
                 assert name.endswith("(gone)")
 
     def check_nothing_left(self, picture: Snapshot) -> None:
-        """Check that a stopped PLC holds nothing but its bounded past."""
         assert len(self.bench.runtime.ledger.since(0)) <= KEPT_LINES
         assert self._resources.buffers.used == picture.connections_used == 0
         assert not self._resources.unsettled

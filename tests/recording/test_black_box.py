@@ -71,7 +71,6 @@ class Run:
             self.recorder.gap(self.controller.bench)
 
     def line(self, text: str) -> str:
-        """Return what is told of a line, or what is wrong with it."""
         self.controller.take(1, text)
         answer = self.controller._answers[-1]
         return answer.error or answer.told

@@ -21,7 +21,6 @@ def recorded(bench: Path, folder: Path, kernel: str, *options: str) -> Path:
 
 
 def _answers(file: Path) -> bytes:
-    """Return all that the journal says came over TLS."""
     reads = [
         entry for entry in Recording(file).entries() if isinstance(entry, Answered) and entry.call == "recv"
     ]

@@ -55,7 +55,6 @@ def tshark(path: Path, *options: str) -> str:
 
 @pytest.fixture(scope="module")
 def a_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of a scenario with several jobs."""
     target = tmp_path_factory.mktemp("recording") / "run.pcapng"
     written(LONGEST, target)
     return target

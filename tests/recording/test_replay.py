@@ -32,7 +32,6 @@ BARE = re.compile(r"<TlsError\.\w+: ('\w+')>")  # a word of an enum comes back a
 
 
 def run(path: Path, kernel: str, seam: Seam, pace: Pace) -> tuple[str, list[str]]:
-    """Return the jsonl text of a scenario on a seam, and the ledger."""
     scenario = load_scenario(path, ())
     bench = Bench(scenario.project, kernel, seam)
     out = io.StringIO()
@@ -118,7 +117,6 @@ STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
 
 
 def answered(entries: Iterable[Entry]) -> str:
-    """Return what a replay of these entries says is wrong."""
     with pytest.raises(UserError) as told:
         replay = Replay(iter(entries), "R")
         run(STORY, "sim", replay, VirtualPace())

@@ -41,12 +41,10 @@ def tcp(
 
 
 def answer(data: bytes = b"", seq: int = 0, ack: int = 0, flags: int = ACK, window: int = 8192) -> bytes:
-    """Return one TCP segment from the PLC to the partner."""
     return tcp(data, seq, ack, flags, window, PLC, PARTNER)
 
 
 def udp(data: bytes, source: tuple[str, int] = PARTNER, target: tuple[str, int] = PLC) -> bytes:
-    """Return one UDP datagram in its IP packet."""
     return ip(source[0], target[0], 17, struct.pack(">HHHH", source[1], target[1], 8 + len(data), 0) + data)
 
 
@@ -71,6 +69,5 @@ def serial_line(*events: tuple[int, bytes], name: str = "RX", step_ms: int = 50)
 
 
 def capture(packets: list[bytes], link_type: int = RAW_IP, step_ns: int = 1_000_000) -> bytes:
-    """Return a pcapng file with one packet each millisecond."""
     blocks = [packet_block(0, NS + n * step_ns, data) for n, data in enumerate(packets)]
     return b"".join((section_block("tests"), interface_block(link_type, "t"), *blocks))

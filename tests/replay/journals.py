@@ -43,7 +43,6 @@ class InMemory:
 
 
 def recorded(path: Path, *overrides: str) -> tuple[str, list[Entry]]:
-    """Return what a scenario has printed as jsonl, and its journal."""
     run = play(path, "sim", *overrides, is_recorded=True)
     return run.text, [*run.entries]
 

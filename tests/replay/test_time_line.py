@@ -30,7 +30,6 @@ INSTANCE = "TRCV_C_1"
 
 @cache
 def journal() -> tuple[Entry, ...]:
-    """Return the journal of a scenario in which a link goes down."""
     return tuple(recorded(LINK_DOWN)[1])
 
 

@@ -28,7 +28,7 @@ from trcvtui.recording.journal import Answered, Entry, blocks, entries_of
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.report.command import look_at, recording_source
 from trcvtui.report.page import page
-from trcvtui.report.run_notes import COLUMNS, DONE, ERROR, FirstAndLast, TimeLane
+from trcvtui.report.run_notes import COLUMNS, DONE, ERROR, TimeLane
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.scenario import load_bench
 
@@ -68,7 +68,6 @@ def elements(text: str) -> Elements:
 
 
 def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
-    """Return the page of a journal."""
     run, notes, verdict, stopped = look_at(
         InMemory(tuple(entries_of(blocks(entries), "R"))), "R", has_payload
     )
@@ -76,7 +75,6 @@ def told(entries: Iterable[Entry], has_payload: bool = True) -> str:
 
 
 def plain(text: str) -> str:
-    """Return what a reader sees, a blank for each tag."""
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text))
 
 
@@ -188,13 +186,6 @@ def test_of_a_long_run_the_first_and_the_last_are_told_and_how_many_between() ->
     assert re.search(r"\d+ edges between are left out", text)
     assert re.search(r"\d+ events between are left out", text)
     assert len(text) < 200_000
-
-
-def test_kept_are_the_first_and_the_last_with_their_numbers() -> None:
-    kept: FirstAndLast[str] = FirstAndLast(2)
-    for letter in "abcdefg":
-        kept.add(letter)
-    assert list(kept) == [(1, "a"), (2, "b"), (6, "f"), (7, "g")] and kept.count == 7
 
 
 def test_a_lane_holds_any_time_in_a_bounded_number_of_columns() -> None:

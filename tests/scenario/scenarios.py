@@ -56,7 +56,6 @@ class Played:
         return seen
 
     def records(self) -> list[dict[str, Any]]:
-        """Return the jsonl records without the scenario's own line."""
         return [json.loads(line) for line in self.text.splitlines()][:-1]
 
 
@@ -120,5 +119,4 @@ def play(
 
 
 def failures(verdict: Verdict) -> str:
-    """Return what failed, one line each."""
     return "\n".join(f"step {f.step}: {f.line}\n    found {f.found}" for f in verdict.failures)

@@ -178,7 +178,6 @@ def shown_in(paths: Iterable[Path]) -> Shown:
 
 
 def unseen(rows: Iterable[StatusRow], seen: set[tuple[str, int]]) -> list[str]:
-    """Return the rows that no scenario shows on any of their blocks."""
     return [
         f"{row.word} {'/'.join(row.blocks)}"
         for row in rows

@@ -15,7 +15,6 @@ from trcvtui.scenario.scenario_index import shown_by
 
 
 def played(stem: str) -> Bench:
-    """Play one scenario and return its bench, closed."""
     (path,) = [path for path in TWINCAT if path.stem.startswith(stem)]
     scenario = load_scenario(path)
     bench = Bench(scenario.project, "sim")

@@ -64,7 +64,6 @@ def test_each_step_waits_to_be_asked_for_and_asks_for_its_scans(driver: LocalDri
     assert answer_to(driver, f"scenario load {scenario(tmp_path, *STEPS)} sim") == ""
     driver.scan(10)
     player = player_of(driver)
-    assert (player.scenario, player.about) == ("a story", "why")
     assert [step.line for step in player.steps] == [step for step in STEPS if step and step[0] != "#"]
     assert [step.number for step in player.steps] == [1, 2, 3, 4, 5]
     assert states(player) == [TO_COME] * 5

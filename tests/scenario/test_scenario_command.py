@@ -40,7 +40,6 @@ class Run:
 
     @property
     def shown(self) -> str:
-        """Return scan and STATUS of each record of an instance."""
         return ", ".join(f"{record['scan']} {record['STATUS']}" for record in self.records[:-1])
 
     @property
@@ -54,7 +53,6 @@ Play = Callable[..., Run]
 
 @pytest.fixture
 def play(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Play:
-    """Run steps, or files as they are named, as JSON lines."""
 
     def run(steps: str, *argv: str, project: str = PASSIVE) -> Run:
         files = steps.split() if ".toml" in steps else [scenario(tmp_path, steps, project=project)]

@@ -263,7 +263,6 @@ def _make(driver: LocalDriver, number: int, move: Any) -> None:
 
 
 def _toml(document: dict[str, Any]) -> str:
-    """Return a drawn document as a project file."""
     lines = [f"{key} = {json.dumps(value)}" for key, value in document.items() if isinstance(value, str)]
     for key, value in document.items():
         for table in value if isinstance(value, list) else [value] if isinstance(value, dict) else []:

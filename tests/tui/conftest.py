@@ -137,7 +137,6 @@ def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def state(tmp_path: Path) -> Path:
-    """Return the folder that stands for the user's state."""
     (tmp_path / "state").mkdir(exist_ok=True)
     return tmp_path / "state"
 

@@ -85,11 +85,9 @@ def connections() -> tuple[ConnectionSnapshot, ...]:
         local="127.0.0.1:2000",
         remote="127.0.0.1:51322",
         incarnation=1,
-        since_scan=400,
         bytes_received=89,
         attempts=1,
         retry_in_ns=None,
-        last_loss="",
         keep_alive_s=10,
     )
     down = replace(
@@ -103,7 +101,6 @@ def connections() -> tuple[ConnectionSnapshot, ...]:
         bytes_received=0,
         attempts=7,
         retry_in_ns=400 * MS,
-        last_loss="failed",
     )
     return up, down
 
@@ -206,7 +203,6 @@ def armed() -> StatusEdge:
 
 
 def written(*events: tuple[int, StatusEdge], first: int = 1) -> tuple[Line, ...]:
-    """Return ledger lines of (scan, edge), one task of T#10ms."""
     return tuple(Line(first + n, scan, (scan - 1) * 10 * MS, event) for n, (scan, event) in enumerate(events))
 
 

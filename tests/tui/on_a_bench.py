@@ -71,7 +71,6 @@ class LocalLooker(Looker):
     bench: LocalDriver
 
     async def see(self) -> None:
-        """Wait for a picture that was asked for after now."""
         for _ in range(2):
             before = self.app.view_model.live
             while self.app.view_model.live is before:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from tests.tui.looking import BOTH, WIDE
+from tests.tui.looking import WIDE
 from tests.tui.stage import Stage, on_stage
 from trcvtui.project.file import load_project
 
@@ -28,33 +28,6 @@ async def stepped(size: tuple[int, int]) -> AsyncIterator[Stepped]:
         await bench.press("7", "c")
         await bench.scan(120)
         yield bench
-
-
-@BOTH
-async def test_five_bytes_then_three_then_twenty_five_are_on_the_screen(size: tuple[int, int]) -> None:
-    async with stepped(size) as bench:
-        await bench.send("01 02 03 04 05")
-        assert "7006 receiving" in bench.text
-        assert "5/8" in bench.text
-        assert "◆" not in bench.text
-
-        await bench.send("06 07 08")
-        assert "D◆" in bench.text, "the pulse of one scan stays visible"
-        await bench.press("2")
-        assert "RCVD_LEN ◂8" in bench.text
-        await bench.press("5")
-        assert "0000 ▕01 02 03 04 05▕06 07 08" in bench.text, "each message of the peer has its beginning"
-
-        await bench.scan(150)
-        await bench.send(" ".join(f"{n:02x}" for n in range(1, 26)))
-        assert "1/8" in bench.text, "the 25th byte is kept"
-        await bench.press("5")
-        assert "0000  19 ·· ·· ·· ·· ·· ·· ··" in bench.text
-        assert "0000  11 12 13 14 15 16 17 18" in bench.text
-        await bench.press("3")
-        assert "This frame begins with byte 24 of P1's message 3" in bench.text
-        await bench.press("4", "M")
-        assert bench.text.count("■ DONE 8 B") == 4
 
 
 async def test_a_pin_goes_from_the_key_to_the_ledger_and_back() -> None:

@@ -105,14 +105,6 @@ async def test_keys_that_come_faster_than_the_screen_follows_are_all_obeyed() ->
 # -- keys in one batch: nothing on the screen has had the time to react to the one before ----------------
 
 
-@pytest.mark.parametrize("size", [WIDE, SMALL])
-@pytest.mark.parametrize("before", ["", "4", "7", "5l", "\t"])
-async def test_what_is_typed_after_a_colon_goes_into_the_prompt(size: tuple[int, int], before: str) -> None:
-    async with looking(size) as looker:
-        await looker.at_once(f"{before}:set TRCV_C_1 CONT=1\r:plc stop\rn ")
-        assert looker.lines == ["set TRCV_C_1 CONT=1", "plc stop", "set TRCV_C_1 EN_R=0", "hold"]
-
-
 async def test_a_prompt_opened_again_at_once_keeps_the_focus() -> None:
     async with looking(SMALL) as looker:
         await looker.press("colon")
@@ -132,24 +124,6 @@ async def test_keys_typed_before_anything_is_there_are_obeyed_in_order() -> None
         while app._keeps_keys:  # as long as that takes here
             await pilot.pause()
         assert driver.lines == ["set TRCV_C_1 CONT=1", "plc stop"]
-
-
-async def test_len_is_edited_with_keys_in_one_batch() -> None:
-    async with looking(SMALL) as looker:
-        await looker.at_once("l4\rt")
-        assert looker.lines == ["set TRCV_C_1 LEN=4", "set TRCV_C_1 CONT=0"]
-
-
-async def test_a_payload_is_typed_and_sent_in_one_batch() -> None:
-    async with looking(WIDE) as looker:
-        await looker.at_once("7mi" + "scan\rfrz\x1bf")
-        assert looker.lines == ['peer P1 send text "scan"', "peer P1 close"]
-
-
-async def test_tab_completes_in_a_batch_too() -> None:
-    async with looking(SMALL) as looker:
-        await looker.at_once(":se\t TR\t AD\t1\r")
-        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
 
 
 async def test_a_row_that_changes_and_changes_back_before_it_is_painted_stands_as_it_is() -> None:

@@ -57,58 +57,6 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         assert newcomer.value("tool") == "-"
 
 
-@BOTH
-async def test_the_second_report_of_a_short_sender_makes_the_values_wander(size: Size) -> None:
-    async with opened("four_bytes_short", size, 3200) as newcomer:
-        await newcomer.press("3", "M")
-        card = newcomer.read("status")
-        assert "Station's last 2 messages were 20 bytes: LEN or DATA is 4 bytes too large" in card
-        assert "Each frame takes 4 bytes of the next message, so the values wander" in card
-
-
-@BOTH
-async def test_a_swapped_byte_order_is_named_although_every_frame_gets_done(size: Size) -> None:
-    async with opened("byte_order_swapped", size, 330) as newcomer:
-        await newcomer.press("3")
-        card = newcomer.read("status")
-        assert "DONE ◆ 20 B" in card and "ERROR □" in card
-        assert "why · Members look swapped: voltage = 230" in card
-        assert "do Press V to read DATA with byte_order=big." in card and "stuck" not in card
-        await newcomer.press("6")
-        assert newcomer.value("serial") == "1781071872"
-
-
-@BOTH
-async def test_a_dropped_en_r_is_named_with_its_scan_and_the_byte_that_frames_begin_with(size: Size) -> None:
-    async with opened("en_r_dropped", size, 960) as newcomer:
-        await newcomer.press("3")
-        card = newcomer.read("status")
-        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
-        assert "This frame begins with byte 10 of Scanner's message" in card
-        assert "do Press x (COM_RST) to put the stream back in step, or CONT 0, then 1." in card
-
-
-@BOTH
-async def test_the_edge_at_which_en_r_fell_tells_what_it_cost(size: Size) -> None:
-    async with opened("en_r_dropped", size, 700) as newcomer:
-        await newcomer.press("4", "down", "down", "3", "M")
-        card = newcomer.read("status")
-        assert "16#7004" in card and "in scan 672" in card
-        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
-        assert "the next frame begins in the middle of a message, with byte 10 of Scanner's message 7" in card
-
-
-@BOTH
-async def test_com_rst_by_one_key_cures_the_shift(size: Size) -> None:
-    async with opened("en_r_dropped", size, 960) as newcomer:
-        await newcomer.press("x")
-        await newcomer.look(300)
-        await newcomer.press("3")
-        assert "the stream is shifted" not in newcomer.read("status")
-        await newcomer.press("6")
-        assert newcomer.value("length") == "400.0"
-
-
 STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*.toml")), demo_path()]
 
 

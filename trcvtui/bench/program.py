@@ -21,15 +21,9 @@ PASSES: Final = (words.RunScans, words.RunFor, words.Wait)
 
 
 class Programmed(Watched, Protocol):
-    """The bench that a program runs on."""
+    def do(self, command: words.BenchCommand) -> str: ...
 
-    def do(self, command: words.BenchCommand) -> str:
-        """Carry out a command."""
-        ...
-
-    def note(self, subject: str, what: str, detail: str = "") -> None:
-        """Write into the ledger."""
-        ...
+    def note(self, subject: str, what: str, detail: str = "") -> None: ...
 
 
 def read_program(project: Project) -> tuple[words.Step, ...]:

@@ -74,7 +74,6 @@ class SplitTest:
             self._state = FINISHED
 
     def cancel(self) -> None:
-        """Try no more."""
         if self._state == RUNNING:
             self._state = CANCELLED
 
@@ -175,12 +174,10 @@ class SplitTest:
     # -- what is told ----------------------------------------------------------------------------------
 
     def snapshot(self) -> TrialSnapshot:
-        """Return the table as far as it has come."""
         return TrialSnapshot(
             peer=self._command.peer,
             instance=self._command.instance,
             payload=self._command.payload,
-            gap_ns=self._gap_ns,
             state=self._state,
             problem=self._problem,
             runs=self._runs,
@@ -210,7 +207,6 @@ class SplitTests:
         self._under_way: Iterator[None] = iter(())
 
     def begin(self, bench: Bench, command: TrySplits) -> str:
-        """Begin a trial; return what is wrong, or ""."""
         if self._trial is not None and self._trial.is_running:
             return f"a trial is running; `peer {command.peer} try-splits stop` ends it"
         self._trial = SplitTest(bench, command)
@@ -227,9 +223,7 @@ class SplitTests:
         return ""
 
     def scanned(self) -> None:
-        """Go on: a scan has passed."""
         next(self._under_way, None)
 
     def snapshot(self) -> TrialSnapshot | None:
-        """Return the table as far as it has come."""
         return self._trial.snapshot() if self._trial is not None else None

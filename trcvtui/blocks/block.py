@@ -27,7 +27,6 @@ class JobBinding(Struct, frozen=True):
     priority: int
 
     def claim(self) -> Claim:
-        """Return this instance's claim on one direction of its connection."""
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
 
@@ -136,8 +135,6 @@ class StoppedBlock(JoblessBlock):
 
 
 class Block(Protocol):
-    """One block instance's inside."""
-
     @property
     def job(self) -> Job: ...
 

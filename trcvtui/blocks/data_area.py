@@ -7,8 +7,6 @@ from typing import Final, NamedTuple
 
 
 class Elements(Enum):
-    """What a variable is made of, as far as a block asks."""
-
     BITS = auto()  # BOOL, ARRAY OF BOOL
     BYTES = auto()  # elements of 8 bits
     OTHER = auto()

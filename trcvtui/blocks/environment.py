@@ -12,8 +12,6 @@ from trcvtui.net.connection.resources import Resources
 
 
 class BytesArrived(NamedTuple):
-    """Bytes came into a ComBuffer."""
-
     buffer: str
     offset: int
     size: int

@@ -89,7 +89,6 @@ class Framer:
         return self._framing is not None and bool(self._part) and not self._framing.cuts_like(framing)
 
     def drop(self) -> bytes:
-        """Throw the part away and return it."""
         part = bytes(self._part)
         self._part.clear()
         self._has_prefix = False
@@ -169,7 +168,6 @@ class FrameMarks(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        """Return whether it ended as it should."""
         return self.ending in (Ending.SUFFIX, Ending.SIZE)
 
 
@@ -190,7 +188,6 @@ class Tally(NamedTuple):
         return self._replace(good=self.good + 1)
 
     def dropped(self, reason: str) -> Tally:
-        """Return the tally with a part more that was thrown away."""
         return self._replace(parts=self.parts + 1, reason=reason)
 
 

@@ -10,8 +10,6 @@ PinValue = int  # of a BOOL pin False or True
 
 
 class Direction(StrEnum):
-    """Where a pin points."""
-
     IN = "in"
     IN_OUT = "in_out"
     OUT = "out"

@@ -15,8 +15,6 @@ _NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
 
 class Reproducibility(StrEnum):
-    """How a code can be brought about on this bench."""
-
     REAL = "real"
     LOGIC = "logic"
     NAMESPACE = "namespace"
@@ -51,7 +49,7 @@ class StatusRow(Struct, frozen=True):
 
     @property
     def word(self) -> str:
-        return status_word(self.code)
+        return f"16#{self.code:04X}"
 
     def checks_of(self, block: str) -> tuple[str, ...]:
         """Return what to check at this block: a line that begins with other blocks' names is theirs."""
@@ -65,8 +63,3 @@ def _is_of(line: str, block: str) -> bool:
     named = [set(names.split(", ")) for names in _NAMED.findall(line)]
     begins = _NAMED.match(line) is not None and named[0] <= BLOCKS.keys()
     return not begins or any(block in names for names in named)
-
-
-def status_word(code: int) -> str:
-    """Return a STATUS word as the field writes it: `16#7006`."""
-    return f"16#{code:04X}"

@@ -47,12 +47,10 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def inputs(self) -> tuple[Pin, ...]:
-        """Return the pins that can be written."""
         return tuple([pin for pin in self.pins if pin.direction is not Direction.OUT])
 
     @property
     def outputs(self) -> tuple[Pin, ...]:
-        """Return the pins that can only be read."""
         return tuple([pin for pin in self.pins if pin.direction is Direction.OUT])
 
     def _has(self, name: str) -> bool:
@@ -82,11 +80,6 @@ class BlockRow(Struct, frozen=True):
         return self.sends or self.receives
 
     @property
-    def begins(self) -> str:
-        """Return the pin that begins a job."""
-        return "EN_R" if self.receives else "REQ"
-
-    @property
     def speaks_udp(self) -> bool:
         """Return whether it moves datagrams alone, with an ADDR."""
         return bool(self.on_config)
@@ -101,17 +94,14 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def on_buffer(self) -> bool:
-        """Return whether it works on a ComBuffer."""
         return bool(self.buffer_pin)
 
     @property
     def reads_buffer(self) -> bool:
-        """Return whether it takes bytes out of a ComBuffer."""
         return self.buffer_pin == "RxBuffer"
 
     @property
     def writes_buffer(self) -> bool:
-        """Return whether it puts bytes into a ComBuffer."""
         return self.buffer_pin == "TxBuffer"
 
     @property
@@ -362,7 +352,6 @@ def pointer_pins() -> tuple[str, ...]:
 
 @lru_cache(256)
 def pin_named(name: str) -> Pin | None:
-    """Return a pin of this name, None where no block has one."""
     return next((pin for row in BLOCKS.values() for pin in row.pins if pin.name == name), None)
 
 

@@ -62,8 +62,6 @@ _SERIAL_ERRORS: Final = {7: b"framing", 8: b"parity", 9: b"break", 10: b"overrun
 
 
 class SegmentKind(Enum):
-    """What happens in a conversation."""
-
     SYN = "SYN"
     ANSWER = "answer"
     ESTABLISHED = "established"
@@ -109,8 +107,6 @@ KeptPiece = tuple[int, bytes, int, int]  # from which byte on, bytes, when, numb
 
 
 class WireDirection:
-    """What one end says to the other."""
-
     __slots__ = (
         "acked", "address", "conversation", "copies", "cut", "early_number", "fin", "has_base", "has_fin",
         "has_jumped", "has_overrun", "is_closed_window", "is_firm", "is_heard", "is_steady", "kept",
@@ -541,7 +537,6 @@ class Conversations:
             self._tell(ns, direction, SegmentKind.LATE, direction.position)
 
     def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
-        """Take what the other end tells to have of what `said` holds."""
         if not said.has_base:
             said.next = said.acked = ack  # a guess, until bytes come
             said.has_base = True
@@ -722,7 +717,6 @@ class Conversations:
             self._tell(ns, direction, SegmentKind.BYTES, at, size, data)
 
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
-        """Compare a second copy with what was delivered, as far as that is kept."""
         first = bytearray(data)
         for begin, kept, _, _ in islice(reversed(direction.kept or ()), MOST_COMPARED):
             if begin + len(kept) <= at:

@@ -260,7 +260,6 @@ def _recorded(sets: tuple[str, ...], path: str) -> RecordedFacts | None:
 
 
 def _run_for(path: Path, args: Args, folder: str) -> list[str]:
-    """Run a project for the time of `--for`, recorded; return its recording."""
     from trcvtui.scenario.record import limits_of, record
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))

@@ -40,12 +40,10 @@ def only(*choices: str) -> NextWords:
 
 
 def an_instance(words: list[str], project: Project) -> Iterable[str]:
-    """Offer the instances, once."""
     return _instances(project) if len(words) == 1 else ()
 
 
 def after_set(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an entry of the project, its pins and keys."""
     if len(words) == 1:
         return (*_instances(project), *_parts(project), *KINDS)
     kind = words[1] if words[1] in KINDS else next(iter(kinds_named(words[1], project)), "")
@@ -57,7 +55,6 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_remove(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an entry of the project."""
     if len(words) == 1:
         return (*_parts(project), *_instances(project), *KINDS)
     return names_of(words[1], project) if len(words) == 2 and words[1] in KINDS else ()
@@ -77,14 +74,12 @@ def _keys_of(kind: str, words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_pulse(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an instance, a BOOL input."""
     if len(words) == 1:
         return _instances(project)
     return _inputs(words[1], project, bools_only=True) if len(words) == 2 else ()
 
 
 def after_peer(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a peer, its word, what is sent."""
     if len(words) == 1:
         return (peer.name for peer in project.peers)
     if len(words) == 2:
@@ -110,7 +105,6 @@ _PEER_WORDS: Final[dict[str, tuple[str, ...]]] = {
 
 
 def after_fault(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a kernel call, an errno, a CONNECT."""
     if len(words) == 1:
         return CALLS
     if words[-1] == "on":
@@ -119,21 +113,18 @@ def after_fault(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_feed(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a ComBuffer, a form of payload."""
     if len(words) == 1:
         return [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
     return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
 
 
 def after_mark(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an instance with a prefix or suffix, a form of payload."""
     if len(words) == 1:
         return [instance.name for instance in project.instances if block_row(instance.block).marks]
     return ("hex", "text", "none") if len(words) == 2 else ()
 
 
 def after_framing(words: list[str], project: Project) -> Iterable[str]:
-    """Offer what reads frames."""
     if len(words) == 1:
         readers = [i.name for i in project.instances if block_row(i.block).marks]
         return (*readers, *(buffer.name for buffer in project.combuffers))
@@ -141,17 +132,14 @@ def after_framing(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_link(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a CONNECT, down or up."""
     return project.links() if len(words) == 1 else ("down", "up")
 
 
 def after_doctor(words: list[str], project: Project) -> Iterable[str]:
-    """Offer the instances and CONNECTs, once."""
     return (*_instances(project), *project.links()) if len(words) == 1 else ()
 
 
 def after_tap(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a tap, a direction, what can be done with it."""
     if len(words) == 1:
         return (tap.name for tap in project.taps)
     if len(words) == 2:
@@ -162,17 +150,14 @@ def after_tap(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_write(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a variable."""
     return (data.name for data in project.data) if len(words) == 1 else ("hex",)
 
 
 def after_expect(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an instance, its outputs."""
     return _instances(project) if len(words) == 1 else ("STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=")
 
 
 def after_trigger(words: list[str], project: Project) -> Iterable[str]:
-    """Offer an instance or a variable, its pins, an edge."""
     if len(words) == 1:
         return (*_instances(project), *(data.name for data in project.data), "off")
     declared = project.instance(words[1])
@@ -183,7 +168,6 @@ def after_trigger(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_create(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a block, a name, what it is bound to, its inputs."""
     if len(words) == 1:
         return project.dialect.blocks
     if len(words) == 2:
@@ -207,7 +191,6 @@ def after_create(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_add(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a kind, a name, its keys."""
     if len(words) == 1:
         return KINDS
     kind = words[1]
@@ -227,7 +210,6 @@ def after_add(words: list[str], project: Project) -> Iterable[str]:
 
 
 def after_resize(words: list[str], project: Project) -> Iterable[str]:
-    """Offer a variable, a type."""
     if len(words) == 1:
         return (data.name for data in project.data)
     return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)

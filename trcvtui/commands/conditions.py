@@ -242,13 +242,11 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
 
 
 def parse_instance(words: Words, project: Project) -> InstanceDecl:
-    """Return the instance that the next word names; raise UserError."""
     known = {instance.name: instance for instance in project.instances}
     return known[words.one_of(known, "instance")]
 
 
 def parse_peer(words: Words, project: Project) -> PeerDecl:
-    """Return the peer that the next word names; raise UserError."""
     known = {peer.name: peer for peer in project.peers}
     return known[words.one_of(known, "peer")]
 

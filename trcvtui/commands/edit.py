@@ -29,7 +29,6 @@ from trcvtui.project.edit import (
     adding,
     changing,
     entry,
-    given,
     kinds_named,
     read_changed,
     read_entry,
@@ -215,7 +214,7 @@ def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
             lists.setdefault(key, []).append(unquoted(text))
         else:
             pairs[key] = unquoted(text)
-    return {**given(pairs.items()), **lists}
+    return {key: Given(key, text) for key, text in pairs.items()} | lists
 
 
 def _data(words: Words) -> dict[str, Any]:

@@ -46,8 +46,6 @@ ANY: Final = Atom(None, 0, True)
 
 
 class TracePattern(Struct, frozen=True):
-    """A parsed pattern."""
-
     atoms: tuple[Atom, ...]
 
     def __str__(self) -> str:

@@ -192,15 +192,15 @@ def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl
 def after(command: BenchCommand, project: Project) -> Project:
     match command:
         case Create(decl):
-            return project.with_instance(decl)
+            return replace(project, instances=(*project.instances, decl))
         case Add() | AddData() | Change() | Remove():
             return edited(project, edits_of(command, project))
         case Undo():
             return undone(project)
         case Delete(name):
-            return project.without_instance(name)
+            return replace(project, instances=tuple(i for i in project.instances if i.name != name))
         case Resize(_, _, decl):
-            return project.with_data(decl)
+            return replace(project, data=tuple(decl if d.name == decl.name else d for d in project.data))
         case _:
             return project
 

@@ -151,8 +151,6 @@ class PlayerSnapshot(Struct, frozen=True):
     """
 
     path: str
-    scenario: str
-    about: str
     steps: tuple[StepSnapshot, ...]
     current: int
     running: bool
@@ -191,7 +189,6 @@ class TrialSnapshot(Struct, frozen=True):
     peer: str
     instance: str
     payload: bytes
-    gap_ns: int
     state: str
     problem: str
     runs: int

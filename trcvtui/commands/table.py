@@ -68,7 +68,6 @@ def create_line(c: words.Create) -> str:
 
 
 def feed_line(c: words.FeedLine) -> str:
-    """Return `feed RX hex 01`."""
     return f"feed {c.buffer} {_fed(c)}"
 
 
@@ -110,7 +109,6 @@ def rule_text(c: words.ReplyOn) -> str:
 
 
 def match_text(match: Match) -> str:
-    """Return what a rule looks for."""
     match match:
         case Contains(payload, text):
             return f"contains {text or 'hex ' + payload.hex(' ')}"
@@ -181,7 +179,6 @@ def condition_text(condition: words.Condition) -> str:
 
 
 def value_text(value: Value) -> str:
-    """Return a member's value as the commands write it."""
     match value:
         case bool():
             return str(value).upper()
@@ -463,7 +460,6 @@ def to_line(command: BenchCommand) -> str:
 
 
 def record_row(record: type) -> RecordRow:
-    """Return the row of a frozen command."""
     return next(known for row in COMMANDS.values() for known in row.records if known.record is record)
 
 

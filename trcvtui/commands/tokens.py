@@ -123,7 +123,6 @@ def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
 
 
 def leaf_value(layout: Layout, leaf: Leaf, payload: bytes) -> Value:
-    """Return the value of one leaf's bytes."""
     return decode_leaf(layout, leaf, payload)
 
 
@@ -225,8 +224,6 @@ MOST_NESTED: Final = 32
 
 
 class Token(Struct, frozen=True):
-    """One word and where it stands in the line."""
-
     text: str
     start: int
     end: int
@@ -298,7 +295,6 @@ class Words:
 
     @property
     def verb(self) -> str:
-        """Return the first word of the line."""
         return self._tokens[0].text if self._tokens else ""
 
     def rest(self) -> list[str]:
@@ -351,7 +347,6 @@ class Words:
             raise self.wrong(shown(self.peek()), "the end of the command", "surplus")
 
     def wrong(self, found: str, expected: str, kind: str = "value") -> UserError:
-        """Return a mistake in this command."""
         return mistake(self.where, found, expected, kind)
 
     def one_of(self, known: Collection[str], what: str, expected: str = "") -> str:

@@ -128,8 +128,6 @@ class LineCase(NamedTuple):
 
 
 class LineFinding(NamedTuple):
-    """One cause found."""
-
     cause: str
     confidence: float
     said: Sign
@@ -174,7 +172,7 @@ def _refused(case: LineCase) -> Sign | None:
     return Sign(
         0.97,
         (text, f"{times(case.group.refusals)} in this capture"),
-        way=_from_listener(line),
+        way="to-plc" if line.plc_calls else "from-plc",
         at=reset,
         is_fact=True,
     )
@@ -642,10 +640,6 @@ def _listener_end(line: LineFacts) -> tuple[bytes, int]:
     return line.partner_end if line.plc_calls else line.plc_end
 
 
-def _from_listener(line: LineFacts) -> str:
-    return "to-plc" if line.plc_calls else "from-plc"
-
-
 def _to_listener(line: LineFacts) -> str:
     return "from-plc" if line.plc_calls else "to-plc"
 
@@ -702,7 +696,6 @@ RULES: Final = (
 
 
 def verdict_of(case: LineCase) -> LineVerdict:
-    """Return what is found, and what is worth knowing of one conversation."""
     blind = [(rule.cause, each) for rule in RULES for each in rule.blind if each in case.line.qualities]
     seen = {rule.cause: rule for rule in RULES if rule.cause not in dict(blind)}
 

@@ -109,7 +109,6 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
 
 
 def _number(leaf: Leaf) -> Elementary | None:
-    """Return the type of a number of more than one byte."""
     row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
     if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
         return row
@@ -139,7 +138,7 @@ def offer_for(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
         order = _order(found, content)
         name = found.rules.name
         why = f"{count(size, 'byte')} came, and that is the size of {decl.type_name} in the layout {name}"
-        return Offer(_choice(name, order), why)
+        return Offer(LayoutChoice(name, None if rules_for(name).byte_order == order else order), why)
     suspicion = byte_order_suspicion(decl.layout, content)
     if suspicion is None:
         return None
@@ -159,10 +158,6 @@ def _of_size(decl: DataDecl, size: int) -> Layout | None:
 def _order(layout: Layout, content: bytes) -> str:
     suspicion = byte_order_suspicion(layout, content)
     return layout.rules.byte_order if suspicion is None else suspicion.other
-
-
-def _choice(name: str, order: str) -> LayoutChoice:
-    return LayoutChoice(name, None if rules_for(name).byte_order == order else order)
 
 
 def view_line(decl: DataDecl, choice: LayoutChoice) -> str:

@@ -302,8 +302,6 @@ def doctor(
 
 
 class _Total:
-    """What was found in all captures."""
-
     def __init__(self) -> None:
         self.files = self.conversations = 0
         self.hours = 0.0

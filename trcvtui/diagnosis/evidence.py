@@ -30,7 +30,6 @@ class Evidence:
     condition: str
     cause: Cause
     at: ScanStamp
-    since_scan: int
     interval_ns: int
     is_past: bool = False
     pins: tuple[tuple[str, PinValue], ...] = ()
@@ -54,7 +53,6 @@ class Evidence:
     buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on
 
     def pin(self, name: str) -> PinValue | None:
-        """Return the value of a pin, None where it is not known."""
         return next((value for pin, value in self.pins if pin == name), None)
 
     def age_of(self, moment: ScanStamp) -> int:
@@ -97,7 +95,6 @@ def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence 
         condition=instance.condition,
         cause=instance.cause,
         at=ScanStamp(snapshot.scan, snapshot.t_ns),
-        since_scan=instance.since_scan,
         interval_ns=snapshot.interval_ns,
         pins=instance.inputs,
         data=instance.data or "",
@@ -147,7 +144,6 @@ def evidence_then(
         condition=edge.condition,
         cause=edge.cause,
         at=until,
-        since_scan=line.scan,
         interval_ns=interval_ns,
         is_past=True,
         data=data.name if data else "",

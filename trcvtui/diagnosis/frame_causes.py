@@ -79,7 +79,6 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 
 
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
-    """Return the receiver where it is of this kind, and the bytes are its own."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
         return None
     if (
@@ -92,19 +91,14 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     return receiver if known == kind and not is_session(line) else None
 
 
-def _aligned(messages: Sequence[LineMessage], need: int, start: int) -> list[bool]:
-    return [(one.at + one.size - start) % need == 0 for one in messages]
-
-
 def _start(line: LineFacts) -> int:
     return 0 if line.has_begin else line.messages[0].at
 
 
 def _is_right(line: LineFacts, need: int) -> bool:
-    """Return whether frames of `need` bytes end where messages end."""
     found = judged_messages(line)
     start = _start(line) if line.has_begin else found[0].at
-    hits = _aligned(found, need, start)
+    hits = [(one.at + one.size - start) % need == 0 for one in found]
     if sum(hits) * 100 >= 97 * len(hits):
         return True
     ends = {one.at + one.size for one in found}

@@ -157,7 +157,6 @@ def cont_is_missing(e: Evidence) -> str:
 
 
 def not_called(e: Evidence) -> str:
-    """Nothing is called in STOP."""
     if e.is_stopped:
         return f"the PLC is in STOP, no block is called{DO}`plc run`"
     return "" if e.is_past else f"no scan has called {e.instance} yet{DO}check whether its task runs"
@@ -200,7 +199,6 @@ def _peer(e: Evidence) -> str:
 
 
 def where_the_flaw_is(e: Evidence) -> str:
-    """Return which bytes of the description hold the flaw."""
     if e.config is None or e.config.description is None or e.config.flaw is None:
         return ""
     field = e.config.description.structure.field(e.config.flaw.field)
@@ -303,7 +301,6 @@ def must_stay(e: Evidence) -> str:
 
 
 def result_too_small(e: Evidence) -> str:
-    """RESULT cannot hold what is read."""
     if e.cause.have is None or e.cause.need is None:
         return ""
     return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis has {e.cause.need}"

@@ -222,12 +222,10 @@ class LineFacts:
 
     @property
     def caller(self) -> DirectionFacts:
-        """Return what the end says that called."""
         return self.from_plc if self.plc_calls else self.to_plc
 
     @property
     def listener(self) -> DirectionFacts:
-        """Return what the end says that was called."""
         return self.to_plc if self.plc_calls else self.from_plc
 
     @property
@@ -242,7 +240,6 @@ class LineFacts:
 
     @property
     def lasted_ns(self) -> int:
-        """Return how long it was seen."""
         return self.last_ns - self.first_ns
 
     def filter_of(self, evidence: str, of_group: bool) -> str:
@@ -289,8 +286,6 @@ class CaptureFacts(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class _Talk:
-    """One conversation while it is read."""
-
     conversation: Conversation
     first_packet: int = 0
     there: DirectionFacts = field(default_factory=DirectionFacts)
@@ -301,8 +296,6 @@ class _Talk:
 
 
 class _Collector:
-    """Takes the events of all conversations."""
-
     def __init__(self) -> None:
         self.talks: list[_Talk] = []
         self.found = Conversations(self._told, is_detailed=True)

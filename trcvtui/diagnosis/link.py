@@ -129,7 +129,6 @@ def _times_failed(failed: Failures) -> str:
 
 
 def injected(e: Evidence) -> str:
-    """The failure is one that was asked for."""
     asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
     return f"a fault that was injected here did that, not the network{DO}`fault clear`" if asked else ""
 
@@ -244,7 +243,6 @@ def asked_too_early(e: Evidence) -> str:
 
 
 def no_connection_left(e: Evidence) -> str:
-    """The PLC's connections are all in use."""
     used, most = e.budget
     if e.cause.call != "budget":
         return ""

@@ -61,7 +61,6 @@ def _before(e: Evidence, thing: str) -> str:
 
 
 def _pin(e: Evidence) -> str:
-    """Return what makes a job ad hoc: a pin, or a LEN of 0 where there is none."""
     return "ADHOC" if e.has_adhoc else "LEN 0 is ad hoc"
 
 
@@ -343,7 +342,6 @@ def wrong_port(e: Evidence) -> str:
 
 
 def nobody_sends(e: Evidence) -> str:
-    """No datagram has come to this socket yet."""
     if not _waits_for_the_first(e) or wrong_port(e):
         return ""
     for peer in _udp_peers(e):
@@ -368,7 +366,6 @@ def _udp_peers(e: Evidence) -> tuple[PeerSnapshot, ...]:
 
 
 def _is_at(target: str, local: str) -> bool:
-    """Return whether what goes to `target` comes to a socket at `local`."""
     address, _, port = local.rpartition(":")
     return target == local or (address == ANY_ADDRESS and target.rpartition(":")[2] == port)
 
@@ -469,7 +466,6 @@ def datagram_job_stands(e: Evidence) -> str:
 
 
 def socket_is_closed(e: Evidence) -> str:
-    """Without its socket no datagram moves."""
     at = e.link.name if e.link is not None else "UDP_CONFIG"
     return (
         f"the socket of {at} is not open; the next call tries again{DO}check whether LocalAddress is one "

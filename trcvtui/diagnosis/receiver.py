@@ -48,7 +48,6 @@ class Receiver(NamedTuple):
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
 
     def fits(self, line: LineFacts) -> bool:
-        """Return whether the conversation is this receiver's."""
         if self.is_serial or line.protocol == "serial":
             return self.is_serial and line.protocol == "serial"
         if (line.protocol == "udp") != self.is_datagram and not (self.is_only and not self.connect):

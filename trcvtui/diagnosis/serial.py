@@ -74,12 +74,10 @@ class FramedBlock:
 
     @property
     def prefix(self) -> bytes:
-        """Return the prefix, b"" for none."""
         return self.framer.prefix or b""
 
     @property
     def suffix(self) -> bytes:
-        """Return the suffix, b"" for none."""
         return self.framer.suffix or b""
 
     @property
@@ -203,7 +201,6 @@ def static_feeder(f: FramedBlock) -> str:
 
 
 def idle_feeder(f: FramedBlock) -> str:
-    """No bytes will come."""
     if f.feeder is None or f.feeder.pin("EN_R") is not False:
         return ""
     return f"{f.feeder.name} has EN_R = 0: no bytes come"

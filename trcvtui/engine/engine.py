@@ -12,7 +12,7 @@ import os
 from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
@@ -29,19 +29,12 @@ if TYPE_CHECKING:
     from trcvtui.recording.recorder import RunRecorder
 
 
-def engine_main(
-    channel: Channel,
-    path: Path,
-    kernel: str,
-    netns: bool = False,
-    read_only: bool = False,
-    record: RecordTo | None = None,
-) -> None:
-    """Run the engine until the screen closes the channel; a crash is told before the process ends."""
+def engine_main(channel: Channel, *asked: Any) -> None:
+    """Run what an EngineDriver asks for until the screen closes the channel; a crash is told before."""
     gc.disable()  # the engine collects at the beginning of each bench only
     leave(OF_A_TERMINAL)  # they belong to the screen
     try:
-        _run(channel, path, kernel, netns, read_only, record)
+        _run(channel, *asked)
     except UserError as wrong:
         _tell(channel, wrong)
     except Exception as error:
@@ -51,12 +44,7 @@ def engine_main(
 
 
 def _run(
-    channel: Channel,
-    path: Path,
-    kernel: str,
-    netns: bool,
-    read_only: bool,
-    record: RecordTo | None,
+    channel: Channel, path: Path, kernel: str, netns: bool, read_only: bool, record: RecordTo | None
 ) -> None:
     from trcvtui.scenario.scenario import load_bench
 

@@ -18,8 +18,6 @@ MOST_SEQS: Final = 1024  # of a run
 
 
 class KeptEvent(NamedTuple):
-    """One event, in the order of time."""
-
     t: float
     seq: int
     boot: str

@@ -55,7 +55,6 @@ class SeenInstance:
         return made
 
     def recent_message(self, at: float) -> RecentMessage:
-        """Return the newest events."""
         return RecentMessage(at, self.count, tuple(self.recent))
 
     def begin_run(self) -> None:

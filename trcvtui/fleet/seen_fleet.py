@@ -45,8 +45,6 @@ CAUSES: Final = {
 
 
 class FleetInstance:
-    """One instance of a line: what it shows, its events."""
-
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
         self.status: StatusMessage | None = None
@@ -88,10 +86,6 @@ class FleetAgent:
     @property
     def is_offline(self) -> bool:
         return self.state is not None and self.state.state == "offline"
-
-    @property
-    def is_stale(self) -> bool:
-        return self.state is not None and self.state.state == "stale"
 
     def begin(self) -> None:
         """Take that what came before we looked has come."""
@@ -193,7 +187,7 @@ class FleetLine:
         shown = [each.status for each in self.instances.values() if each.status is not None]
         if self.agent.is_offline:
             return OFFLINE
-        if self.agent.is_stale:
+        if self.agent.state is not None and self.agent.state.state == "stale":
             return STALE
         if any(status.error for status in shown):
             return ERROR

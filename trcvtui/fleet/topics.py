@@ -51,7 +51,6 @@ class Topic(NamedTuple):
     kind: str
 
     def __str__(self) -> str:
-        """Return the topic as the broker knows it."""
         names = (self.site, self.agent, self.line, self.instance)
         return "/".join((ROOT, *(encoded(name) for name in names if name), self.kind))
 
@@ -150,7 +149,7 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
 class FiguresMessage(
     FleetMessage, frozen=True, rename={"received": "received_bytes_s", "sent": "sent_bytes_s"}
 ):
-    """How a line runs. Rates in bytes a second; None: this system does not say."""
+    """How a line runs. Rates in bytes a second."""
 
     KIND = "figures"
     TEXTS = ("state",)
@@ -160,8 +159,6 @@ class FiguresMessage(
     sent: Number
     done_a_minute: Number
     errors_an_hour: Number
-    round_trip_ms: Number | None = None
-    retransmissions: Count | None = None
 
 
 class RecentMessage(FleetMessage, frozen=True):

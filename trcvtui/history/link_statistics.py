@@ -87,10 +87,6 @@ class _Datagrams:
         self.count = 0
         self.last: deque[int] = deque(maxlen=KEPT_SIZES)
 
-    @property
-    def sizes(self) -> Sizes:
-        return Sizes(self.count, tuple(self.last))
-
 
 class LinkStatistics:
     """Reads the ledger along with the index; `facts` answers for one instance."""
@@ -227,7 +223,7 @@ class LinkStatistics:
             return Facts()
         bursts, datagrams = self._index.bursts(connect), link.datagrams
         known = Facts(
-            datagrams=datagrams.sizes if datagrams is not None else Sizes(),
+            datagrams=Sizes(datagrams.count, tuple(datagrams.last)) if datagrams is not None else Sizes(),
             open_since=datagrams.open_since if datagrams is not None else None,
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),

@@ -39,12 +39,8 @@ class HistoryReader:
         self._reached = 0
         self._answer: SeekResult | None = None
 
-    def window(self, request: HistoryRequest) -> HistoryWindow:
-        """Return what was asked for; a window that lies outside is moved to what is kept."""
-        return self.later(request)()
-
     def later(self, request: HistoryRequest) -> Callable[[], HistoryWindow]:
-        """Return what makes the window later, on the stream as far as it goes by then."""
+        """Return what makes the window later, on the stream by then; one outside is moved to what is kept."""
         self._history.catch_up()
         self._history.watched = request.connect
         stream = self._history.streams.get(request.connect, _NOTHING)

@@ -93,8 +93,6 @@ class MessageSpan(NamedTuple):
 
 
 class Spanned(Protocol):
-    """Anything that stands over bytes."""
-
     @property
     def position(self) -> int: ...
     @property

@@ -421,7 +421,6 @@ def _covering(recvs: Iterable[RecvSpan], offset: int) -> RecvSpan | None:
 
 
 def _place(pieces: Iterable[tuple[int, int]], byte: int) -> int:
-    """Return where a byte of a job lies in the stream."""
     place = 0
     for offset, size in pieces:
         if byte < size:

@@ -95,12 +95,10 @@ class PinRecord:
 
 
 class WaveformRecorder:
-    """The record of each instance of one bench."""
-
     def __init__(self, bench: Bench, history: JobHistory) -> None:
         self._bench, self._history = bench, history
         project = bench.project
-        self._keep = _kept(len(project.instances))
+        self._keep = max(LEAST_KEPT, min(KEPT_CHANGES, KEPT_IN_ALL // max(1, len(project.instances))))
         self.records = {
             decl.name: PinRecord(_first_pins(decl, project), self._keep) for decl in project.instances
         }
@@ -176,10 +174,6 @@ class WaveformRecorder:
         if not is_all and last is not None:
             until = last[1:3]
         return WaveformDelta(instance, first, scan, t_ns, before, changes, *until)
-
-
-def _kept(instances: int) -> int:
-    return max(LEAST_KEPT, min(KEPT_CHANGES, KEPT_IN_ALL // max(1, instances)))
 
 
 def _first_pins(decl: InstanceDecl, project: Project) -> PinValues:

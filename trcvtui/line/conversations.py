@@ -17,8 +17,6 @@ _ENDS: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
 
 
 class _Direction:
-    """What one direction has shown."""
-
     def __init__(self) -> None:
         self.size = self.segments = self.again = self.missing = 0
         self.second = self.in_second = self.rate = 0
@@ -68,8 +66,6 @@ class _Figures:
 
 
 class ConversationFigures:
-    """The figures of conversations, as their events come."""
-
     def __init__(self) -> None:
         self._figures: dict[int, _Figures] = {}
         self._newest = 0  # ns

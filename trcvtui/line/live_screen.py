@@ -163,8 +163,6 @@ class ServedShadows:
 
 
 class _PipeServed(ServedShadows):
-    """Shadows on packets that come through a pipe."""
-
     def __init__(self, channel: Channel, plan: LivePlan, asked: ShadowChoice) -> None:
         super().__init__(channel)
         self._plan = plan

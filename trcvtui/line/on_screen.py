@@ -36,8 +36,6 @@ MOST_LINES: Final = 3  # above the prompt
 
 
 class _RunHistory:
-    """What is said of conversations, in the history of the run."""
-
     def __init__(self) -> None:
         self.write: Callable[[str], None] = print
         self._left = MOST_NOTES

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.net.events import BytesReceived
@@ -32,20 +32,6 @@ SETTLING: Final = 1000  # scans at most after the last event, and after each job
 _WASTE: Final = memoryview(bytearray(1 << 16))
 
 
-class _Waits(Protocol):
-    """What waits for a shadow that is not ready."""
-
-    gives_up_at: int
-    keeps_out: bool  # was it the link that let it not in, so that those after it have no better luck
-
-    @property
-    def link(self) -> str: ...
-
-    def go_on(self, may_try: bool) -> bool:
-        """Look again whether it is ready, if it `may_try`; return whether it still waits."""
-        ...
-
-
 class ShadowBench:
     """A bench whose partners are played; `on_scan` gets what changed in a scan, and whose bytes lack some.
 
@@ -57,7 +43,7 @@ class ShadowBench:
     ) -> None:
         self.bench = bench
         self.network = bench.network
-        self.waiting: list[_Waits] = []  # in the order in which they came
+        self.waiting: list[PlayedEnd | PlayedLine] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> places without bytes in its stream
         self.of_datagrams: set[str] = set()  # whose holes are numbers of datagrams: a DATA takes less of one
         self.not_run = 0  # scans of which it is not known that they change nothing
@@ -120,7 +106,6 @@ class ShadowBench:
         return scans > 0
 
     def step(self) -> None:
-        """Let one scan pass."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._let_in()
@@ -150,7 +135,7 @@ class ShadowBench:
 
     def _let_in(self) -> None:
         closed: set[str] = set()
-        left: list[_Waits] = []
+        left: list[PlayedEnd | PlayedLine] = []
         waiting, self.waiting = self.waiting, []
         for one in waiting:
             if one.go_on(one.link not in closed):
@@ -179,12 +164,12 @@ class PlayedEnd:
     """
 
     def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:
-        self.connect = connect
+        self.connect = self.link = connect
         self.left_out = 0
         self.is_over = False
         self.has_ended = self.has_left = False  # in the capture: the partner; the shadow's own end
         self.gives_up_at = 0
-        self.keeps_out = True
+        self.keeps_out = True  # it was the link that let it not in: those after it have no better luck
         self._shadows = shadows
         self._own = own
         self._calls = calls
@@ -221,10 +206,6 @@ class PlayedEnd:
 
     def _await(self) -> None:
         self._awaits = not self._has_answer
-
-    @property
-    def link(self) -> str:
-        return self.connect
 
     def go_on(self, may_try: bool) -> bool:
         """Look again whether the shadow is ready; return whether it still waits."""

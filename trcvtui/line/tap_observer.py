@@ -69,10 +69,9 @@ class TapPlan:
         self, routes: Sequence[Route], project: Path | None, plc: str | None, dialect: str | None
     ) -> None:
         self.routes = routes
-        self.notes: tuple[str, ...] = ()
         loaded = None if project is None else load_bench(project)
         if loaded is not None and dialect is not None:
-            loaded, self.notes = in_dialect(loaded, dialect_named(dialect))
+            loaded = in_dialect(loaded, dialect_named(dialect)).project
         given = None if plc is None else parse_plc(plc)
         self.calls = [
             given is not None and not _is_at(route.to, given.address, given.port) for route in routes

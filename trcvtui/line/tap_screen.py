@@ -63,8 +63,6 @@ def tap_main(channel: Channel, events: Channel, asked: TapChoice, kernel: str) -
 
 
 class _TapServed(ServedShadows):
-    """Shadows on the conversations of a tap."""
-
     def run(self, fd: int, asked: TapChoice, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets

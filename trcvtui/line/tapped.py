@@ -229,13 +229,11 @@ class TapCapture:
         self._told = self._lost = 0  # serial lines that have their block; events that were left out
 
     def head(self) -> bytes:
-        """Return what stands before all packets."""
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
         return made + (pcap.interface_block(pcap.USER0, pcap.NOTES) if self._with_notes else b"")
 
     def blocks(self, events: Iterable[TapEvent]) -> bytes:
-        """Return the blocks of some events."""
         return b"".join([block for event in events for block in self._blocks(event)])
 
     def _blocks(self, event: TapEvent) -> Iterator[bytes]:

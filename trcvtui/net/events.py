@@ -11,8 +11,6 @@ from trcvtui.net.results import Fault
 
 
 class EventKind(StrEnum):
-    """One word for each thing that can happen to a connection."""
-
     LISTENING = "listening"
     CONNECTING = "connecting"
     CONNECTED = "connected"

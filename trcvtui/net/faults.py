@@ -107,7 +107,6 @@ class FaultPlan:
         self.active = True
 
     def clear(self) -> None:
-        """Drop the whole plan."""
         self._entries.clear()
         self.active = False
 

@@ -126,7 +126,7 @@ class Instance:
             self._blinking or self._fading
         )
         if self._stream is not None:
-            self._stream.after(outcome, bool(self.inputs[self._row.begins]))
+            self._stream.after(outcome, bool(self.inputs["EN_R" if self._row.receives else "REQ"]))
             goes_on = goes_on or self._stream.keeps_awake
         self.asleep = outcome.stable and not goes_on
         first, self.called = not self.called, True

@@ -127,7 +127,6 @@ WHOLE: Final = 4
 
 
 def event_of(stamped: Stamped) -> Event:
-    """Return the event of an item of the ring."""
     event: Event = stamped[3] if len(stamped) == WHOLE else tuple.__new__(stamped[2], stamped[3:])
     return event
 
@@ -148,7 +147,6 @@ class Ledger:
         self._ring.append((self.scan, self.t_ns, event.__class__, event))
 
     def write_all(self, events: Sequence[Event]) -> None:
-        """Append these events."""
         scan, t_ns = self.scan, self.t_ns
         self.last_seq += len(events)
         self._ring.extend([(scan, t_ns, event.__class__, event) for event in events])
@@ -175,5 +173,4 @@ class Ledger:
 
 
 def line_of(seq: int, item: Stamped) -> Line:
-    """Return a line of the ring with its number."""
     return Line(seq, item[0], item[1], event_of(item))

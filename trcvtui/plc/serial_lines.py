@@ -58,7 +58,7 @@ class SerialLines:
         return self._env.now
 
     def declare(self, decl: ComBufferDecl) -> None:
-        buffer = ComBuffer(decl.name, _size(decl), self._write, self._time)
+        buffer = ComBuffer(decl.name, decl.size or (QUEUE if decl.is_fed else ROOM), self._write, self._time)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
             note = partial(_noted, self._write, f"{decl.name} {decl.serial.port}")
@@ -220,7 +220,3 @@ class SerialLines:
 
 def _noted(write: Callable[[BenchNote], None], subject: str, what: str, detail: str) -> None:
     write(BenchNote(subject, what, detail))
-
-
-def _size(decl: ComBufferDecl) -> int:
-    return decl.size or (QUEUE if decl.is_fed else ROOM)

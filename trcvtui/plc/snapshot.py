@@ -35,11 +35,9 @@ class ConnectionSnapshot(Struct, frozen=True):
     local: str
     remote: str
     incarnation: int
-    since_scan: int
     bytes_received: int
     attempts: int
     retry_in_ns: int | None
-    last_loss: str
     bytes_sent: int = 0
     unacknowledged: int | None = None  # bytes of ours that the partner's stack has not acknowledged
     receivers: tuple[str, ...] = ()
@@ -108,11 +106,6 @@ class InstanceSnapshot(Struct, frozen=True):
     def sends(self) -> bool:
         """Return whether this block sends DATA."""
         return block_row(self.block).sends
-
-    @property
-    def moves_bytes(self) -> bool:
-        """Return whether this block has a DATA pin."""
-        return block_row(self.block).moves_bytes
 
     @property
     def data_pin(self) -> str:
@@ -219,7 +212,7 @@ def made(bare: Bare) -> Any:
 
 def bare_connection(connection: Connection, now: int) -> Bare:
     """Return what a ConnectionSnapshot of a CONNECT at `now` (ns) is made of."""
-    loss, retry, state = connection.last_loss, connection.retry_at, connection.state
+    retry, state = connection.retry_at, connection.state
     config = connection.config
     return (
         _connection_snapshot,
@@ -229,11 +222,9 @@ def bare_connection(connection: Connection, now: int) -> Bare:
         connection.local,
         connection.peer if state is State.CONNECTED else connection.set_up.remote,
         connection.incarnation,
-        connection.since_scan,
         connection.bytes_received,
         connection.attempts,
         max(0, retry - now) if retry is not None else None,
-        loss.kind.name.lower().replace("_", " ") if loss else "",
         connection.bytes_sent,
         connection.unacknowledged() if connection.bytes_sent else 0,
         connection.receiving.owners(),
@@ -260,11 +251,9 @@ def bare_port(port: UdpEndpoint, now: int) -> Bare:
         port.local,
         port.peer,
         port.incarnation,
-        port.since_scan,
         port.bytes_received,
         port.attempts,
         max(0, retry - now) if retry is not None else None,
-        "",
         port.bytes_sent,
         None,
         port.receiving.owners(),
@@ -285,7 +274,6 @@ def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
 def framer_snapshot(
     block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, PinValue]
 ) -> FramerSnapshot:
-    """Return a receiving block's framer as it stands."""
     is_text = "SizeReceiveData" not in inputs
     if is_text:
         prefix, suffix = _text(bound.prefix), _text(bound.suffix)

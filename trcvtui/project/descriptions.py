@@ -360,8 +360,6 @@ class WrittenDescription(Struct, frozen=True):
 
 
 class BenchKeys(Struct, frozen=True):
-    """The bench's own keys."""
-
     address: str | None
     listen_port: int | None
     iso_port: int | str

@@ -5,7 +5,7 @@ Rule: these are the loader's own readers, so what a file may not say, no command
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from msgspec import Struct
@@ -46,7 +46,7 @@ from trcvtui.project.project import (
     Edits,
     Project,
 )
-from trcvtui.project.tables import Given, Table
+from trcvtui.project.tables import Table
 
 
 class AddField(Struct, frozen=True):
@@ -156,11 +156,6 @@ def _placed(problem: Problem, where: str) -> Problem:
     return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
 
 
-def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
-    """Return texts such as `LocalPort=0` as the values of a table."""
-    return {key: Given(key, text) for key, text in pairs}
-
-
 def entry(kind: str, name: str, project: Project) -> Declaration | None:
     return next((each for each in entries_of(kind, project) if each.name == name), None)
 
@@ -186,7 +181,6 @@ def changing(before: Declaration, after: Declaration | None, project: Project) -
 
 
 def with_edits(project: Project, edits: Edits) -> Project:
-    """Return the project after these edits."""
     for edit in edits:
         found = [each for each in entries_of(edit.kind, project) if each.name != edit.name]
         if edit.after is not None:
@@ -210,7 +204,6 @@ def taken_back(project: Project) -> Edits:
 
 
 def undone(project: Project) -> Project:
-    """Return the project without its newest step."""
     return replace(with_edits(project, taken_back(project)), undoable=project.undoable[:-1])
 
 

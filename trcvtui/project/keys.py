@@ -124,7 +124,6 @@ def _named(what: str) -> Key:
 
 
 def names_of(kind: str, project: Project) -> tuple[str, ...]:
-    """Return the names of a project's entries of one kind."""
     return tuple([entry.name for entry in entries_of(kind, project)])
 
 
@@ -243,7 +242,6 @@ def _is_newer(project: Project, block: str) -> bool:
 
 
 def _field_keys() -> Iterable[Key]:
-    """Return the fields that a form asks for; the description reads them with `type`."""
     ends, numbers = _at("peer", "connect"), _number()
     refers = {"RemotePort": _PEER_OR_CONNECT}
 

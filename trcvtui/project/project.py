@@ -185,7 +185,6 @@ class CertificateDecl(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Return what it is called: its number."""
         return str(self.number)
 
 
@@ -278,7 +277,6 @@ class Project(Struct, frozen=True, eq=False):
         return next((i for i in self.instances if i.name == name), None)
 
     def data_decl(self, name: str) -> DataDecl | None:
-        """Return the global variable of that name."""
         return next((d for d in self.data if d.name == name), None)
 
     def connect(self, name: str) -> ConnectConfig | None:
@@ -321,14 +319,3 @@ class Project(Struct, frozen=True, eq=False):
         return next((t for t in self.tasks if t.name == name), None)
 
     # -- a running PLC changes its program: another Project, the file stays as it is -------------------
-
-    def with_instance(self, decl: InstanceDecl) -> Project:
-        """Return the project with one more instance, last in the call order of its task."""
-        return replace(self, instances=(*self.instances, decl))
-
-    def without_instance(self, name: str) -> Project:
-        return replace(self, instances=tuple(i for i in self.instances if i.name != name))
-
-    def with_data(self, decl: DataDecl) -> Project:
-        """Return the project with another type for a global variable."""
-        return replace(self, data=tuple(decl if d.name == decl.name else d for d in self.data))

@@ -407,11 +407,9 @@ class Table:
         self._known.extend(keys)
 
     def peek(self, key: str) -> Any:
-        """Return the value of a key as it stands, None where it is missing."""
         return self._content.get(key)
 
     def text(self, key: str) -> str | None:
-        """Return the text that stands at a key, None where there is none."""
         value = self._content.get(key)
         return value.text if isinstance(value, Given) else value if isinstance(value, str) else None
 
@@ -426,7 +424,6 @@ class Table:
         return [key for key in self._content if key not in self._known]
 
     def wrong(self, key: str, found: str, expected: str, kind: str = "value") -> None:
-        """Record a mistake at a key."""
         self.problems.append(Problem(self.place(key), found, expected, kind))
 
     def unknown(self, key: str, name: str, known: Iterable[str], what: str) -> None:

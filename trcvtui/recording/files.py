@@ -204,7 +204,6 @@ class NumberedFiles:
         self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
 
     def keyframe(self, frame: Keyframe) -> None:
-        """Take the state after a scan that has been taken."""
         if self._file is not None:
             self._file.keyframe(frame._replace(steps=frame.steps - self._file_from))
             self._beside += len(frame.content)

@@ -97,7 +97,6 @@ class RecordingWriter:
         )
 
     def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
-        """Take entries whose packets are no more; then go on with the packets of the files before."""
         for entry in old:
             self._keep(entry)
         packets.wire.wall_ns, self._told = self._wall_ns, packets

@@ -91,7 +91,6 @@ class RunPackets:
         return entry
 
     def _read(self, entry: Answered) -> Answered:
-        """Note where a job may have ended; point to the bytes."""
         if not isinstance(entry.answer, tuple):
             return entry
         got, data = entry.answer

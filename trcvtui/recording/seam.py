@@ -369,8 +369,6 @@ class _NotedKernel(_SeamKernel):
 
 
 class SeamKernel(ReadyKernel, Protocol):
-    """A kernel that asks its seam."""
-
     def note_arrivals(self) -> None:
         """Note what lies unread after a scan, where the run is recorded."""
         ...

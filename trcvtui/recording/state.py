@@ -103,8 +103,6 @@ def _constants() -> dict[int, tuple[str, str]]:
 
 
 class _Kept:
-    """One state while it is made."""
-
     def __init__(self, shared: Shared, constants: dict[int, tuple[str, str]]) -> None:
         self._shared, self._constants = shared.numbers, constants
         self._known: dict[int, int] = {}

@@ -117,8 +117,6 @@ NO_FLOWS: Final = Flow(), Flow()
 
 
 class _TcpStream:
-    """One TCP connection: its ends and what each has sent."""
-
     def __init__(self, owner: str, here: Endpoint, there: Endpoint) -> None:
         self.owners: tuple[str, ...] = (owner,)
         self.ends = here, there

@@ -155,7 +155,6 @@ class WriterProcess:
         self.trouble = f"{why}; nothing more is recorded"
 
     def close(self) -> None:
-        """Write what is left, and end the file."""
         if self.is_over:
             return
         if not self.trouble and not self._stdin.closed:
@@ -218,17 +217,13 @@ def _refusal(line: bytes, path: Path) -> UserError:
 class BlockSink(Protocol):
     """A sink of whole blocks, with work of its own while nothing comes."""
 
-    def take_block(self, block: bytes) -> None:
-        """Write the entries of a block."""
-        ...
+    def take_block(self, block: bytes) -> None: ...
 
     def go_on(self, until: int) -> bool:
         """Work until this moment of the clock; return whether there is more to do."""
         ...
 
-    def close(self) -> None:
-        """End the file."""
-        ...
+    def close(self) -> None: ...
 
 
 def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> None:

@@ -135,8 +135,6 @@ class DoctorInput:
 
 
 class _JudgedRun(DoctorInput):
-    """The journal of a run, as far as it is kept."""
-
     def __init__(self, path: str) -> None:
         super().__init__(path)
         self._opened, self._bytes = ExitStack(), 0

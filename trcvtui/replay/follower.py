@@ -38,8 +38,6 @@ PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is t
 
 
 class _ComingEntries(PlaceInJournal):
-    """The entries of a journal as they come; it knows where it is."""
-
     def __init__(self) -> None:
         super().__init__()
         self._waiting: deque[Entry] = deque()

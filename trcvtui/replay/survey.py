@@ -100,7 +100,6 @@ class Survey:
         return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
 
     def go_on(self, until: int) -> None:
-        """Read until this moment."""
         while not self.is_over and clock.now_ns() < until:
             some = [*islice(self._entries, READ_AT_ONCE)]
             for entry in some:

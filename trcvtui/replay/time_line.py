@@ -103,7 +103,6 @@ class ReplayController(Controller):
         return self._trigger_watch.armed
 
     def step(self, now: int | None = None) -> bool:
-        """Let the next scan run again."""
         passed = self.run.scan()
         if self._trigger_watch.is_armed:
             fired = self._trigger_watch.scanned()

@@ -21,8 +21,6 @@ MOST_CONVERSATIONS: Final = 500
 
 
 class _CaptureNotes:
-    """Takes what the shadows of a capture show, and what is said of its conversations."""
-
     def __init__(self, interval_ns: int) -> None:
         self.notes: RunNotes | None = None  # from the first scan on
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)

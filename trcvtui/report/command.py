@@ -24,11 +24,11 @@ from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun, restored_state
-from trcvtui.report.page import MARK, FoundCause, ReportSource, last_part, page
+from trcvtui.report.page import MARK, FoundCause, ReportSource, page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import Runner, Verdict
 from trcvtui.scenario.scenario import load_bench
-from trcvtui.wording import count
+from trcvtui.wording import count, last_part
 
 if TYPE_CHECKING:  # a recording needs none of it
     from trcvtui.line.shadows import ShadowChoice

@@ -38,7 +38,7 @@ from trcvtui.report.run_notes import (
 from trcvtui.scenario.runner import Verdict
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
-from trcvtui.wording import count, stamp, times, utc_text
+from trcvtui.wording import count, last_part, stamp, times, utc_text
 
 T = TypeVar("T")
 Row = TypeVar("Row")
@@ -108,11 +108,6 @@ class _DrawnLane(NamedTuple):
     paths: list[tuple[str, str]]  # class and data of each
 
 
-def last_part(path: str) -> str:
-    """Return the name of a file without its folders: they tell its maker, and nothing else."""
-    return path.replace("\\", "/").rpartition("/")[2]
-
-
 def page(source: ReportSource, notes: RunNotes, verdict: Verdict | None = None) -> Iterator[str]:
     templates = Environment(
         loader=FileSystemLoader(Path(__file__).with_name("templates")),
@@ -133,8 +128,6 @@ def _plain(value: object) -> object:
 
 
 class _PageParts:
-    """The parts of the page, as the template asks for them."""
-
     left, width, row, most_members = LEFT, WIDTH, ROW, MOST_MEMBERS
 
     def __init__(self, source: ReportSource, notes: RunNotes, verdict: Verdict | None) -> None:

@@ -85,8 +85,6 @@ class TimeLane:
 
 
 class EdgeNote(NamedTuple):
-    """An edge and when it came."""
-
     at: ScanStamp
     edge: StatusEdge
 
@@ -121,8 +119,6 @@ class CauseNote(NamedTuple):
 
 
 class InstanceNotes:
-    """What was seen of one instance."""
-
     def __init__(self, width_ns: int, edges: int, frames: int) -> None:
         self.edges: FirstAndLast[EdgeNote] = FirstAndLast(edges)
         self.error_edges: FirstAndLast[tuple[int, EdgeNote]] = FirstAndLast(edges)
@@ -161,7 +157,6 @@ class RunNotes:
         self._frames = max(1, min(MOST_OF_ONE // 4, FRAMES // 2 // share))
 
     def scanned(self) -> None:
-        """Take what the last scan has told."""
         ledger = self.bench.runtime.ledger
         if self.bench.late_scans > self._late_scans:
             self._late_scans += 1
@@ -275,7 +270,6 @@ class RunNotes:
             notes.frames.add(told)
 
     def _data(self, instance: str, size: int) -> bytes:
-        """Return the first bytes of an instance's DATA."""
         decl = self.bench.project.instance(instance)
         name = decl.data if decl is not None else None
         return b"" if name is None else self.bench.runtime.data(name, min(size, MOST_BYTES))

@@ -23,11 +23,10 @@ from trcvtui.commands.snapshots import (
     TrialSnapshot,
 )
 from trcvtui.errors import mistake
-from trcvtui.scenario.scenario import START_STEP, Scenario
+from trcvtui.scenario.scenario import START_STEP, Scenario, cut
 from trcvtui.scenario.step_runner import StepRunner
 
 MOST_STEPS: Final = 1000  # all of them are in each picture
-LONGEST_TEXT: Final = 2000  # of a line or of what was found, in a picture
 MOST_RUNS: Final = 120  # of each instance's trace, in a picture
 JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
 
@@ -41,7 +40,7 @@ class Player:
         self._scenario = scenario
         self._stage = StepRunner(bench)
         self._steps = (*scenario.start, *scenario.steps)
-        self._told = tuple([StepSnapshot(s.number, _cut(s.line), TO_COME) for s in self._steps])
+        self._told = tuple([StepSnapshot(s.number, cut(s.line), TO_COME) for s in self._steps])
         self._current = 0
         self._under_way: Iterator[None] | None = None
         self._scans = 0  # that have passed in the step under way
@@ -100,7 +99,7 @@ class Player:
         self._under_way = None
         failure = self._stage.failure
         if failure is not None:
-            self._tell(FAILED, _cut(failure.found))
+            self._tell(FAILED, cut(failure.found))
         else:
             self._tell(HELD if isinstance(self._steps[self._current].command, JUDGED) else DONE)
         self._current += 1
@@ -112,8 +111,6 @@ class Player:
     def snapshot(self) -> PlayerSnapshot:
         return PlayerSnapshot(
             path=self._path,
-            scenario=_cut(self._scenario.name),
-            about=_cut(self._scenario.about),
             steps=self._told,
             current=self._current,
             running=self.wants_scan,
@@ -129,7 +126,3 @@ def refuse_too_many_steps(path: str, scenario: Scenario) -> None:
     if count > MOST_STEPS:
         expected = f"at most {MOST_STEPS} to be played on the screen; `trcvtui scenario` plays them all"
         raise mistake(f"{path}: steps", f"{count} steps", expected)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

@@ -44,8 +44,6 @@ class ErrorTold(Struct, frozen=True):
 
 
 class Errors:
-    """What has been seen so far."""
-
     def __init__(self) -> None:
         self._told: dict[tuple[str, int, str], ErrorTold] = {}
 
@@ -149,9 +147,7 @@ class Verdict(Struct, frozen=True):
 class Pace(Protocol):
     """How scans follow each other: the simulation's virtual time, or the clock's."""
 
-    def next_scan(self, bench: Bench) -> None:
-        """Let one scan pass at its time."""
-        ...
+    def next_scan(self, bench: Bench) -> None: ...
 
 
 class VirtualPace:

@@ -239,7 +239,7 @@ def _described(path: Path, content: bytes) -> ScenarioFile | None:
     said: dict[str, Any] = table if isinstance(table, dict) else {}
     name, about, steps = (_text(said.get(key)) for key in ("name", "about", "steps"))
     lines = tuple(islice(_script(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
-    return ScenarioFile(path, _cut(name or path.stem), _cut(about), lines, **_of_project(path))
+    return ScenarioFile(path, cut(name or path.stem), cut(about), lines, **_of_project(path))
 
 
 def _text(value: object) -> str:
@@ -250,7 +250,7 @@ def _of_project(path: Path) -> dict[str, Any]:
     try:
         project = load_scenario(path).project
     except UserError as wrong:
-        return {"problem": _cut(wrong.lines()[0])}
+        return {"problem": cut(wrong.lines()[0])}
     blocks = dict.fromkeys(each.block for each in project.instances)
     return {"blocks": tuple(blocks), "dialect": project.dialect.name}
 
@@ -264,8 +264,8 @@ def _script(steps: str, file: list[str]) -> Iterator[ScriptLine]:
     for place, line in enumerate(lines, first):
         is_step = bool(line.strip()) and not line.strip().startswith("#")
         step += is_step
-        yield ScriptLine(place, step if is_step else 0, _cut(line.strip()))
+        yield ScriptLine(place, step if is_step else 0, cut(line.strip()))
 
 
-def _cut(text: str) -> str:
+def cut(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."

@@ -57,7 +57,6 @@ class Trace:
         self._known: dict[Scan, Scan] = {}  # equal scans share one tuple
 
     def add(self, scan: Scan) -> None:
-        """Append one called scan."""
         scan = self._known.setdefault(scan, scan)
         if not _went_on(self._since, scan):
             self._since.append((scan, 1))

@@ -378,7 +378,7 @@ class BenchApp(TerminalApp):
         unsaved = self.view_model.unsaved
         if unsaved and self._warned != (self._keys - 1, unsaved) and not self.last_words:
             self._warned = self._keys, unsaved
-            what = count(unsaved, self.view_model.unsaved_word)
+            what = count(unsaved, self.view_model.live.unsaved_word if self.view_model.live else "")
             text = f"{what} to the project unsaved: `save project` keeps them, q quits"
             (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
             return

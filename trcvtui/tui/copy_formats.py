@@ -13,7 +13,7 @@ from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.tui.widgets.line_view import ARROW_MOVES, LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
 from trcvtui.udt.report import csv_lines, decode_json, member_rows
 from trcvtui.wording import count, in_columns, stamp
@@ -135,7 +135,7 @@ LETTERS = tuple(form.letter for form in FORMATS)
 class YankList(LineView, inherit_bindings=False):
     """One line a format; what has nothing to write is pale. Letters are formats, they do not move."""
 
-    BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False)]
+    BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_MOVES[:2]]
 
     def __init__(self, subject: Subject, first: str) -> None:
         super().__init__(id="yank")
@@ -180,8 +180,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in LETTERS],
         Binding("y,enter", "take_chosen", show=False),
-        Binding("down", "move(1)", show=False),
-        Binding("up", "move(-1)", show=False),
     ]
     DEFAULT_CSS = "YankScreen YankList { width: 96; height: auto; }"
 
@@ -189,9 +187,6 @@ class YankScreen(ListDialog[tuple[Format, str] | None]):
         self._list = YankList(subject, first)
         self._list.set_title(None, "Yank", subject.title)
         super().__init__(self._list, None)
-
-    def action_move(self, rows: int) -> None:
-        self._list.action_move(rows)
 
     def action_take_chosen(self) -> None:
         self.action_take(LETTERS[self._list.cursor])

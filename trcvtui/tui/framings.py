@@ -79,7 +79,7 @@ class FramingList(CardText):
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
             (f"{number + 1} ", "dim"),
-            (pad(clip(title, room), room + 1), "strong" if proposal.can_be_set else "dim"),
+            (pad(clip(title, room), room + 1), "strong" if proposal.framing is not None else "dim"),
             (told, "on" if proposal.frames == proposal.of_frames else "warn"),
         ]
         return row(*parts, style="cursor" if chosen else "")

@@ -39,8 +39,6 @@ BY_HAND: Final = "button"  # the palette tells more of these than a binding know
 
 
 class PaneKey(NamedTuple):
-    """One binding of a pane."""
-
     digit: int
     widget: Widget
     binding: Binding
@@ -119,8 +117,6 @@ async def press_from_afar(main: MainScreen, key: str, missing: str = "") -> None
 
 
 class PaletteReach(NamedTuple):
-    """What the commands may reach."""
-
     view_model: ViewModel
     main: MainScreen
     submit: Callable[[str], None]
@@ -185,7 +181,6 @@ def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 
 def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
-    """Yield what changes the running program; each opens the prompt, so that the line is seen first."""
     for kind, what in TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))

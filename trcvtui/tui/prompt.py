@@ -85,8 +85,6 @@ class EchoLine(LineView, can_focus=False):
 
 
 class PromptInput(TypedField):
-    """The open command line."""
-
     KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
     BINDINGS: ClassVar = [
         Binding("up", "recall(-1)", show=False),

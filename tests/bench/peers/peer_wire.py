@@ -123,7 +123,6 @@ class Wire:
 
 
 def connected(wire: Wire) -> tuple[Peer, Handle]:
-    """Return an active peer and the other end of its connection."""
     listener = wire.listener()
     peer = wire.peer("P1", True, "@C1")
     assert peer.connect(wire.now) == ""

@@ -27,7 +27,6 @@ ROOM = 1000
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """Return the project of these tests."""
     return bench_project(tmp_path_factory.mktemp("bench"))
 
 

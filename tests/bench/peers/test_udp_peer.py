@@ -60,7 +60,6 @@ class Air(Wire):
         assert self.kernel.send_to(handle, memoryview(data), to) == len(data)
 
     def heard(self, handle: Handle) -> list[bytes]:
-        """Return the datagrams that wait."""
         into = memoryview(bytearray(65536))
         found = []
         while isinstance(got := self.kernel.recv_from(handle, into), Datagram):
@@ -91,19 +90,6 @@ def test_a_message_is_one_datagram_and_split_makes_several(air: Air) -> None:
         (2, 6, str(air.end(air.plc))),
     ]
     assert peer.snapshot().bytes_sent == 12
-
-
-def test_gap_and_repeat_go_on_while_time_passes(air: Air) -> None:
-    peer = air.listening(air.end(air.plc))
-    peer.send(PeerSend("P1", b"abcd", (2,), gap_ns=20 * MS, repeat=2), air.now)
-    assert air.heard(air.plc) == [b"ab"]
-    seen = []
-    for _ in range(3):
-        assert peer.snapshot().pending > 0
-        air.step(20 * MS)
-        seen += air.heard(air.plc)
-    assert seen == [b"cd", b"ab", b"cd"]
-    assert (peer.snapshot().pending, peer.snapshot().messages_sent) == (0, 2)
 
 
 def test_without_a_remote_it_answers_whoever_was_heard_last(air: Air) -> None:

@@ -40,7 +40,6 @@ SCANNED = [b"\x02" + str(4006381 * (number + 3) ** 3).encode() + b"\r\n" for num
 
 
 def noisy(share: int, least: int = 1, most: int = 3) -> list[bytes]:
-    """Return codes of which so many percent have noise before them."""
     source, frames = random.Random(share), []
     for code in SCANNED:
         size = source.randint(least, most) if source.randrange(100) < share else 0
@@ -172,7 +171,6 @@ def test_lines_of_text_have_a_suffix_and_their_first_letters_may_be_data() -> No
 
 
 def modbus(number: int) -> bytes:
-    """Return an answer of Modbus TCP."""
     body = bytes([1, 3]) + numbers(number, (3, 5, 9, 17)[number % 4])
     return number.to_bytes(2, "big") + b"\0\0" + len(body).to_bytes(2, "big") + body
 
@@ -185,7 +183,7 @@ def test_a_length_field_is_found_and_what_does_it_in_the_place_of_receivedata(re
     best = advise(recording).proposals[0]  # type: ignore[arg-type]
     assert best.title == "length field: 2 bytes, high byte first, at byte 4; counts the bytes after it"
     assert best.field == LengthField(4, 2, "big", 6)
-    assert not best.can_be_set
+    assert best.framing is None
     assert best.evidence[0] == "20 lengths lead from frame to frame, the last to byte 330 of 330"
     assert best.instead == (
         "cannot be set: ReceiveData has no length field; a program does it with two jobs: "

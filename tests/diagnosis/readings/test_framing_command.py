@@ -49,7 +49,6 @@ TxBuffer = "RX2"
 
 
 def desk(file: Path) -> Controller:
-    """Return a console on a simulated bench."""
     return Controller(fresh_bench(load_project(file), "sim"))
 
 
@@ -61,7 +60,6 @@ def plain(tmp_path: Path) -> Controller:
 
 
 def say(console: Controller, line: str) -> Answer:
-    """Return what is answered to a line."""
     console.take(1, line)
     return console.picture(UpdateRequest(), EngineTiming(), 0).answers[-1]
 

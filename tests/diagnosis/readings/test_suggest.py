@@ -43,7 +43,6 @@ class Suggested:
         self._capsys = capsys
 
     def of(self, built: Built) -> str:
-        """Write a project, and return what is said of it."""
         self.capture.write_bytes(built.file())
         main(["doctor", str(self.capture), "--suggest", str(self.path)])
         return self._capsys.readouterr().err

@@ -87,7 +87,6 @@ def shown(line: Line) -> tuple[Any, ...]:
 
 
 def sizes(lines: Sequence[Line]) -> list[int | None]:
-    """Return RCVD_LEN of each DONE."""
     return [line.get("RCVD_LEN") for line in lines if line["DONE"]]
 
 

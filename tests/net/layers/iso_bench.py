@@ -41,7 +41,6 @@ class Net:
         self.below.breathe()
 
     def inside(self, handle: Handle) -> int:
-        """Return how many bytes a session holds itself."""
         below: int = self.faulty.unread(handle)
         return self.kernel.unread(handle) - below
 
@@ -67,7 +66,6 @@ class IsoBench(Bench):
         return got
 
     def close(self) -> None:
-        """Close all that is still open."""
         self.close_all(*self._open)
 
     def iso_socket(self, settings: IsoSettings, owner: str = "C1", small: bool = False) -> Handle:
@@ -116,7 +114,6 @@ class IsoBench(Bench):
         return bytes(into[: found[0].size]), found[0].whole
 
     def up(self) -> tuple[Handle, Handle]:
-        """Return both ends of a connection that stands."""
         listener = self.iso_listener(WAITS)
         caller = self.call(self.end(listener))
         called = self.taken(listener, caller=caller)

@@ -41,7 +41,6 @@ def read(session: IsoOnTcp, room: int = 65536) -> LayerMessage | None:
 
 
 def pair(caller: IsoSettings = CALLER, called: IsoSettings = CALLED) -> tuple[IsoOnTcp, IsoOnTcp]:
-    """Return two ends whose handshake is over."""
     active, passive = caller.new(is_active=True), called.new(is_active=False)
     fed(passive, active.take_output())
     assert passive.is_for(called) == ""

@@ -47,7 +47,6 @@ def errors(ends: tuple[LayerSession, LayerSession]) -> list[str]:
 
 @pytest.fixture
 def up(certificates: Certificates) -> Iterator[tuple[LayerSession, LayerSession]]:
-    """Return client and server after their handshake."""
     client, server = met(certificates.settings(), certificates.settings("plc"))
     assert client.is_up
     assert server.is_up
@@ -115,7 +114,6 @@ def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[LayerSession, La
 
 
 def flights(client: LayerSession, server: LayerSession) -> list[bytes]:
-    """Return what each end says in turn, the client first."""
     said = []
     for _ in range(FLIGHTS):
         said.append(client.take_output())

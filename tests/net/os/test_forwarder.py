@@ -48,7 +48,6 @@ class Stand:
         raise AssertionError("never")
 
     def talk(self) -> tuple[socket.socket, socket.socket]:
-        """Return both ends of a new conversation."""
         address = self.loop.routes[0].address
         assert address is not None
         near = socket.socket()
@@ -68,7 +67,6 @@ class Stand:
         return near, far[0]
 
     def read(self, sock: socket.socket, size: int) -> bytes:
-        """Return so many bytes that come to an end."""
         got = bytearray()
 
         def is_whole() -> bool:
@@ -100,7 +98,6 @@ class Stand:
         return answers[0]
 
     def events(self) -> list[TapEvent]:
-        """Return what has been told since."""
         whole = bytearray()
         with suppress(BlockingIOError):
             while part := self.looks.recv(1 << 20):
@@ -109,7 +106,6 @@ class Stand:
         return [event for found in events_of(lambda _: next(parts)) for event in found]
 
     def close(self) -> None:
-        """Close all."""
         with suppress(Exception):
             self.loop.close()
         for sock in self._sockets:
@@ -404,7 +400,6 @@ class Datagrams(Stand):
         self.far.connect(self.far.recvfrom(99)[1])
 
     def come(self, count: int) -> list[bytes]:
-        """Return so many datagrams that come to the far end."""
         got: list[bytes] = []
 
         def are_there() -> bool:

@@ -18,7 +18,6 @@ pytest.importorskip("serial")
 
 
 def opened(port: OsSerialPort) -> Fault | None:
-    """Ask until it is known."""
     shown: Fault | Opening | None = OPENING
 
     def is_known() -> bool:

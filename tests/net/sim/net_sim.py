@@ -24,13 +24,11 @@ class SimNetwork:
         self.kernel.advance(self.kernel.now_ns + MS)
 
     def pass_ms(self, milliseconds: int) -> None:
-        """Let time pass, then poll."""
         self.kernel.advance(self.kernel.now_ns + milliseconds * MS)
         self.kernel.poll()
 
     @property
     def now_ms(self) -> int:
-        """Return the virtual time."""
         return self.kernel.now_ns // MS
 
 
@@ -43,7 +41,6 @@ class SimBench(Bench):
         super().__init__(self.time)
 
     def owned(self, owner: str, options: SocketOptions | None = None) -> Handle:
-        """Return a socket of an owner, with its options."""
         handle = self.sim.socket(owner)
         assert not isinstance(handle, Fault)
         if options is not None:
@@ -59,7 +56,6 @@ class SimBench(Bench):
         return self.pair(listener, client=self.owned("C1", ours))
 
     def cut(self) -> None:
-        """Cut C1's wire."""
         self.sim.set_link("C1", up=False)
 
     def mend(self) -> None:

@@ -46,7 +46,6 @@ class Side:
             self.ended = got
 
     def recv(self, b: Bench, size: int) -> None:
-        """Receive what there is, up to size."""
         got = b.try_recv(self.handle, size)
         if isinstance(got, bytes):
             self.received += got

@@ -6,27 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.tui.looking import BOTH, SMALL, WIDE, follow, looking, same_screen, typed
+from tests.tui.looking import SMALL, WIDE, follow, looking, same_screen, typed
 from tests.tui.scenario_stage import HERE, scenarios
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")
-
-
-@BOTH
-@pytest.mark.parametrize("key", ["escape", "q", "S"])
-async def test_leaving_brings_the_opened_project_back_fresh(size: tuple[int, int], key: str) -> None:
-    async with scenarios(size) as stage:
-        await stage.choose("frame")
-        await stage.press("r")
-        await stage.scan(20)
-        await stage.press(key)
-        await stage.scan(3)
-        assert "1 Instances" in stage.text
-        assert "▶ RUN" in stage.line("scan 3 "), "scans pass by themselves again"
-        assert "7000 no job" in stage.line("TRCV_C_1 "), "CONT is as the file has it"
-        await stage.press("t")
-        await stage.scan(3)
-        assert "7002 connecting" in stage.line("TRCV_C_1 ")
 
 
 async def test_looking_around_leaves_the_bench_alone() -> None:

@@ -62,7 +62,6 @@ class Peer:
 
     @property
     def can_send(self) -> bool:
-        """Return whether a message could go now."""
         return self.transport.can_send
 
     @property
@@ -71,7 +70,6 @@ class Peer:
 
     @property
     def replies(self) -> Replies:
-        """Return what it answers by itself."""
         return self.queues.replies
 
     @property
@@ -84,7 +82,6 @@ class Peer:
         return self.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
-        """Return the frozen picture."""
         return PeerSnapshot(
             name=self.decl.name,
             active=self.decl.active and not self.decl.udp,
@@ -111,7 +108,6 @@ class Peer:
         return ""
 
     def resume(self) -> str:
-        """Read again."""
         self.stalled = False
         self.queues.note("reads again")
         return ""

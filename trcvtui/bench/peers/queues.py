@@ -185,8 +185,6 @@ class Outbox:
 
 
 class PatternSearch(Protocol):
-    """One match at work on a stream."""
-
     def begin(self) -> None: ...
 
     def take(self, arrived: bytes, now: int) -> int:
@@ -305,7 +303,6 @@ class Replies:
         return ""
 
     def begin(self) -> None:
-        """Begin with a new connection, or with a new datagram."""
         for rule in self._rules:
             rule.looking.begin()
 
@@ -324,7 +321,6 @@ class Replies:
         return bool(self._rules)
 
     def snapshot(self) -> tuple[ReplySnapshot, ...]:
-        """Return every rule and how often it was found."""
         return tuple([ReplySnapshot(rule.text, rule.hits, rule.missed) for rule in self._rules])
 
 
@@ -344,7 +340,6 @@ class PeerQueues:
         self._journal = journal
 
     def begin(self) -> None:
-        """Begin with a new connection, or with a new socket."""
         self.inbox.begin()
         self.replies.begin()
 

@@ -100,7 +100,6 @@ class StreamTransport(_Transport):
 
     @property
     def can_send(self) -> bool:
-        """Return whether a message could go now."""
         return self._handle is not None
 
     @property
@@ -347,17 +346,14 @@ class DatagramTransport(_Transport):
         return "closed" if self._handle is None else "listening"
 
     def is_in(self, state: str) -> bool:
-        """Return whether a state word of the bench commands is true."""
         return state == self.state
 
     @property
     def can_send(self) -> bool:
-        """Return whether a message could go now."""
         return self._handle is not None and self.remote is not None
 
     @property
     def remote(self) -> Endpoint | None:
-        """Return the end it sends to, None while it knows none."""
         remote = self._decl.remote
         if remote is None:
             return self._heard
@@ -417,7 +413,6 @@ class DatagramTransport(_Transport):
         return ""
 
     def end(self) -> None:
-        """Free the socket."""
         if self._handle is not None:
             self._kernel.close(self._handle)
             self._handle = None

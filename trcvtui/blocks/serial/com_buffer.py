@@ -44,7 +44,6 @@ class LineRecording:
 
     @cached_property
     def size(self) -> int:
-        """Return how many bytes are kept."""
         return sum([len(chunk.payload) for chunk in self.chunks])
 
     def first(self, most: int) -> LineRecording:
@@ -69,7 +68,6 @@ class Recorder:
         self._is_new = True
 
     def add(self, payload: bytes, now: int) -> None:
-        """Keep what came."""
         payload = payload[-MOST_BYTES:]
         if not payload:
             return

@@ -57,12 +57,10 @@ class Reception:
 
     @property
     def running(self) -> bool:
-        """Return whether a frame has begun."""
         return self.framer.busy
 
     @property
     def have(self) -> int:
-        """Return how many bytes of it are here."""
         return self.framer.size
 
     @property
@@ -71,7 +69,6 @@ class Reception:
         return self.framer.last_byte
 
     def partial(self) -> bytes:
-        """Return a copy of the frame that is not complete yet."""
         return self.framer.part
 
     # -- one call ----------------------------------------------------------------------------------------
@@ -105,7 +102,6 @@ class Reception:
         return RESET
 
     def refuse(self, condition: Condition, cause: Cause) -> Outcome:
-        """End the part with an error."""
         self.abandon(cause.name)
         if (self._idle.condition, self._idle.cause) != (condition, cause):
             self._idle = Outcome(condition, cause)
@@ -161,8 +157,6 @@ MILLISECOND = 1_000_000
 
 
 class ReceiveData(JobBlock):
-    """One ReceiveData instance."""
-
     def __init__(self, bound: SerialBinding) -> None:
         self.job = Reception(bound, self._deliver)
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
@@ -222,8 +216,6 @@ TEXTS: Final = {
 
 
 class ReceiveString(JobBlock):
-    """One ReceiveString instance."""
-
     longest = 80
 
     def __init__(self, bound: SerialBinding) -> None:

@@ -20,8 +20,6 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class SingleTsend(JobBlock):
-    """One TSEND instance."""
-
     needs_datagrams = False
 
     def __init__(self, bound: Binding) -> None:
@@ -61,14 +59,10 @@ class SingleTsend(JobBlock):
 
 
 class TusendOnConnect(SingleTsend):
-    """One TUSEND instance on a CONNECT of UDP."""
-
     needs_datagrams = True
 
 
 class SingleTrcv(JobBlock):
-    """One TRCV instance."""
-
     needs_datagrams = False
 
     def __init__(self, bound: Binding) -> None:
@@ -126,8 +120,6 @@ class SingleTrcv(JobBlock):
 
 
 class TurcvOnConnect(SingleTrcv):
-    """One TURCV instance on a CONNECT of UDP."""
-
     needs_datagrams = True
 
 
@@ -138,8 +130,6 @@ _EN_R_IS_0: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin=
 
 
 class Tusend(JobBlock):
-    """One TUSEND instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramOut(bound)
         self._env = bound.env
@@ -168,8 +158,6 @@ _NO_SOCKET = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", p
 
 
 class Turcv(JobBlock):
-    """One TURCV instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramIn(bound)
         self._env = bound.env

@@ -17,8 +17,6 @@ from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class TrcvC(JobBlock):
-    """One TRCV_C instance."""
-
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
@@ -113,8 +111,6 @@ EN_R_IS_0 = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R
 
 
 class TsendC(JobBlock):
-    """One TSEND_C instance."""
-
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection

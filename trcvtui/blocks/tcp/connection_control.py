@@ -379,7 +379,6 @@ class ConnectionControl:
     # -- CONT falls, COM_RST rises ----------------------------------------------------------------
 
     def detach(self) -> None:
-        """Detach the instance; keep the connection open."""
         self._connection.keeping.give_back(self._claim)
 
     def _close(self) -> Outcome:

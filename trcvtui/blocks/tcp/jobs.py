@@ -11,8 +11,6 @@ from trcvtui.net.connection.resources import DirectionClaims
 
 
 class TransferJob:
-    """One instance's jobs, one after the other."""
-
     adhoc = False
 
     def __init__(self, bound: JobBinding, connection: Connection, direction: DirectionClaims) -> None:

@@ -137,7 +137,6 @@ class KnownConnection:
         return True
 
     def is_known(self) -> bool:
-        """Return whether the block has a connection to work on."""
         return self._incarnation != 0
 
     def end(self, shown: list[Outcome]) -> Outcome:

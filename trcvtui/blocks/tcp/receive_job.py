@@ -31,8 +31,6 @@ COMPLETE: Final = "the frame is complete and shows in the next scan"
 
 
 class ReceiveJob(IncomingJob):
-    """One instance's receive jobs, one after the other."""
-
     def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
         super().__init__(bound, bound.connection)
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)

@@ -32,8 +32,6 @@ _NEXT_REQ: Final = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class SendJob(OutgoingJob):
-    """One instance's send jobs, one after the other."""
-
     def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
         super().__init__(bound, bound.connection, bound.connection.sending)
         self._must_stay = bound.env.rules.area.must_stay

@@ -75,8 +75,6 @@ _UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the connection stands"), 
 
 
 class Tdiscon(ScriptBlock):
-    """One TDISCON instance."""
-
     def __init__(self, bound: Binding) -> None:
         super().__init__()
         self._connection = bound.connection
@@ -153,8 +151,6 @@ _DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands
 
 
 class Tsend(JobBlock):
-    """One TSEND instance."""
-
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
@@ -187,8 +183,6 @@ class Tsend(JobBlock):
 
 
 class Trcv(JobBlock):
-    """One TRCV instance."""
-
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection

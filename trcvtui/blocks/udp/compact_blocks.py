@@ -14,7 +14,6 @@ from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import PLAIN_SET_UP
 from trcvtui.blocks.tcp.no_connection import StandingRequest
 from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
-from trcvtui.net.connection.set_up import StepFault
 from trcvtui.net.connection.udp import UdpEndpoint
 
 
@@ -61,7 +60,7 @@ class UdpControl:
             return _CLOSED_BY_ANOTHER
         failed = self._port.step(self._env.scan, self._env.now)
         if failed is not None:
-            return _failed(failed)
+            return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
         if self._port.is_open:
             return self._ready("the socket is there")
         self.waits += 1
@@ -93,10 +92,6 @@ class UdpControl:
         return Outcome(Condition.CLOSING, cause)
 
 
-def _failed(failed: StepFault) -> Outcome:
-    return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
-
-
 NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), stable=True)
 _WAITING = Outcome(Condition.CREATING, Cause(Why.WAITING, "before the next attempt"))
 _CLOSED_BY_ANOTHER = Outcome(
@@ -105,8 +100,6 @@ _CLOSED_BY_ANOTHER = Outcome(
 
 
 class UsendC(JobBlock):
-    """One USEND_C instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramOut(bound)
         self._part = UdpControl(bound.env, bound.port)
@@ -144,8 +137,6 @@ _NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 
 
 class UrecvC(JobBlock):
-    """One URECV_C instance."""
-
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramIn(bound)
         self._part = UdpControl(bound.env, bound.port)

@@ -81,8 +81,6 @@ MARKED: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What is to be tried."""
-
     kind: CutKind
     framing: Framing
     field: LengthField | None = None
@@ -90,8 +88,6 @@ class Guess:
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """A guess with what came of it."""
-
     guess: Guess
     cut: Cut
     bits: float
@@ -197,7 +193,6 @@ def _guesses(
 
 
 def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
-    """Yield the best guesses again, with the bytes with which all their frames begin as the prefix."""
     for each in _ranked(list(tried)):
         guess = each.guess
         if guess.kind not in (CutKind.SUFFIX, CutKind.SIZE, CutKind.GAP):
@@ -375,7 +370,6 @@ def _proposal(
         left=made.left,
         broken=made.broken,
         longest=longest,
-        bits=round(tried.bits, 1),
         preview=shown(made.frames),
     )
 

@@ -177,7 +177,6 @@ def sizes_of(stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> list[int]
 
 
 def _lags(stream: bytes) -> Iterator[int]:
-    """Yield the distances at which bytes repeat much more often than by chance."""
     whole = int.from_bytes(stream, "little")
     size = len(stream)
     alike = {}
@@ -245,7 +244,6 @@ def _walk(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozen
 
 
 def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
-    """Return how many of the frames have the same byte at a place."""
     column = Counter(stream[at + place : at + place + 1] for at in begun)
     return column.most_common(1)[0][1] / len(begun)
 

@@ -22,8 +22,6 @@ NAMES: Final = {
 
 
 class CutKind(StrEnum):
-    """What parts the frames."""
-
     PREFIX = "constant prefix"
     SUFFIX = "constant suffix"
     PREFIX_SUFFIX = "constant prefix and suffix"
@@ -49,7 +47,7 @@ class Proposal:
     `rank` counts from 1; proposals that cut alike share one. `framing` is what ReceiveData is to be set to,
     None: it cannot be (`field` says what parts the frames, `instead` what does it). `frames` of `of_frames`
     ended as they should and have `explained` of `total` bytes; `noise`, `left` and `broken` are the rest.
-    `longest` is the longest frame; `bits` is the weight of the evidence: how much shorter it can be told.
+    `longest` is the longest frame.
     """
 
     rank: int
@@ -68,13 +66,7 @@ class Proposal:
     left: int
     broken: int
     longest: int
-    bits: float
     preview: tuple[ShownFrame, ...]
-
-    @property
-    def can_be_set(self) -> bool:
-        """Return whether ReceiveData can cut so."""
-        return self.framing is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +210,6 @@ def _rest(made: Cut) -> list[str]:
 
 
 def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
-    """Return what speaks against it."""
     doubt = []
     if framing.timeout_ns and recording.source == "tcp":
         doubt.append("a gap over TCP is a guess: the network joins and parts what was sent")

@@ -103,7 +103,6 @@ def _of_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: i
 
 
 def _framed(line: LineFacts, takes_gap: bool) -> Suggestion | None:
-    """Return what the framing advice proposes, where it explains nearly all bytes."""
     content, said = bytes(line.to_plc.content), line.to_plc.writes
     chunks = [
         Chunk(one.ns - line.first_ns, content[one.at : one.at + one.size], not number)

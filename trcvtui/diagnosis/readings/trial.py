@@ -44,7 +44,6 @@ class LengthField:
         return self.position + self.width
 
     def size_of(self, head: bytes) -> int:
-        """Return how many bytes the frame has."""
         field = head[self.position : self.head]
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 
@@ -88,8 +87,6 @@ def cut_by_length(recording: LineRecording, field: LengthField, longest: int, mo
 
 
 class _Run:
-    """One run over a recording."""
-
     def __init__(
         self, recording: LineRecording, framing: Framing, most: int, by: tuple[LengthField, int] | None = None
     ) -> None:
@@ -291,7 +288,7 @@ def _choices(of: int, some: int) -> float:
 
 def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes) -> float:
     number, bits = len(good), 0.0
-    if _is_known_end(suffix) and (scale.is_text or len(suffix) > 1):
+    if (suffix in KNOWN_ENDS or suffix.lstrip(b"\r\n") in KNOWN_ENDS) and (scale.is_text or len(suffix) > 1):
         bits += min(2.0 * number, MOST_OF_A_MARK)
     if prefix in KNOWN_STARTS and scale.is_text:
         bits += min(1.0 * number, MOST_OF_A_MARK / 2)
@@ -300,10 +297,6 @@ def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes
     if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
         bits += min(_frequency(suffix[-1], scale), MOST_OF_A_MARK)
     return bits
-
-
-def _is_known_end(suffix: bytes) -> bool:
-    return suffix in KNOWN_ENDS or suffix.lstrip(b"\r\n") in KNOWN_ENDS
 
 
 def _frequency(byte: int, scale: Scale) -> float:

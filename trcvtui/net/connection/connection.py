@@ -36,8 +36,6 @@ from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpo
 
 
 class LossKind(Enum):
-    """How an established connection ended."""
-
     CLOSED_BY_PARTNER = auto()
     RESET_BY_PARTNER = auto()
     REFUSED = auto()  # at the end of a handshake that was over for us: the partner does not take us
@@ -97,16 +95,12 @@ class State(StrEnum):
 
 
 class SentState(Enum):
-    """How the bytes that were sent stand."""
-
     SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not say
     UNDER_WAY = auto()
     DEAD = auto()
 
 
 class SocketUse(Enum):
-    """What a socket of a CONNECT is for."""
-
     LISTENS = auto()
     CALLS = auto()
     STANDS = auto()
@@ -465,10 +459,6 @@ class Connection:
                 return None
             return self._found(self.pending_loss)
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
-
-    @property
-    def last_loss(self) -> ConnectionLoss | None:
-        return self._losses[max(self._losses)] if self._losses else None
 
     def unread(self) -> int:
         return 0 if self.handle is None else self._kernel.unread(self.handle)

@@ -32,8 +32,6 @@ TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
 
 
 class Protocol(StrEnum):
-    """What is spoken on a connection."""
-
     TCP = "TCP"
     ISO = "ISO-on-TCP"
     UDP = "UDP"
@@ -42,8 +40,6 @@ class Protocol(StrEnum):
 
 
 class Flaw(StrEnum):
-    """What can be wrong with a description."""
-
     NO_DESCRIPTION = "no description"
     STRUCTURE = "structure not taken"
     LENGTH = "wrong length"

@@ -284,8 +284,6 @@ class IdHolder:
 
 
 class ConnectionIds:
-    """The IDs of one PLC."""
-
     def __init__(self) -> None:
         self._holders: dict[int, IdHolder] = {}
 

@@ -51,8 +51,6 @@ PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 
 
 class SetUpStage(Enum):
-    """Which part of the set-up failed."""
-
     DESCRIPTION = auto()
     IDENTITY = auto()
     SOCKET = auto()
@@ -140,8 +138,8 @@ class SetUp:
         return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
 
     def create(self) -> StepFault | None:
-        """Make the socket of a new attempt."""
-        made = self._kernel.socket(self.config.name)
+        make = self._kernel.datagram_socket if self.config.is_datagram else self._kernel.socket
+        made = make(self.config.name)
         if isinstance(made, Fault):
             return StepFault(SetUpStage.SOCKET, made)
         self.attempt = made

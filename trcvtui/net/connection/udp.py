@@ -41,13 +41,6 @@ class UdpSetUp(SetUp):
     def judge(self) -> StepFault | None:
         return super().judge() or (NO_ADDR if self.needs_addr else None)
 
-    def create(self) -> StepFault | None:
-        made = self._kernel.datagram_socket(self.config.name)
-        if isinstance(made, Fault):
-            return StepFault(SetUpStage.SOCKET, made)
-        self.attempt = made
-        return None
-
     def prepare(self, now: int) -> StepFault | None:
         assert self.attempt is not None
         failed = self._bind(self.attempt)
@@ -65,7 +58,6 @@ class UdpSetUp(SetUp):
         return None  # two programs would share the port, and the datagrams
 
     def look(self, now: int) -> Accepted | StepFault | None:
-        """Hand the socket over."""
         assert self.attempt is not None
         handle, self.attempt = self.attempt, None
         self._holder.has_been_up = True

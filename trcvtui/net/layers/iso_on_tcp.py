@@ -55,7 +55,6 @@ class Refusal(IntEnum):
     NOBODY_WAITS = 0x02
     UNKNOWN_TSAP = 0x03
     NEGOTIATION_FAILED = 0x82
-    REFUSED = 0x88
 
 
 class _Parameter(IntEnum):
@@ -301,8 +300,6 @@ REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connec
 
 
 class IsoPhase(Enum):
-    """How far the connection is."""
-
     WAITS_FOR_CR = auto()
     WAITS_FOR_CC = auto()
     UP = auto()
@@ -424,7 +421,6 @@ class IsoOnTcp:
         return output
 
     def read(self, into: memoryview) -> LayerMessage | None:
-        """Take the next message: as much of it as there is room for goes into `into`."""
         if not self._messages:
             return None
         data, whole = self._messages.popleft()
@@ -448,12 +444,10 @@ class IsoOnTcp:
         return self.request is not None
 
     def names(self, settings: LayerSettings) -> bool:
-        """Return whether the CR names this CONNECT's TSAP."""
         assert self.request is not None
         return isinstance(settings, IsoSettings) and self.request.called == settings.local
 
     def is_for(self, settings: LayerSettings) -> str:
-        """Return "" when the CR asks for this CONNECT, else why not."""
         assert self.request is not None
         if not isinstance(settings, IsoSettings) or not self.names(settings):
             return f"{NO_SUCH_TSAP} {self.request.called.hex(' ')}"

@@ -307,7 +307,6 @@ class LayerKernel(KernelFront):
         return Datagram(len(got.data), stream.peer, got.whole)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return how many bytes of the data that is."""
         stream = self._streams.get(handle)
         return self.inner.send(handle, data) if stream is None else stream.send(data)
 

@@ -185,7 +185,6 @@ class Tls:
         return []
 
     def give_up(self, why: str) -> None:
-        """End a handshake that does not go on."""
         if not self.is_up:
             self._end(SessionEnd(TlsError.SILENT, "the handshake does not go on"))
 

@@ -338,7 +338,6 @@ class Forwarder(TapLoop):
         wakened.close()
 
     def stop(self) -> None:
-        """End the loop after this turn."""
         self._ends = True
 
     def close(self) -> None:

@@ -83,7 +83,6 @@ class OsKernel:
         self._addresses_are_new = False  # asked since the last poll: many attempts in one scan ask once
 
     def close_all(self) -> None:
-        """Free every handle and the poll set."""
         for handle in list(self._sockets):
             self.close(Handle(handle))
         if self._polls is not None:
@@ -91,7 +90,6 @@ class OsKernel:
             self._polls = None
 
     def leaks(self) -> tuple[str, ...]:
-        """Return a line for every handle that is still open."""
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
@@ -107,7 +105,6 @@ class OsKernel:
     # -- the poll set ------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Take the readiness of the whole poll set in one system call."""
         self._addresses_are_new = False
         if self._polls is not None and self._polled:
             self._ready = dict(self._polls.poll(0, len(self._polled)))
@@ -357,7 +354,6 @@ class OsKernel:
         return Fault("send", error)
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; what is larger than the view is cut off."""
         if handle in self._polled and handle not in self._ready:
             return WOULD_BLOCK
         for _ in range(MOST_ICMP):

@@ -38,7 +38,6 @@ class PacketPipe:
 
     @property
     def is_stopped(self) -> bool:
-        """Return whether we have ended it."""
         return self._stops_at is not None
 
     @property

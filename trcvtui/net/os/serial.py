@@ -119,8 +119,6 @@ PIECE: Final = 256  # bytes of one write: a terminal that can be written takes t
 
 
 class OsSerialPort:
-    """One real port."""
-
     def __init__(self, settings: SerialSettings) -> None:
         self._serial = need("serial", "serial", settings.port, "a serial port, but no pyserial")
         self._settings = settings

@@ -230,7 +230,7 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
     try:
         if sock.type == socket.SOCK_DGRAM:
             return _peek_at_datagrams(sock, skip)
-        info = _state_of(sock)
+        info = sock.getsockopt(TCP, socket.TCP_INFO, CLIENTS_AT + 4) if sys.platform == "linux" else b""
         if info[:1] == LISTENS:
             return Unread(clients=int.from_bytes(info[CLIENTS_AT : CLIENTS_AT + 4], sys.byteorder))
         size = _ask(sock, termios.FIONREAD) if CAN_ASK else 0
@@ -241,11 +241,6 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
         return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)
     except (OSError, ValueError):
         return Unread()
-
-
-def _state_of(sock: socket.socket) -> bytes:
-    """Return the first bytes of TCP_INFO, b"" where there is none."""
-    return sock.getsockopt(TCP, socket.TCP_INFO, CLIENTS_AT + 4) if sys.platform == "linux" else b""
 
 
 def _peek_at_datagrams(sock: socket.socket, skip: int) -> Unread:

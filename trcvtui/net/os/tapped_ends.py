@@ -184,7 +184,6 @@ class TcpRoute:
                 self.talks[number] = talk
 
     def stop(self) -> None:
-        """Listen no more."""
         self.loop.forget(self._door.fileno())
         self._door.close()
 
@@ -255,8 +254,6 @@ class _DatagramEnd(TapEnd):
 
 
 class UdpTalk(TapConversation):
-    """What one client says and hears."""
-
     def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
         self.number, self.loop, self.place, self._sock = number, route.loop, route.place, sock
         self.said = _said(route.route.to, client)
@@ -282,7 +279,6 @@ class UdpTalk(TapConversation):
             self.lanes[BACK].take(self.loop.buffer[:size])
 
     def close(self) -> None:
-        """Let go what is held, and hear no more."""
         for lane in self.lanes:
             lane.let_go()
             lane.is_over = True
@@ -330,7 +326,6 @@ class SerialTalk(TapConversation):
         self.loop.at(time.monotonic_ns() + LINES_NS, self._pass_lines)
 
     def ended(self, lane: TapLane) -> None:
-        """Take it that a port is gone."""
         self.failed(lane, OSError(errno.EIO, "gone"))
 
     def failed(self, lane: TapLane, failed: OSError) -> None:
@@ -362,7 +357,6 @@ class SerialTalk(TapConversation):
         self._pass_lines()
 
     def refused(self, lane: TapLane, failed: OSError) -> None:
-        """Take it that a lane's target is gone."""
         if lane.target.mask != GONE:
             self.failed(lane.target.reads, failed)
 
@@ -370,7 +364,6 @@ class SerialTalk(TapConversation):
         """Do nothing: nobody is called."""
 
     def finish(self) -> None:
-        """Close both ports."""
         for lane in self.lanes:
             lane.source.close()
 

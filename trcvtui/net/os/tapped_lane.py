@@ -83,7 +83,6 @@ class TapLoop:
     def tell(
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
-        """Tell those that look on."""
         raise NotImplementedError
 
 
@@ -139,7 +138,6 @@ class TapEnd:
         loop.hear(self.fd, 0, self.ready)
 
     def ready(self, events: int) -> None:
-        """Do what the poll set says."""
         if events & (IN | ERR | HUP):
             if self.mask & IN:
                 self.reads.read()
@@ -208,7 +206,6 @@ class TapLane:
     # -- in ---------------------------------------------------------------------------------------------
 
     def room(self) -> int:
-        """Return how many bytes may be read."""
         if self.out:
             return 0
         return MOST_HELD - self.late_size - (len(self.held) if self.held is not None else 0)
@@ -231,7 +228,6 @@ class TapLane:
             self.take(self.loop.buffer[:size])
 
     def take(self, data: memoryview) -> None:
-        """Let bytes go on, or wait."""
         if self.held is not None:
             self.held += data
             self.tell_held()
@@ -286,7 +282,6 @@ class TapLane:
         self.pass_late()
 
     def let_go(self) -> None:
-        """Hold and delay nothing any more."""
         held, self.held, self.delay_ns = self.held, None, 0
         if held is not None:
             self.tell_held()

@@ -186,7 +186,6 @@ class SimDatagrams(SimSocket):
         return Datagram(size, source, len(data))
 
     def free(self, abort: bool) -> None:
-        """Let the port and what is queued go."""
         self._datagrams.leave(self)
         self._queue.clear()
 
@@ -266,11 +265,9 @@ class SimKernel:
         return ""
 
     def leaks(self) -> tuple[str, ...]:
-        """Return a line for every handle that is still open."""
         return tuple(f"{handle} {socket}" for handle, socket in self._sockets.items())
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return loopback and the addresses this machine was given."""
         others = (
             LocalAddress(a, "tun0", ethernet=False) if a in self._not_ethernet else LocalAddress(a, "eth0")
             for a in self.wire.addresses

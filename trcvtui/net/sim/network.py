@@ -168,10 +168,6 @@ class SimWire:
         else:
             self._deliver(source, partner, segment)
 
-    def carry_at_once(self, source: SimStream, data: memoryview) -> bool:
-        """Let bytes arrive, and their acknowledgement; False: they have to go as segments."""
-        return not (self._latency or self._down) and source.hand_over(data)
-
     def _deliver(self, source: SimStream, partner: SimStream, segment: Segment) -> None:
         if self._down and not self.is_up(source.owner, partner.owner):
             return
@@ -298,7 +294,7 @@ class SimWire:
             self._leave(old) if old.lingering else old.reset()
         if len(listener.queue) > listener.backlog:
             return None
-        claim = listener.claim.child(client.remote.address)
+        claim = PortClaim(client.remote.address, listener.claim.port, listener.claim.reuse)
         server = SimStream(self, listener.owner, claim, *ends, replace(listener.tuning))
         self.ports.add(claim)
         self._streams[ends] = server

@@ -105,14 +105,6 @@ class SendHalf:
         self._first = ack
         return True
 
-    def pass_on(self, size: int) -> bool:
-        """Count bytes as sent and acknowledged, where none waits and room and window let all through."""
-        after = self.next + size
-        if self._queue or self.fin or self._first != self.next or after > self._edge or size > self.room:
-            return False
-        self.next = self._first = after
-        return True
-
     def rewind(self) -> None:
         """Send everything unacknowledged again."""
         self.next = self._first
@@ -210,12 +202,7 @@ class PortClaim(Struct, eq=False):
 
     @property
     def end(self) -> Endpoint | None:
-        """Return the local end, None while there is none."""
         return Endpoint(self.address, self.port) if self.port else None
-
-    def child(self, address: str) -> PortClaim:
-        """Return the claim of a connection that a listener accepts: it shares port and REUSEADDR."""
-        return PortClaim(address, self.port, self.reuse)
 
 
 class StreamPhase(Enum):
@@ -245,7 +232,6 @@ class Wire(Protocol):
     def cancel(self, ticket: Ticket | None) -> None: ...
     def syn(self, client: SimStream) -> None: ...
     def carry(self, source: SimStream, segment: Segment) -> None: ...
-    def carry_at_once(self, source: SimStream, data: memoryview) -> bool: ...
     def over(self, stream: SimStream, linger: bool) -> None: ...
     def set_link(self, owner: str, up: bool) -> None: ...
 
@@ -352,8 +338,6 @@ class SimStream:
             return self.take_error()
         if self._out.fin or self.phase is StreamPhase.OVER:
             return "EPIPE"
-        if self._wire.carry_at_once(self, data):
-            return len(data)
         taken = self._out.put(data)
         if not taken and data:
             return WOULD_BLOCK
@@ -417,7 +401,6 @@ class SimStream:
     # -- the handshake -------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Send the first SYN."""
         self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
         self._wire.syn(self)
 
@@ -502,34 +485,6 @@ class SimStream:
         self._carry()
         if self._is_finished and self.phase is StreamPhase.OPEN:
             self._end(self._closed_first)
-
-    def hand_over(self, data: memoryview) -> bool:
-        """Let the partner have bytes, and its acknowledgement come: what segments without latency do.
-
-        False: it is not the usual course; nothing was done.
-        """
-        partner = self.partner
-        if (
-            partner is None
-            or self.phase is not StreamPhase.OPEN
-            or partner.phase is not StreamPhase.OPEN
-            or partner.read_shut
-            or partner._out.is_waiting
-            or partner._in.next != self._out.next
-            or self._in.fin
-            or partner._in.fin
-            or not self._out.pass_on(len(data))
-        ):
-            return False
-        now = self._wire.now
-        partner.heard, half = now, partner._in
-        partner._out.open_window(self._in.offer())
-        half.inbox += data
-        half.next += len(data)
-        partner.changed()
-        self.heard = now
-        self._out.open_window(half.offer())
-        return True
 
     # -- what is carried -----------------------------------------------------------------------------
 

@@ -78,7 +78,6 @@ class TimerQueue:
         return self._heap[0][0] if self._heap else None
 
     def __len__(self) -> int:
-        """Return how many entries are kept."""
         return len(self._heap)
 
 
@@ -130,7 +129,6 @@ class Retry:
         self.stop()
 
     def stop(self) -> None:
-        """Wait for nothing."""
         self.due = None
         self._since: int | None = None
         self._tries = 0

@@ -297,7 +297,6 @@ class FleetApp(TerminalApp):
 
 
 def run_fleet(broker: Broker, pattern: str, client_id: str, theme: str | None) -> int:
-    """Open the screen until it is left."""
     connection = BrokerConnection(broker, client_id, topics=topics_of(pattern))
     reader = FleetReader(connection, SeenFleet(), pattern)
     settings = load_settings((), theme)

@@ -12,7 +12,7 @@ from trcvtui.tui.fleet.table import since_text, spark_parts
 from trcvtui.tui.formatting import SECOND, lamp, plain, wrapped
 from trcvtui.tui.widgets.dialogs import LABEL, CardText, ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, row, ruled
-from trcvtui.wording import age, count, size_text
+from trcvtui.wording import age, count, last_part, size_text
 
 CODE: Final = 9  # columns
 STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
@@ -29,8 +29,6 @@ def time_text(t: float, wall: float) -> str:
 
 
 class FleetCard(CardText):
-    """Everything that is known of one line."""
-
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
         self._line = line
@@ -70,16 +68,13 @@ class FleetCard(CardText):
             host = f" on {plain(agent.host)}" if agent is not None else ""
             yield from self._labelled("recorded", [f"{plain(recorded.file)}{host}"], "strong")
         if figures is not None:
-            trip, again = figures.round_trip_ms, figures.retransmissions
             parts = [
                 f"{size_text(figures.received)}/s in",
                 f"{size_text(figures.sent)}/s out",
                 f"{figures.done_a_minute:g} DONE a minute",
-                f"round trip {trip:g} ms" if trip is not None else "",
-                count(again, "retransmission") if again is not None else "",
                 f"told {since_text(line.agent.at(figures.t, wall), wall)} ago",
             ]
-            yield from self._labelled("figures", [" · ".join(filter(None, parts))], "")
+            yield from self._labelled("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
         yield row(("errors".ljust(LABEL), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 
@@ -120,17 +115,12 @@ class FleetCard(CardText):
             whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
             what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
             what += f" · scan {event.scan}" if event.scan else ""
-            what += f" of {plain(file_name(event.file))}" if event.file else ""
+            what += f" of {plain(last_part(event.file))}" if event.file else ""
             first, *rest = wrapped(f"{whose}{what}", self._width - wide - CODE)
             code = f"16#{event.status}" if event.status else event.kind
             style = STYLES.get(event.kind, "dim")
             yield row((when.ljust(wide), "dim"), (code.ljust(CODE), style), (first, ""))
             yield from (row((" " * (wide + CODE), ""), (text, "")) for text in rest)
-
-
-def file_name(path: str) -> str:
-    """Return the name of a file of another machine, whatever separates its folders."""
-    return path.replace("\\", "/").rpartition("/")[2]
 
 
 def _missing(events: int) -> list[Part]:

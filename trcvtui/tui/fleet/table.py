@@ -93,8 +93,6 @@ def columns_of(width: int) -> FleetColumns:
 
 
 class FleetHeads(OneLine):
-    """The names above the columns."""
-
     def __init__(self) -> None:
         super().__init__(id="fleet-heads")
 

@@ -117,7 +117,6 @@ class AddScreen(FormDialog[str]):
 
     @property
     def line(self) -> str:
-        """Return the command that the fields make."""
         name, *others = self._fields
         return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 

@@ -39,8 +39,6 @@ def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) ->
 
 
 class ProjectPart(NamedTuple):
-    """One entry of the project."""
-
     kind: str
     name: str
 
@@ -77,7 +75,6 @@ def all_parts(project: Project) -> list[ProjectPart]:
 
 
 def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
-    """Return the keys that a part has now."""
     decl = entry(*part, project)
     return keys_to_change(decl, project) if decl is not None else {}
 

@@ -70,10 +70,6 @@ class FoldTree:
         self._all: bool | None = None
         self._list()
 
-    @property
-    def is_same(self) -> bool:
-        return not self.rows[0].moved
-
     def toggle(self, key: Key) -> None:
         self._flipped ^= {key}
         self._list()

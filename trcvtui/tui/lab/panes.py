@@ -56,7 +56,6 @@ class NumberField(TypedField):
 
     @property
     def number(self) -> int | None:
-        """Return the value, None where there is none yet."""
         text = self.value.strip()
         return parse_integer(text) if text else None
 

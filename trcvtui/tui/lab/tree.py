@@ -24,8 +24,6 @@ ACTIONS: Final = ("type", "profile('ours')", "profile('theirs')")
 
 
 class LabHead(LineView, can_focus=False):
-    """Three lines."""
-
     DEFAULT_CSS = "LabHead { height: 3; background: $background; padding: 0 1; }"
 
     def __init__(self, lab: Lab) -> None:
@@ -71,7 +69,7 @@ class LabHead(LineView, can_focus=False):
             differing = found.differing if found is not None else 0
             sign = "≠" if differing else "="
             return f"{sign} {differing} of {comparison.row_count} differ" if differing else "= no difference"
-        return "= the same places" if tree.is_same else "≠ places differ"
+        return "= the same places" if not tree.rows[0].moved else "≠ places differ"
 
     def click(self, x: int, y: int) -> None:
         self.post_message(KeyClicked("bytes" if y == 0 and x > self._half else ACTIONS[y]))
@@ -92,8 +90,6 @@ class LeafCell(NamedTuple):
 
 
 class TreeColumns(NamedTuple):
-    """How wide the columns are."""
-
     name: int
     type: int
     offset: int

@@ -47,8 +47,6 @@ DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
 
 
 class Drawing(NamedTuple):
-    """Both sides of a block."""
-
     inputs: tuple[DrawnPin, ...] = ()
     outputs: tuple[DrawnPin, ...] = ()
 
@@ -526,6 +524,6 @@ class FunctionBlock(LineView):
 def _last(instance: InstanceSnapshot) -> str:
     if instance.last_done_scan is None:
         return "no DONE yet"
-    moved = instance.last_rcvd_len if instance.moves_bytes else None
+    moved = instance.last_rcvd_len if block_row(instance.block).moves_bytes else None
     size = f"{moved} B " if moved is not None else ""
     return f"DONE {size}in scan {instance.last_done_scan}"

@@ -120,7 +120,6 @@ class InstanceList(LineView):
         return [pulse for pulse in found if pulse is not None]
 
     def _shows_error(self, instance: InstanceSnapshot) -> bool:
-        """Return whether its ERROR is 1, or was a moment ago."""
         glowing = self._view_model.afterglow.glow(instance.name, ERROR, self._view_model.t_ns)
         return instance.outputs.error or glowing is not None
 

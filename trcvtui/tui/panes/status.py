@@ -214,7 +214,6 @@ class StatusCard(TextView):
         self.show()
 
     def show(self) -> None:
-        """Repaint what changed."""
         self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
         self._rows = self._card()
         super().show()

@@ -317,10 +317,6 @@ class ViewModel:
         return self.live.unsaved if self.live else 0
 
     @property
-    def unsaved_word(self) -> str:
-        return self.live.unsaved_word if self.live else ""
-
-    @property
     def past(self) -> HistoryWindow | None:
         newest = self.live or self.picture
         return newest.history if newest else None

@@ -134,7 +134,6 @@ class ByteLines(LineView):
 
     @property
     def digits(self) -> int:
-        """Return the digits of a place."""
         raise NotImplementedError
 
     @property
@@ -152,7 +151,6 @@ class ByteLines(LineView):
         raise NotImplementedError
 
     def _byte(self, place: int) -> int | None:
-        """Return the byte at a place, None where it is not known."""
         raise NotImplementedError
 
     def _before(self, place: int) -> int | None:
@@ -182,12 +180,10 @@ class ByteLines(LineView):
 
     @property
     def _blank(self) -> int:
-        """Return the blanks in the middle of a row of 16."""
         return 1
 
     @property
     def _text_column(self) -> int:
-        """Return where the text begins, counted from the first byte."""
         return self._column(self.per_row) + 2
 
     def _column(self, index: int) -> int:
@@ -203,14 +199,12 @@ class ByteLines(LineView):
         return index if column >= 0 and index < self.per_row else None
 
     def _signs_of(self, place: int) -> tuple[str, str]:
-        """Return a byte in hex and as a character."""
         byte = self._byte(place)
         if byte is not None:
             return HEX_OF[byte], CHARACTER_OF[byte]
         return (HOLE_HEX, HOLE_TEXT) if self.is_hole(place) else (GHOST_HEX, GHOST_TEXT)
 
     def _was(self, start: int, stop: int, name: str = WAS) -> Row:
-        """Return the bytes of before, where they differ."""
         line = [" "] * self._column(self.per_row)
         for index, place in enumerate(range(start, stop)):
             before = self._before(place)

@@ -239,8 +239,6 @@ TABS = (
 
 
 class TabLine(OneLine):
-    """One line; a click opens a tab."""
-
     DEFAULT_CSS = "TabLine { background: $background; padding: 0 1; }"
 
     def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
@@ -308,8 +306,6 @@ class WordLine(OneLine):
 
 
 class HeaderLine(WordLine):
-    """The header of a bench."""
-
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="header")
         self._view_model = view_model

@@ -223,8 +223,6 @@ def goal(text: str) -> Goal:
 
 
 class FindInput(LineInput):
-    """The field; enter looks, escape leaves."""
-
     KEYS: ClassVar = (("enter", "find"), ("esc", "leave"))
 
 

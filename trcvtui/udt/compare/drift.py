@@ -50,7 +50,7 @@ COST: Final = -8.0  # points of a drift
 OTHER_COST: Final = -9.5  # of a member of the same width, as REAL for DINT
 EACH_BYTE: Final = -0.4  # of a member more, up to 8
 UNKNOWN: Final = "\0"  # the name of a member that our type does not have: no source can have it
-FILLERS: Final = tuple(ELEMENTARY[name] for name in ("BOOL", "BYTE", "WORD", "DWORD", "LWORD"))
+FILLERS: Final = tuple(ELEMENTARY[name] for name in ("LWORD", "DWORD", "WORD", "BYTE", "BOOL"))
 FAMILIES: Final = (
     ("SINT", "INT", "DINT", "LINT"),
     ("USINT", "UINT", "UDINT", "ULINT"),

@@ -64,6 +64,7 @@ class ReadMember(NamedTuple):
     stop: int
     known: dict[bytes, LeafEvidence | None]  # of the same type, in the same form and byte order
     bits: int  # BOOLs in this byte, at the last of them
+    can_narrow: bool  # what follows would lie where it does if this one were half as wide
 
 
 class LayoutView:
@@ -81,9 +82,10 @@ class LayoutView:
             bits = 0 if leaf.bit is None else leaf.bit + 1
             form = leaf.type, *stored_form(leaf.type, layout.rules), leaf.size, layout.rules.byte_order
             key = ("bits", bits) if bits else (*form,)
-            self.members.append(
-                ReadMember(leaf, leaf.offset, leaf.offset + leaf.size, known.setdefault(key, {}), bits)
-            )
+            follows = leaves[number + 1].size if number + 1 < len(leaves) else leaf.size
+            can_narrow = layout.rules.cap > 1 and not leaf.path.endswith("]") and follows > leaf.size // 2
+            stop, kept = leaf.offset + leaf.size, known.setdefault(key, {})
+            self.members.append(ReadMember(leaf, leaf.offset, stop, kept, bits, can_narrow))
 
     def evidence(self, member: ReadMember, raw: bytes) -> LeafEvidence | None:
         if raw not in member.known:
@@ -235,10 +237,10 @@ class Reading:
 
     def judge_sign(self, member: ReadMember, parts: Sequence[bytes]) -> None:
         """Note a number whose values all are negative ones of half its width, with padding after it."""
-        rules, type_ = self.look.layout.rules, member.leaf.type
-        if not isinstance(type_, Elementary) or type_.kind is not ValueKind.INTEGER or rules.cap == 1:
+        type_ = member.leaf.type
+        if not member.can_narrow or not isinstance(type_, Elementary) or type_.kind is not ValueKind.INTEGER:
             return
-        bits, is_little = 4 * member.leaf.size, rules.byte_order == "little"
+        bits, is_little = 4 * member.leaf.size, self.look.layout.rules.byte_order == "little"
         numbers = [int.from_bytes(part[::-1] if is_little else part, "big", signed=True) for part in parts]
         if bits > 4 and type_.code.islower() and all(1 << bits - 1 <= one < 1 << bits for one in numbers):
             half = numbers[-1] - (1 << bits)

@@ -508,8 +508,8 @@ def _meaning(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules
 ) -> tuple[str, tuple[Remedy, ...]]:
     """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
+    from trcvtui.udt.compare.causes import has_length_field
     from trcvtui.udt.compare.drift import MOST_LEAVES
-    from trcvtui.udt.compare.likelihood import has_length_field
 
     kind, order = best.cause.kind, best.layout.rules.byte_order
     if kind in ("header", "trailer"):

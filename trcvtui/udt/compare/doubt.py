@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from trcvtui.udt.compare.likelihood import (
-    DRIFTS,
-    SHORT,
-)
+from trcvtui.udt.compare.causes import DRIFTS, SHORT
 from trcvtui.udt.compare.reading import Reading, is_number
 
 CLEAR: Final = 5.0  # points ahead of the next other reading

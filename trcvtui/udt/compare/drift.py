@@ -11,16 +11,8 @@ from operator import itemgetter
 from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.compare.likelihood import (
-    FEWER,
-    MORE,
-    REPEATED,
-    WIDTH,
-    FitCause,
-    LeafEvidence,
-    evidence,
-    repeated_zeros,
-)
+from trcvtui.udt.compare.causes import FEWER, MORE, WIDTH, FitCause
+from trcvtui.udt.compare.likelihood import REPEATED, LeafEvidence, evidence, repeated_zeros
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, beside, lay_out
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.layout.placing import Placing, Span, up

@@ -10,15 +10,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from trcvtui.udt.compare.causes import CAUSES, DRIFTS, NONE, FitCause
 from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, called, doubt_of, is_same
 from trcvtui.udt.compare.drift import drifted_layouts
-from trcvtui.udt.compare.likelihood import (
-    CAUSES,
-    DRIFTS,
-    NONE,
-    FitCause,
-)
 from trcvtui.udt.compare.reading import EvidenceCache, LayoutView, Reading, Reason
 from trcvtui.udt.layout.layout import (
     DEFAULT_LAYOUT,

@@ -8,17 +8,14 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from trcvtui.udt.compare.causes import Cutting, FitCause, cut, extra_evidence
 from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
     REPEATED,
-    Cutting,
-    FitCause,
     LeafEvidence,
     bits_evidence,
-    cut,
     evidence,
-    extra_evidence,
     gap_points,
     repeated_zeros,
     spoken,

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from trcvtui.udt.compare.causes import DRIFTS, SHORT
+from trcvtui.udt.compare.causes import DRIFTS, FEWER, SHORT
 from trcvtui.udt.compare.reading import Reading, is_number
 
 CLEAR: Final = 5.0  # points ahead of the next other reading
 CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or two: padding may hide them
+CLEAR_OF_FEWER: Final = 10.0  # where the sender may lack a member: those after it are in its place then
+CLEAR_IN_ORDER: Final = 3.0  # of one in the same byte order, numbers that are round in another one aside
 LESS_CLEAR: Final = 2.0  # points fewer where the other one has a value that machines do not send
 OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
@@ -62,7 +64,8 @@ def _beside(best: Reading, other: Reading) -> str:
     if not is_other_place and all(best.by_path.get(path) == has for path, has in other.by_path.items()):
         return ""
     is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
-    clear = CLEAR_OF_DRIFT - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
+    clear_of_drift = CLEAR_OF_FEWER if other.cause.kind == FEWER else CLEAR_OF_DRIFT
+    clear = clear_of_drift - best.cause.cost if other.cause.kind in DRIFTS else CLEAR
     clear -= LESS_CLEAR if other.odd else 0.0
     if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
         if is_same(best, other):
@@ -72,8 +75,8 @@ def _beside(best: Reading, other: Reading) -> str:
         return f"{called(other)} ({other.score:+.1f}) is near"
     if best.cause.kind is None and other.cause.kind is not None:
         return ""  # numbers that are all round, and a cause: two rare things at once
-    order = best.order if other.way != best.way else 0.0
-    if other.fair > (best.score if other.has_plain else best.fair) + order - CLEAR:
+    ahead = CLEAR - best.order if other.way != best.way else CLEAR_IN_ORDER
+    if other.fair > (best.score if other.has_plain else best.fair) - ahead:
         return (
             f"{called(other)} may be right: without numbers that are round in a byte order "
             "(multiples of 256) it is as good"

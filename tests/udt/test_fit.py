@@ -219,3 +219,37 @@ def test_a_drift_beside_bools_that_are_bits_is_compared() -> None:
     layout = lay_out(type_, rules_for("s7-standard"))
     sent = [encode(layout, {"a": True, "b": True, "n": 7 + at, "r": 2.5, "k": 300}) for at in range(3)]
     assert fit(type_, sent)[0].profile.layout == "s7-standard"
+
+
+SENSOR = types_of("""
+TYPE V : UNION r : REAL; d : DINT; END_UNION END_TYPE
+TYPE Sensor : STRUCT
+    id : UINT; mode : INT; v : V; count : UDINT; speed : REAL; limit : DINT;
+END_STRUCT END_TYPE
+""").named("Sensor")
+
+
+def sensor(number: int, count: bytes = b"", limit: bytes = b"") -> bytes:
+    """Return a message of a little-endian sender of which the UNION has a DINT in each second message."""
+    value = struct.pack("<i", 3 * number + 1) if number % 2 else struct.pack("<f", number + 0.5)
+    count, limit = count or struct.pack("<I", 5000 + number), limit or struct.pack("<i", 1234)
+    return struct.pack("<Hh", 17 + number, 3) + value + count + struct.pack("<f", 120.5 + number) + limit
+
+
+@pytest.mark.parametrize(
+    ("messages", "is_sure", "said"),
+    [
+        ([sensor(n) for n in range(6)], True, ""),
+        ([sensor(n, limit=struct.pack(">i", 1234)) for n in range(6)], False, "limit = -771489792"),
+        ([sensor(n, count=struct.pack("<HH", 0, 5000 + n)) for n in range(6)], False, "count = 328007680"),
+        ([sensor(n) + b"\r" for n in range(6)], True, ""),
+        ([struct.pack(">HH", 1, 24) + sensor(n) + b"\r\n" for n in range(6)], True, ""),
+    ],
+    ids=["plain", "one number in the other byte order", "one of exchanged words", "CR", "length and CR LF"],
+)
+def test_a_number_in_another_byte_order_is_a_doubt_and_a_known_frame_is_none(
+    messages: list[bytes], is_sure: bool, said: str
+) -> None:
+    best = fit(SENSOR, messages, "Sensor")[0]
+    assert best.fits_best == is_sure
+    assert best.doubt.startswith(said)

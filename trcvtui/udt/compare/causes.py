@@ -153,10 +153,12 @@ class ExtraEvidence(NamedTuple):
 def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
     """Return what the bytes before and after one message say; None where it is not so."""
     if cause.kind == LONG:
-        return ExtraEvidence(-0.5, f"one byte too many: {_hex(after)}", has_meaning=False)
+        is_known = _trailer(before, unit, after) is not None  # then it is no byte too many
+        said = f"one byte too many: {_hex(after)}"
+        return None if is_known else ExtraEvidence(-0.5, said, has_meaning=False)
     if cause.kind == SHORT:
         return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
-    head = _header(before, len(unit) + len(after)) if before else None
+    head = _header(before, len(unit), len(after)) if before else None
     tail = _trailer(before, unit, after) if after else None
     if after and (tail is None or (before and not tail.has_meaning)):
         return None
@@ -165,8 +167,9 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     return head or tail or ExtraEvidence(0.0, "")
 
 
-def _header(before: bytes, rest: int) -> ExtraEvidence:
-    said, field = f"before it stands {_hex(before)}", length_field(before, rest)
+def _header(before: bytes, size: int, after: int) -> ExtraEvidence:
+    said = f"before it stands {_hex(before)}"
+    field = length_field(before, size + after) or length_field(before, size)
     if field is None:
         likely = 1 - LENGTH_FIELD if any(before) else ZEROS_BEFORE
         return ExtraEvidence(math.log(likely), said, has_meaning=False)

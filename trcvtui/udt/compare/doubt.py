@@ -48,6 +48,8 @@ def _of_itself(best: Reading, messages: Sequence[bytes]) -> str:
         return f"{best.filled}: a member may lie there"
     if best.narrow:
         return best.narrow
+    if number := best.exchanged():
+        return f"{number} is likelier with its bytes exchanged"
     if best.own_points < OWN_POINTS:
         return "the members themselves say too little"
     if len(set(b"".join(messages))) == 1:

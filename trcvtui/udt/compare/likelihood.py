@@ -65,6 +65,7 @@ FEW_BITS: Final = 16
 # REAL: decades from, to, and their share; the share of each count of digits, and of a number of any digits.
 DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.0002), (12, 30, 0.0002))
 REAL_ZERO: Final = 0.08
+MINUS_ZERO: Final = 0.0005  # of rounding
 DIGITS: Final = {4: (0.12, 6, 0.25), 8: (0.07, 12, 0.12)}  # by size: each count, the most digits, any digits
 REAL_BITS: Final = {4: 23, 8: 52}  # of the mantissa
 AS_REAL: Final = 0.04  # an LREAL that was a REAL before
@@ -274,7 +275,7 @@ def _real(leaf: Leaf, row: Elementary, raw: bytes, order: _Order) -> _Chance:
     code = ("<" if order == "little" else ">") + ("f" if size == 4 else "d")
     (number,) = struct.unpack(code, raw)
     if number == 0:
-        return (math.log(REAL_ZERO), "zero") if not any(raw) else (NEVER, "minus zero")
+        return (math.log(REAL_ZERO), "zero") if not any(raw) else (math.log(MINUS_ZERO), "minus zero")
     if not math.isfinite(number):
         return NEVER, f"no sensible {name}"
     decade = math.log10(abs(number))

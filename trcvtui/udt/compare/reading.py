@@ -17,9 +17,11 @@ from trcvtui.udt.compare.likelihood import (
     bits_evidence,
     evidence,
     gap_points,
+    pairs_exchanged,
     repeated_zeros,
     spoken,
     steady,
+    words_exchanged,
 )
 from trcvtui.udt.layout.layout import (
     Layout,
@@ -30,7 +32,7 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, StringType, ValueKind
+from trcvtui.udt.types import Elementary, StringType, ValueKind, all_parts
 
 MOST_GAPS: Final = 16  # that are looked at
 SHOWN: Final = 32  # characters of a value
@@ -41,6 +43,8 @@ LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
 MULTIPLE: Final = -1.0  # less, when it is several times that size
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
 MOST_OF_ROUND: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
+UNLIKELY: Final = -3.0  # points of a number
+EXCHANGED: Final = (6.0, 4.5)  # how much likelier with other bytes a number of 2 bytes is, and of more
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
 
 
@@ -70,7 +74,8 @@ class LayoutView:
     def __init__(self, layout: Layout, known: EvidenceCache) -> None:
         self.layout, self.members = layout, []
         self.stop = min(layout.leaf_count, MOST_LEAVES)
-        self.gaps = layout.padding()[:MOST_GAPS]
+        has_bit_fields = any(getattr(part, "bit_fields", ()) for part in all_parts(layout.type))
+        self.gaps = [] if has_bit_fields else layout.padding()[:MOST_GAPS]  # the room of those is no padding
         leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
@@ -210,7 +215,8 @@ class Reading:
         if not told:
             return
         self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
-        odd = next((found.why for found, _ in told if found.is_odd), "")
+        is_shared = self.look.layout.root.overlaps  # a UNION: what is none here may be another member
+        odd = "" if is_shared else next((found.why for found, _ in told if found.is_odd), "")
         self.odd = self.odd or (f"{self.path(member)}: {odd}" if odd else "")
         share = len(told) ** REPEATED / len(told)
         points = sum(found.points for found, _ in told)
@@ -239,7 +245,7 @@ class Reading:
             return
         bits, is_little = 4 * member.leaf.size, self.look.layout.rules.byte_order == "little"
         numbers = [int.from_bytes(part[::-1] if is_little else part, "big", signed=True) for part in parts]
-        if bits > 4 and type_.code.islower() and all(1 << bits - 1 <= one < 1 << bits for one in numbers):
+        if bits > 8 and type_.code.islower() and all(1 << bits - 1 <= one < 1 << bits for one in numbers):
             half = numbers[-1] - (1 << bits)
             self.narrow = f"{self.path(member)} = {numbers[-1]} is {half} if the sender has it half as wide"
 
@@ -350,6 +356,22 @@ class Reading:
             [(member.leaf.path, member.start + front, member.bits) for member, _ in self.read],
         )
 
+    def exchanged(self) -> str:
+        """Return a number that would be far likelier with its bytes exchanged; "" where there is none."""
+        for member, parts in self.read:
+            if not is_number(member) or member.leaf.size == 1 or member.bits:
+                continue
+            share: float = max(len(set(parts)), 1) ** (REPEATED - 1)
+            own, *others = (
+                share
+                * sum(found.points for part in set(parts) if (found := self.look.evidence(member, way(part))))
+                for way in (bytes, reversed_bytes, pairs_exchanged, words_exchanged)
+            )
+            if own < UNLIKELY and max(others) > own + EXCHANGED[member.leaf.size > 2]:
+                value = decode_leaf(self.look.layout, member.leaf, parts[-1])
+                return f"{self.path(member)} = {value_text(member.leaf, value, parts[-1])}"
+        return ""
+
     @property
     def widest(self) -> int:
         """Return the size of the largest number: up to 2, words exchanged are nothing, bytes the order."""
@@ -410,6 +432,10 @@ class Reading:
         value = value_text(leaf, decode_leaf(self.look.layout, leaf, one.raw), one.raw)
         shown = value if len(value) <= SHOWN else value[:SHOWN] + "..."
         return Reason(round(one.points, 2), leaf.path, f"{path} = {shown}: {one.why}")
+
+
+def reversed_bytes(raw: bytes) -> bytes:
+    return raw[::-1]
 
 
 def is_number(member: ReadMember) -> bool:

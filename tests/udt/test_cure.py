@@ -253,6 +253,8 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
         "s : Array[0..255] of BYTE;",
     ]
     bits = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF BOOL;", "s7-standard")
+    rows = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF INT;", "natural8")
+    assert "#wire.b[#i1,#i2] := SWAP(" in swap_code(rows, "scl").code
     assert "Array[0..1] of Array[0..2] of BOOL" in cure_source(bits.rules, bits, "scl")  # else they move
 
 

@@ -29,7 +29,7 @@ from tests.udt.udt_strategies import (
 )
 from trcvtui.tui.lab.lab_fix import cure_source
 from trcvtui.udt.compare.fit import fit, verdict
-from trcvtui.udt.cure.padded_type import padded_type, prove, told
+from trcvtui.udt.cure.padded_type import PaddedType, padded_type, prove, told
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -57,6 +57,14 @@ def place_of(leaf: Leaf) -> tuple[int, int, int | None]:
 def wanted(name: str, layout: str) -> Layout:
     """Return a telegram in the sender's layout."""
     return lay_out(TYPES.named(name), rules_for(layout))
+
+
+def scl_again(found: PaddedType) -> Layout:
+    """Return a type as it lies when its SCL is read."""
+    text = scl_text(found.type, found.layout.name, found.layout.rules)
+    types_again = join([read_text(text, "x.udt", ".udt")], "x.udt")
+    assert types_again.problems == ()
+    return lay_out(types_again.named(types_again.names()[-1]), found.layout.rules)
 
 
 def test_a_natural_sender_is_received_under_cap4_with_padding_members() -> None:
@@ -219,11 +227,35 @@ def test_the_declaration_is_read_again_and_lies_where_it_shall(name: str, ours: 
 @pytest.mark.parametrize("name", TELEGRAMS)
 def test_the_scl_of_an_s7_sender_is_read_again(name: str) -> None:
     found = padded_type(wanted(name, "baosky"), rules_for("s7-standard"))
-    types_again = join([read_text(scl_text(found.type, found.layout.name), "x.udt", ".udt")], "x.udt")
-    assert types_again.problems == ()
-    again = lay_out(types_again.named(types_again.names()[-1]), rules_for("s7-standard"))
+    again = scl_again(found)
     assert again.size == found.layout.size
     assert places(again) == places(found.layout) or not found.is_possible
+
+
+def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long() -> None:
+    text = "TYPE V : UNION r : REAL; d : DINT; END_UNION END_TYPE TYPE A : STRUCT ok : BOOL; v : V; n : INT;"
+    text += (
+        "w : ARRAY[0..1] OF V; b : ARRAY[0..1] OF ARRAY[0..2] OF REAL; s : STRING[255]; END_STRUCT END_TYPE"
+    )
+    cured = cure_source(
+        rules_for("packed", text="nul"), lay_out(types_of(text).named("A"), rules_for("codesys-8")), "scl"
+    )
+    assert "nothing has to change" not in cured
+    assert "// s: not reached: STRING[255]: SCL has at most 254 characters\n" in cured
+    assert [line.strip() for line in cured.splitlines()[6:-3]] == [
+        "ok : BOOL;",
+        "_pad1 : Array[0..2] of BYTE;",
+        "v : Array[0..3] of BYTE;",
+        "n : INT;",
+        "_pad2 : Array[0..1] of BYTE;",
+        "w : Array[0..1, 0..3] of BYTE;",
+        "b : Array[0..1, 0..2] of REAL;",
+        "s : Array[0..255] of BYTE;",
+    ]
+    bits = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF BOOL;", "s7-standard")
+    rows = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF INT;", "natural8")
+    assert "#wire.b[#i1,#i2] := SWAP(" in swap_code(rows, "scl").code
+    assert "Array[0..1] of Array[0..2] of BOOL" in cure_source(bits.rules, bits, "scl")  # else they move
 
 
 packed = st.builds(rules_for, st.just("packed"), orders, forms)
@@ -307,8 +339,7 @@ def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
         for wanted, own in ((theirs, ours), (ours, theirs)):
             side = padded_type(lay_out(type_, rules_for(wanted)), rules_for(own))
             plain = join([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
-            scl = join([read_text(scl_text(side.type, side.layout.name), "x.udt", ".udt")], "x.udt")
-            assert plain.problems == scl.problems == ()
+            assert plain.problems == () and scl_again(side)
             again = lay_out(plain.named(plain.names()[-1]), side.layout.rules)
             assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in side.layout.leaves()]
             words = {part for leaf in again.leaves() for part in re.findall(r"[^.\[\]]+", leaf.path)}
@@ -337,6 +368,8 @@ def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
 ) -> None:
     text = cure_source(ours, lay_out(type_, theirs, "T"), form)
     assert text.startswith(f"// T for {ours.name}, ")
+    scl = padded_type(lay_out(st_renamed(type_), theirs, "T"), ours, is_scl=True)
+    assert list(map(place_of, scl_again(scl).leaves())) == list(map(place_of, scl.layout.leaves()))
     fits = fit(type_, messages)
     best = [next(group).score for _, group in groupby(fits, key=lambda one: one.rank)]
     assert best == sorted(best, reverse=True)  # readings that find the same values stand together

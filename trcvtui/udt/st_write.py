@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.udt.layout.layout import lay_out
-from trcvtui.udt.layout.rules import S7
+from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -141,14 +141,17 @@ def st_text(type_: Type, name: str = "") -> str:
     return "\n".join(_st_type(each, st_word(name)) for each in named_types(st_renamed(type_)))
 
 
-def scl_text(type_: Type, name: str = "") -> str:
-    """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes."""
+def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
+    """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes.
+
+    The members lie under the rules where those of the type do, but for what a UNION aligned.
+    """
     found = [each for each in named_types(type_) if isinstance(each, Struct)]
     if not found:  # TIA has no type that is an ARRAY
         found = [Struct(name, (Member("raw", type_),))]
     head, end = f"VERSION : 0.1\n{INDENT}STRUCT", f"{INDENT}END_STRUCT;\n\nEND_TYPE\n"
     return "\n".join(
-        f"TYPE {_scl_quoted(one.name or name)}\n{head}\n{_scl_body(one, INDENT)}{end}" for one in found
+        f"TYPE {_scl_quoted(one.name or name)}\n{head}\n{_scl_body(one, INDENT, rules)}{end}" for one in found
     )
 
 
@@ -220,34 +223,45 @@ def _scl_quoted(name: str) -> str:
     return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
 
 
-def _scl_body(type_: Struct, indent: str) -> str:
+def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
     inner = indent + INDENT
-    members = all_members(type_)
-    return "".join(f"{inner}{scl_name(one.name)} : {_scl_spec(one.type, inner)};\n" for one in members)
+    return "".join(
+        f"{inner}{scl_name(one.name)} : {_scl_spec(one.type, inner, rules)};\n" for one in all_members(type_)
+    )
 
 
-def _scl_spec(type_: Type, indent: str) -> str:
+def joined(type_: Array, rules: LayoutRules) -> Array:
+    """Return an ARRAY of ARRAYs as one of all their bounds, for SCL; as it is where that moves elements."""
+    if not isinstance(type_.element, Array):
+        return type_
+    inner = joined(type_.element, rules)
+    found = Array((*type_.bounds, *inner.bounds), inner.element)
+    return found if lay_out(found, rules).size == lay_out(type_, rules).size else Array(type_.bounds, inner)
+
+
+def _scl_spec(type_: Type, indent: str, rules: LayoutRules) -> str:
     match type_:
-        case Array(bounds=bounds, element=element):
-            return f"Array[{_ranges(bounds)}] of {_scl_spec(element, indent)}"
+        case Array():
+            one = joined(type_, rules)
+            return f"Array[{_ranges(one.bounds, ', ')}] of {_scl_spec(one.element, indent, rules)}"
         case Struct(name=""):
-            return f"Struct\n{_scl_body(type_, indent)}{indent}END_STRUCT"
+            return f"Struct\n{_scl_body(type_, indent, rules)}{indent}END_STRUCT"
         case Struct(name=name):
             return _scl_quoted(name)
         case Union():
-            return f"Array[0..{max(lay_out(type_, S7).size, 1) - 1}] of Byte"
+            return f"Array[0..{max(lay_out(type_, rules).size, 1) - 1}] of Byte"
         case Enumeration(base=base) | Subrange(base=base):
             return base.name
         case StringType():
             return type_text(type_).replace("STRING", "String")
         case Pointer():
-            return "LWORD"
+            return "LWORD" if rules.pointer_size == 8 else "DWORD"
         case _:
             return type_text(type_)
 
 
-def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:
-    return ",".join(f"{low}..{high}" for low, high in bounds)
+def _ranges(bounds: tuple[tuple[int, int], ...], comma: str = ",") -> str:
+    return comma.join(f"{low}..{high}" for low, high in bounds)
 
 
 def named_types(type_: Type) -> list[Type]:

@@ -58,7 +58,8 @@ def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
 
 
 def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
-    found = padded_type(wanted, own)
+    is_scl = language == "scl"
+    found = padded_type(wanted, own, is_scl)
     name = plain(wanted.name)
     reached = "as it lies under" if found.is_possible else "as far as it can be as under"
     comments = [f"{name} for {own.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
@@ -71,11 +72,12 @@ def _type(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cu
         comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
     if found.type is wanted.type:
         comments.append("nothing has to change: the gaps are the same")
-    if language == "scl" and (unions := _unions(found.type)):
+    if is_scl and (unions := _unions(wanted.type)):
         names = ", ".join(map(plain, unions[:MOST_NAMED])) + ", ..." * (len(unions) > MOST_NAMED)
         comments.append(f"a UNION is bytes here, for SCL has none: {names}")
-    write = scl_text if language == "scl" else st_text
-    return Cure(tuple(comments), write(found.type, found.layout.name))
+    name = found.layout.name
+    text = scl_text(found.type, name, own) if is_scl else st_text(found.type, name)
+    return Cure(tuple(comments), text)
 
 
 def _unions(type_: Type) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
@@ -19,10 +20,11 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedLeaf,
     PlacedMember,
     PlacedStruct,
+    PlacedUnion,
     members_of,
 )
 from trcvtui.udt.layout.placing import BYTE, Filling, Placing, Unreachable, free_name
-from trcvtui.udt.layout.rules import LayoutRules
+from trcvtui.udt.layout.rules import S7, LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
     ELEMENTARY,
@@ -110,6 +112,9 @@ def prove(
                 if one.bit != bit:
                     raise Unreachable(_below(path, name), "it comes to lie at another bit")
                 prove(node, one.node, raw, _below(path, name), proved)
+    elif isinstance(wanted, PlacedUnion) and isinstance(found, PlacedArray):  # its bytes
+        if found.size != wanted.size:
+            raise Unreachable(path, "it has another size")
     elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
@@ -143,17 +148,19 @@ class PaddedType(NamedTuple):
         return not self.unreached
 
 
-def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
+def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> PaddedType:
     """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    other way round. Of a STRUCT in it that cannot be, the members stand in its place.
+    other way round. Of a STRUCT in it that cannot be, the members stand in its place. SCL has no pack_mode,
+    and a UNION is its bytes there.
     """
-    found, apart = _nearest(wanted, rules), []
+    rules = replace(rules, takes_pack=False) if is_scl else rules
+    found, apart = _nearest(wanted, rules, is_scl), []
     while parts := _taken_apart(wanted, {one.path for one in found.unreached}):
         wanted, notes = parts
         apart += notes
-        found = _nearest(wanted, rules)
+        found = _nearest(wanted, rules, is_scl)
     return found._replace(notes=(*apart, *found.notes))
 
 
@@ -181,14 +188,14 @@ def _taken_apart(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[M
     return Layout(wanted.name, flat, wanted.rules, PlacedStruct(placed, root.size, root.align)), notes
 
 
-def _nearest(wanted: Layout, rules: LayoutRules) -> PaddedType:
+def _nearest(wanted: Layout, rules: LayoutRules, is_scl: bool) -> PaddedType:
     packs = (None, 1) if rules.takes_pack else (None,)
-    tries = [_corrected(wanted, rules, pack, is_longer) for is_longer in (False, True) for pack in packs]
+    rebuilt = [_Rebuild(wanted, rules, pack, longer, is_scl) for longer in (False, True) for pack in packs]
+    tries = [_corrected(wanted, rules, rebuild) for rebuild in rebuilt]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
-def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> PaddedType:
-    rebuild = _Rebuild(wanted, rules, pack, is_longer)
+def _corrected(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> PaddedType:
     try:
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
@@ -225,8 +232,10 @@ class _Built(NamedTuple):
 class _Rebuild:
     """One rebuilding of a declaration; each STRUCT is rebuilt once, however many members have its type."""
 
-    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool) -> None:
-        self.theirs, self.rules, self.pack = wanted.rules, rules, pack
+    def __init__(
+        self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool, is_scl: bool
+    ) -> None:
+        self.theirs, self.rules, self.pack, self.is_scl = wanted.rules, rules, pack, is_scl
         self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
         self.name = wanted.name
         self.suffix = wanted.rules.name.replace("-", "_")
@@ -242,12 +251,20 @@ class _Rebuild:
             case Array():
                 assert isinstance(node, PlacedArray)
                 return self.array(type_, node, path)
+            case Union() if self.is_scl:
+                if not node.size:
+                    raise Unreachable(path, "a UNION without a byte")
+                return Array(((0, node.size - 1),), BYTE)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
                 return self.once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
                 found, why = substitute(node, self.theirs, self.rules)
+                if self.is_scl and isinstance(found, StringType):
+                    length, most = self.rules.text.length(found), S7.text.most(found)
+                    if length > most:
+                        raise Unreachable(path, f"{type_text(found)}: SCL has at most {most} characters")
                 if found is None:
                     raise Unreachable(path, why)
                 if why:

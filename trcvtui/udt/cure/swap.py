@@ -11,7 +11,7 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7, LayoutRules
-from trcvtui.udt.st_write import scl_name, scl_text, st_renamed, st_text, st_word
+from trcvtui.udt.st_write import joined, scl_name, scl_text, st_renamed, st_text, st_word
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -127,12 +127,13 @@ class _Swapping:
         made = self.turned(sent.type)
         assert lay_out(made, self.rules).size == sent.size
         body = "\n".join(self.statements(sent.type, _At(plain, "wire", "msg", "")))
-        write = st_text if self.language == "st" else scl_text
-        types = write(made, f"{sent.name}_swapped") if made is not sent.type else ""
+        types, name = "", f"{sent.name}_swapped"
+        if made is not sent.type:
+            types = st_text(made, name) if self.language == "st" else scl_text(made, name, self.rules)
         helpers = "\n".join(text for name, text in HELPERS.items() if name in self.helpers)
         loops = ", ".join(f"i{number}" for number in range(1, self.deepest + 1))
         note = f"{loops} : DINT; " if loops else ""
-        name = getattr(made, "name", "") or f"{sent.name}_swapped"
+        name = getattr(made, "name", "") or name
         head = f"// msg : {sent.name}; wire : {name}; {note}send {self.named('wire')}"
         return Swap(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
 
@@ -201,7 +202,9 @@ class _Swapping:
             yield f"{indent}// {to} is not swapped here: {what}"
 
     def loops(self, type_: Array, at: _At) -> Iterator[str]:
-        depth, indent = at.depth, at.indent
+        depth, indent, plain = at.depth, at.indent, at.plain
+        if self.language == "scl":  # here the type is as declared
+            type_ = plain = joined(type_, self.rules)
         names = [f"i{depth + number}" for number in range(1, len(type_.bounds) + 1)]
         self.deepest = max(self.deepest, depth + len(names))
         inner = indent
@@ -209,9 +212,9 @@ class _Swapping:
             yield f"{inner}FOR {self.named(name)} := {low} TO {high} DO"
             inner += "    "
         index = f"[{','.join(map(self.named, names))}]"
-        assert isinstance(at.plain, Array)
+        assert isinstance(plain, Array)
         below = at.path + index, depth + len(names), inner
-        there = _At(at.plain.element, at.to + index, at.of + index, *below)
+        there = _At(plain.element, at.to + index, at.of + index, *below)
         yield from self.statements(type_.element, there)
         for _ in names:
             inner = inner[:-4]

@@ -85,6 +85,7 @@ _VALUES = re.compile(
         |(?P<END>\bEND_DATA_BLOCK\b)""",
     re.VERBOSE | re.DOTALL | re.IGNORECASE,
 )
+_TITLE = re.compile(r"[ \t]*=[^\r\n]*")
 _COMMENT_MARK = re.compile(r"\(\*|\*\)")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
@@ -136,6 +137,8 @@ class Source:
                 is_data = word == "DATA_BLOCK" or (is_data and word != "END_DATA_BLOCK")
                 if is_data and word == "BEGIN":
                     place = self.after_values(place)
+                if is_data and word == "TITLE" and (title := _TITLE.match(self.text, place)):
+                    place = title.end()
             if group == "UNCLOSED":
                 place = self.after_unclosed(text, begin)
         tokens.append(StToken(Shape.END, "", end, ""))

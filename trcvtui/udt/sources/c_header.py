@@ -3,7 +3,7 @@
 A type has here the size that every compiler gives it; one that differs between compilers (`long`, `size_t`),
 a bit-field and an alignment of its own are refused by name. `int` and enumerations count as 4 bytes.
 Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a name that
-nobody knows makes it unknown.
+that is not known makes it unknown.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """C headers: `typedef struct {...} T;` read by pycparser (the extra `c`), made ready by `c_source.py`.
 
 A type has here the size that every compiler gives it; one that differs between compilers (`long`, `size_t`)
-and an alignment of its own are refused by name, a bit-field is room without a name. `int` and enumerations count as 4 bytes.
+and an alignment of its own are refused by name, a bit-field is room without a name. `int` and enumerations
+count as 4 bytes.
 Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a type
 with a name that is not known is unknown itself.
 """

@@ -46,7 +46,7 @@ scenarios: $(READY)
 
 # Beside two busy loops: what fails there is a bug until proven otherwise. Of golden traces those of cut wires.
 ROUNDS ?= 20
-CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml)
+CUT    := $(wildcard configs/scenarios/baosky/80ab-*.toml) configs/scenarios/baosky/switch-dead-link-80a0.toml
 LIVE   := test_a_scenario_on_real_sockets
 RECORD := tests/recording/test_record_command.py::test_
 TESTS  ?= tests/e2e/test_tap_screen.py tests/recording/test_black_box.py tests/tui/fleet/test_fleet_screen.py \

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from msgspec import Struct
 
 from tests.replay.journals import again, jsonl, what_if_nothing_changed
 from tests.scenario.scenarios import (
@@ -25,6 +26,7 @@ from tests.scenario.scenarios import (
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.commands import words
 from trcvtui.commands.snapshots import FAILED
+from trcvtui.diagnosis.advice import because
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.rules import OWN_ROWS
@@ -64,6 +66,7 @@ def test_a_scenario_on_the_simulated_network(path: Path) -> None:
     assert run.verdict.passed, failures(run.verdict)
     file_says_what_the_bench_does(path)
     table_lists_each_code(path, run)
+    no_text_says_none(run)
     replay_is_the_same(run)
     what_if_nothing_changed(run.entries)
     called = play(path, "sim", calls_all=True)
@@ -136,6 +139,22 @@ def table_lists_each_code(path: Path, run: Played) -> None:
     dialect = load_scenario(path).project.dialect
     shown = {(edge.block, edge.outputs.status) for edge in run.edges}
     assert [f"{block} {code:04X}" for block, code in shown if dialect.row(code, block) is None] == []
+
+
+def no_text_says_none(run: Played) -> None:
+    """No text of an event, and no reason of a STATUS, has Python's None for an address that is not there."""
+    texts = [*texts_in(run.events), *(because(edge.cause, edge.block) for edge in run.edges), run.text]
+    assert [text for text in texts if re.search(r"\bNone\b", text)] == []
+
+
+def texts_in(value: object) -> Iterable[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, tuple | list):
+        for each in value:
+            yield from texts_in(each)
+    elif isinstance(value, Struct):
+        yield from texts_in([getattr(value, name) for name in value.__struct_fields__])
 
 
 def replay_is_the_same(run: Played) -> None:

@@ -397,6 +397,8 @@ def because(cause: Cause, block: str) -> str:
 def _numbers(cause: Cause, block: str) -> str:
     row = block_row(block)
     if cause.have is not None and cause.need is not None:
+        if cause.pin and cause.value is None:  # what the pin points to, beside what the job needs
+            return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
         if not cause.have and row.receives and row.speaks_udp:  # it is here whole, or not at all

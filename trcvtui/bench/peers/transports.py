@@ -271,7 +271,7 @@ class StreamTransport(_Transport):
         self._half_closed = False
         self._offset = 0
         self._queues.begin()
-        self._queues.note("connected", f"to {remote}", str(self.local))
+        self._queues.note("connected", f"to {remote}", str(self.local or ""))
 
     def _watch(self, handle: Handle) -> None:
         loss = self._kernel.loss(handle)

@@ -185,9 +185,11 @@ class ReceiveData(JobBlock):
             )
         size, room = inputs.sizereceivedata, self._data.size
         if not 0 < size <= room:
-            name = "SizeReceiveData is not greater than 0" if size <= 0 else "the variable is smaller"
-            pin = "SizeReceiveData"
-            return Condition.RECEIVE_LENGTH_WRONG, Cause(Why.PARAMETER, name, pin=pin, have=room, need=size)
+            cause = Cause(Why.PARAMETER, "the size is not greater than 0", pin="SizeReceiveData", value=size)
+            if size > 0:
+                name = "the variable is smaller"
+                cause = Cause(Why.PARAMETER, name, pin="SizeReceiveData", have=room, need=size)
+            return Condition.RECEIVE_LENGTH_WRONG, cause
         for name, area, length in (
             ("pPrefix", self._prefix, inputs.lenprefix),
             ("pSuffix", self._suffix, inputs.lensuffix),

@@ -101,7 +101,7 @@ class OneShotCont:
 
 def show_disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
     """Close the connection and the listener: closing, closed by us."""
-    peer = str(connection.peer or "")
+    peer = connection.partner
     fault = connection.disconnect()
     if fault is not None:
         return [Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault, peer))]
@@ -110,7 +110,7 @@ def show_disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 def show_reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
     """Abort the connection with RST and show these; the listener stays."""
-    peer = str(connection.peer or "")
+    peer = connection.partner
     fault = connection.reset()
     if fault is not None:
         return [Outcome(_unless_poll_del(fault, Condition.RESET_FAILED), cause_of(fault, peer))]
@@ -349,7 +349,7 @@ class ConnectionControl:
         if not self._connection.config.active:
             # From the second 7002 on only the poll, or another block, can end this.
             stable = self.waits > 1 and set_up.listener is not None
-            return self._wait_for("no partner yet", local=str(self._connection.local), stable=stable)
+            return self._wait_for("no partner yet", local=str(set_up.listening or ""), stable=stable)
         remote = str(set_up.remote or "")
         return self._wait_for(
             "before the next attempt" if set_up.attempt is None else "no answer yet", remote
@@ -435,7 +435,7 @@ def established(connection: Connection) -> Cause:
     """Return why a connection stands: somebody came, or with datagrams nobody has to."""
     if connection.config.is_datagram:
         return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
-    return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
+    return Cause(Why.PARTNER, "the partner is connected", peer=connection.partner)
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: StatusSequence) -> Outcome:

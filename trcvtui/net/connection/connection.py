@@ -216,6 +216,11 @@ class Connection:
         return any(name != own and would(waits) for name, would in self.readers.items())
 
     @property
+    def partner(self) -> str:
+        """Return the partner's address and port as text, "" while there is none."""
+        return str(self.peer or "")
+
+    @property
     def local(self) -> Endpoint | None:
         """Return the local end of the connection, or of the listener."""
         return self._local or self.set_up.local
@@ -370,7 +375,7 @@ class Connection:
             self.set_up.turn_away(client, EventKind.SECOND_CLIENT)
             return True
         self._note(EventKind.REPLACED, client.peer)
-        self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
+        self._lose(ConnectionLoss(LossKind.OURS, self.partner))
         if self.set_up.take_over(client) is None:
             self._become_connected(client)
         return self.state is State.CONNECTED
@@ -458,7 +463,7 @@ class Connection:
             if self.pending_loss is None or self._reads(asking):
                 return None
             return self._found(self.pending_loss)
-        return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
+        return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, self.partner)
 
     def unread(self) -> int:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
@@ -470,7 +475,7 @@ class Connection:
             self._write(BytesDropped(self.config.name, of, offset, size, reason))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
-        return loss_of(fault, str(self.peer), self.config.active and not self.bytes_received)
+        return loss_of(fault, self.partner, self.config.active and not self.bytes_received)
 
     def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
@@ -543,7 +548,7 @@ class Connection:
         if self.handle is not None:
             fault = self._close_orderly(self.handle)
             self._note(EventKind.DISCONNECTED, fault=fault)
-            self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
+            self._end_incarnation(ConnectionLoss(LossKind.OURS, self.partner), State.CLOSED)
         fault = self.set_up.free() or fault
         self._resources.budget.release(self.config.name)
         self.state, self.retry_at, self._pauses = State.CLOSED, None, False
@@ -559,7 +564,7 @@ class Connection:
         freed = self._kernel.abort(self.handle)
         fault = removed or probed or freed
         self._note(EventKind.RESET, fault=fault)
-        self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.ESTABLISHING)
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, self.partner), State.ESTABLISHING)
         return fault
 
     def stop(self) -> None:
@@ -584,7 +589,7 @@ class Connection:
         self._resources.budget.release(self._name)
         self._resources.unsettled.pop(self._name, None)
         self.keeping.end()
-        self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, self.partner), State.CLOSED)
         self._pauses = False
         self._note(EventKind.STOPPED)
 

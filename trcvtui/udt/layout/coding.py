@@ -6,6 +6,7 @@ Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for ev
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Callable
 from functools import partial
@@ -71,6 +72,16 @@ ODD_CODES = {
     "utf-16-le": "surrogatepass",
     "utf-16-be": "surrogatepass",
 }
+HALF = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
+
+
+def _no_text(value: str, charset: str = "") -> str:
+    """Return what of a text is no character, such as `no text: 16#DC00 and 2 more`; "" is nothing."""
+    found = HALF.findall(value)
+    if not found:
+        return ""
+    code = f"{ord(found[0]) & 0xFF:02X}" if charset == "utf-8" else f"{ord(found[0]):04X}"
+    return f"no text: 16#{code}" + (f" and {len(found) - 1} more" if found[1:] else "")
 
 
 def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
@@ -78,7 +89,13 @@ def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
-    return (_headed if rules.text.header else _ended)(type_, rules, charset)
+    coding = (_headed if rules.text.header else _ended)(type_, rules, charset)
+    return coding if charset == "latin-1" else coding._replace(odd=partial(_odd_text, coding, charset))
+
+
+def _odd_text(coding: Coding, charset: str, raw: bytes) -> str:
+    assert coding.odd is not None and coding.to_value is not None
+    return ", ".join(filter(None, (coding.odd(raw), _no_text(str(coding.to_value(raw)), charset))))
 
 
 def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
@@ -369,7 +386,7 @@ def _float(value: object) -> float | None:
     return number if is_named or not math.isinf(number) else None
 
 
-def _character(row: Elementary, _: LayoutRules) -> Coding:
+def _character(row: Elementary, rules: LayoutRules) -> Coding:
     highest = row.limits[1]
 
     def to_raw(value: object) -> int:
@@ -377,7 +394,10 @@ def _character(row: Elementary, _: LayoutRules) -> Coding:
             raise Refused(f"{row.name}, one character from code 0 to {highest}")
         return ord(value)
 
-    return Coding(row.code, chr, to_raw)
+    def odd(raw: bytes) -> str:
+        return _no_text(chr(*struct.unpack(BYTE_ORDERS[rules.byte_order] + row.code, raw)))
+
+    return Coding(row.code, chr, to_raw, odd if row.size > 1 else None)
 
 
 def _literal(row: Elementary, _: LayoutRules) -> Coding:

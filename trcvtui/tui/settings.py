@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +18,9 @@ from rich.console import Console
 from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
+from trcvtui.errors import UserError
 from trcvtui.files import read_bytes
-from trcvtui.project.tables import expected_name, shown
+from trcvtui.project.tables import expected_name, parse_toml, shown
 from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")
@@ -74,10 +74,12 @@ def _table(path: Path, problems: list[str]) -> dict[str, Any]:
         problems.append(f"{path}: found a larger file, expected at most {MOST_BYTES} bytes")
         return {}
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as wrong:
+        return parse_toml(content.decode("utf-8-sig"), str(path))
+    except UserError as wrong:
+        problems += wrong.lines()
+    except ValueError as wrong:
         problems.append(f"{path}: found {wrong}, expected TOML")
-        return {}
+    return {}
 
 
 def theme_for(environ: Mapping[str, str]) -> str:

@@ -373,7 +373,8 @@ class Controller:
         if what == PROJECT:
             self._told = self._edits.save(name)
             saved = self._edits.project
-            self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
+            at = {"path": saved.path, "base": saved.base, "udt_files": saved.udt_files}
+            self.bench.project = replace(self.bench.project, **at)
             return ""
         before = None
         if self._edits.saved != self._begun_with:

@@ -260,7 +260,7 @@ class ProjectEdits:
 
     def _keep(self, text: str) -> None:
         """Keep what the file says, and the type files: each of them can be gone when it is needed."""
-        self._text, self._file = text, _file_of(self.project.path)
+        self._text, self._file = text, _file_of(self.project.path) if text else ()
         self._types = {file: _content(file) for file in self.project.udt_files}
 
     def _restore_types(self, folder: Path) -> None:

@@ -159,6 +159,11 @@ def loop(own: Path, by: str) -> None:
         own.with_name(by).symlink_to(own.name)
 
 
+def into_folder(own: Path) -> None:
+    own.unlink()
+    own.mkdir()
+
+
 OUTSIDE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
     "deleted": (lambda own: own.unlink(), ": found No such file or directory", True),
     "renamed": (lambda own: own.rename(own.with_name("new.toml")), ": found new.toml, its new name", True),
@@ -171,7 +176,7 @@ OUTSIDE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
     "of another PLC": (lambda own: own.write_text(OTHER.format("s7-1500")), ": found another project", True),
     "a link to itself": (lambda own: loop(own, own.name), ": found Too many levels of symbolic links", True),
     "a loop of links": (lambda own: loop(own, "b.toml"), ": found Too many levels of symbolic links", True),
-    "a folder": (lambda own: (own.unlink(), own.mkdir()), ": found Is a directory", False),
+    "a folder": (into_folder, ": found Is a directory", False),
     "with its folder": (lambda own: shutil.rmtree(own.parent), ": no folder ", False),
 }  # fmt: skip
 
@@ -274,6 +279,17 @@ def test_a_session_with_additions_is_a_scenario_on_the_old_project(driver: Local
     assert 'project = "' not in late.read_text(), "the file says more by now than the session began with"
     again = play(late, "sim")
     assert again.verdict.passed, failures(again.verdict)
+
+
+def test_a_session_whose_project_is_gone_is_a_scenario_with_the_project_in_it(
+    driver: LocalDriver, own: Path
+) -> None:
+    own.unlink()
+    file = own.parent / "session.toml"
+    assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
+    assert 'project = "' not in file.read_text()
+    played = play(file, "sim")
+    assert played.verdict.passed, failures(played.verdict)
 
 
 @pytest.mark.parametrize("name", ["passwd", "a.txt", "mine.toml.bak"])

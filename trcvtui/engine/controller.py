@@ -382,6 +382,8 @@ class Controller:
             if before is None:
                 found = "a session that began with additions which were in no file"
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
+        elif self._edits.text_now() != self._edits.text:
+            before = self._edits.text
         path = target(name, "prompt")
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))

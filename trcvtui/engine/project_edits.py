@@ -25,7 +25,7 @@ from trcvtui.commands.table import parse_line, to_line
 from trcvtui.commands.words import MENDS, Remedy
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.files import make_folder, read_bytes, write_file
+from trcvtui.files import FileName, make_folder, read_bytes, write_file
 from trcvtui.paths import configs_path, demo_path
 from trcvtui.project.edit import difference, entry, same
 from trcvtui.project.file import read_project
@@ -195,7 +195,8 @@ class ProjectEdits:
         self._edits: Edits = ()  # what makes the project of the one in the file
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
-        self._keep(_content(project.path).decode("utf-8-sig", "replace"))
+        self._inode = 0
+        self._keep(self.text_now())
 
     @property
     def unsaved(self) -> int:
@@ -205,6 +206,10 @@ class ProjectEdits:
     @property
     def unsaved_word(self) -> str:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
+
+    def text_now(self) -> str:
+        """Return what the file says now, `text` is what it said; "" where it cannot be read."""
+        return _text_of(self.project.path)
 
     def begin(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
@@ -224,7 +229,7 @@ class ProjectEdits:
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
         self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
         self._constants |= constants
-        self._keep(self._text)
+        self._keep(self.text)
 
     def save(self, words: str) -> str:
         """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
@@ -233,35 +238,35 @@ class ProjectEdits:
         if not path.parent.is_dir():
             raise mistake(WHERE, f"{path}: no folder {path.parent}", "a file that can be written")
         is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._lost()
-        is_current = is_own and not lost
-        if is_own and lost and not (self._text and words.rstrip().endswith(FORCE)):
+        if is_own and lost and not (self.text and words.rstrip().endswith(FORCE)):
             raise mistake(lost.where, lost.found, f"{lost.expected}; `save project {FORCE}` writes it anew")
-        if is_current and not self.unsaved:
+        if is_own and not lost and not self.unsaved:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
         told = f"the project with {count(self.unsaved, self.unsaved_word)} in {path.absolute()}"
-        if not is_current and (lost or read_text(own) != self._text):
+        text = self.text if lost or not is_own else read_text(own)
+        if lost or self.text_now() != text:
             now = f"{lost.where}: found {lost.found}" if lost else f"{own} has changed"
             told += f", on the text that was read before ({now})"
-        before = self._text if self.before is None and self._begun_from_file else self.before
+        before = self.text if self.before is None and self._begun_from_file else self.before
         old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
         self._restore_types(old)
-        text = with_files_from(read_text(own) if is_current else self._text, old, path.parent, str(own))
-        text, loaded = edited_text(text, own, path, self._edits, self._constants)
+        text = with_files_from(text, old, path.parent, str(own))
+        text, new = edited_text(text, own, path, self._edits, self._constants)
         write_file(path, _beginning(own) + text.encode(), WHERE, is_own=True)
         self.before = before and with_files_from(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
         self._constants.clear()
         self.saved = self.done
-        at = {"path": loaded.path, "base": loaded.base, "udt_files": loaded.udt_files}
-        self.project = replace(self.project, **at)
+        self.project = replace(self.project, path=new.path, base=new.base, udt_files=new.udt_files)
         self._in_file, self._edits = self.project, ()
         self._keep(text)
         return told
 
     def _keep(self, text: str) -> None:
         """Keep what the file says, and the type files: each of them can be gone when it is needed."""
-        self._text, self._file = text, _file_of(self.project.path) if text else ()
-        self._types = {file: _content(file) for file in self.project.udt_files}
+        self.text, self._types = text, {file: _content(file) for file in self.project.udt_files}
+        with suppress(OSError):
+            self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
         """Write the type files that are gone, as they were; `folder` takes the place of the project's."""
@@ -286,22 +291,18 @@ class ProjectEdits:
             return None
         except UserError as wrong:
             first = wrong.problems[0]
-        found = (
-            own.parent.iterdir() if self._file and own.parent.is_dir() and not os.path.lexists(own) else ()
-        )
-        name = next((each.name for each in found if _file_of(each) == self._file), "")
-        return replace(first, found=f"{name}, its new name") if name else first
+        with suppress(OSError):
+            for each in [] if os.path.lexists(own) else [*os.scandir(own.parent)]:
+                if each.inode() == self._inode and _text_of(each.path) == self.text:
+                    return replace(first, found=f"{each.name}, its new name")
+        return first
 
 
-def _file_of(path: Path) -> tuple[int, ...]:
-    """Return what a file has under each of its names; () where it is not there."""
-    with suppress(OSError):
-        found = os.stat(path)
-        return found.st_ino, found.st_mtime_ns, found.st_size
-    return ()
-
-
-def _content(path: Path) -> bytes:
+def _content(path: FileName) -> bytes:
     with suppress(OSError, ValueError):
         return read_bytes(path, LARGEST_FILE)
     return b""
+
+
+def _text_of(path: FileName) -> str:
+    return _content(path).decode("utf-8-sig", "replace")

@@ -87,7 +87,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     return parse_toml(read_text(path), str(path))
 
 
-# Texts of lines, comments; as group 1 keys with dots. What is not closed ends with its line, or the text.
+# Texts of lines, comments; as group 1 keys with dots. What is not closed ends with its line, or the file.
 _PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)"""
 _TOKEN: Final = re.compile(
     rf"""(?s:"{{3}}(?:[^\\]|\\.)*?(?:"{{3,5}}|\Z)|'{{3}}.*?(?:'{{3,5}}|\Z))|#[^\n]*+"""

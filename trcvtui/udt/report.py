@@ -70,13 +70,13 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
     leaves = layout.leaves(0, most)
     pairs = zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True)
     values = {leaf.path or name: value for leaf, value in pairs}
-    texts = {path: json_value(value) for path, value in values.items()}
-    escaped = [path for path, value in values.items() if isinstance(value, str) and texts[path] != value]
+    escaped = [path for path, value in values.items() if isinstance(value, str) and HALF.search(value)]
     markable = [leaf for leaf in leaves if leaf.coding.odd]
     marks = {one.path or name: mark for one in markable if (mark := mark_text(one, _own_bytes(one, data)))}
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
-    odd = {"marks": marks, "escaped": escaped}
-    return json_lines({**head, "values": texts, **{key: found for key, found in odd.items() if found}})
+    odd = ("marks", marks), ("escaped", escaped)
+    texts = {path: json_value(value) for path, value in values.items()}
+    return json_lines({**head, "values": texts, **{key: found for key, found in odd if found}})
 
 
 def _own_bytes(leaf: Leaf, data: Data) -> bytes:
@@ -104,9 +104,8 @@ def member_rows(
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; what `udt decode` gave as JSON is taken as it is."""
     inner, paths = values.get("values"), values.get("escaped")
-    if not isinstance(inner, Mapping):
-        return encode(layout, values)
-    escaped = {path for path in paths if isinstance(path, str)} if isinstance(paths, list) else set()
+    escaped = set(map(str, paths)) if isinstance(paths, list) else ()
+    inner = inner if isinstance(inner, Mapping) else values
     return encode(layout, {path: _unescaped(v) if path in escaped else v for path, v in inner.items()})
 
 
@@ -120,7 +119,8 @@ def json_value(value: Value | None) -> Value | None:
 def _unescaped(value: object) -> object:
     if not isinstance(value, str):
         return value
-    return re.sub(r"\\(\\|u(d[89a-f]..))", lambda one: chr(int(one[2], 16)) if one[2] else "\\", value)
+    escape = r"(?i)\\(?:\\|u(d[89a-f][\da-f]{2}))"
+    return re.sub(escape, lambda found: chr(int(found[1], 16)) if found[1] else "\\", value)
 
 
 def leaf_type_text(layout: Layout, leaf: Leaf) -> str:

@@ -75,13 +75,19 @@ ODD_CODES = {
 HALF = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
 
 
-def _no_text(value: str, charset: str = "") -> str:
-    """Return what of a text is no character, such as `no text: 16#DC00 and 2 more`; "" is nothing."""
-    found = HALF.findall(value)
-    if not found:
-        return ""
-    code = f"{ord(found[0]) & 0xFF:02X}" if charset == "utf-8" else f"{ord(found[0]):04X}"
-    return f"no text: 16#{code}" + (f" and {len(found) - 1} more" if found[1:] else "")
+def _marked(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
+    """Return a coding of text that marks codes that are no characters: `no text: 16#DC00 and 2 more`."""
+
+    def odd(raw: bytes) -> str:
+        assert coding.to_value is not None
+        (stored,) = struct.unpack(BYTE_ORDERS[rules.byte_order] + coding.code, raw)
+        found = HALF.findall(str(coding.to_value(stored)))
+        told = coding.odd(raw) if coding.odd else ""
+        more = f" and {len(found) - 1} more" if found[1:] else ""
+        mark = f"no text: 16#{f'{ord(found[0]):04X}'[-digits:]}{more}" if found else ""
+        return ", ".join(filter(None, (told, mark)))
+
+    return coding._replace(odd=odd)
 
 
 def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
@@ -90,12 +96,7 @@ def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
     coding = (_headed if rules.text.header else _ended)(type_, rules, charset)
-    return coding if charset == "latin-1" else coding._replace(odd=partial(_odd_text, coding, charset))
-
-
-def _odd_text(coding: Coding, charset: str, raw: bytes) -> str:
-    assert coding.odd is not None and coding.to_value is not None
-    return ", ".join(filter(None, (coding.odd(raw), _no_text(str(coding.to_value(raw)), charset))))
+    return coding if charset == "latin-1" else _marked(coding, rules, 2 if type_.utf8 else 4)
 
 
 def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
@@ -394,10 +395,8 @@ def _character(row: Elementary, rules: LayoutRules) -> Coding:
             raise Refused(f"{row.name}, one character from code 0 to {highest}")
         return ord(value)
 
-    def odd(raw: bytes) -> str:
-        return _no_text(chr(*struct.unpack(BYTE_ORDERS[rules.byte_order] + row.code, raw)))
-
-    return Coding(row.code, chr, to_raw, odd if row.size > 1 else None)
+    coding = Coding(row.code, chr, to_raw)
+    return _marked(coding, rules) if row.size > 1 else coding
 
 
 def _literal(row: Elementary, _: LayoutRules) -> Coding:

@@ -3,9 +3,11 @@
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
 a file runs again from its first keyframe.
-Rule 3: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
+Rule 3: a file that begins in the middle ends after its first keyframe, not before, as long as a run beside
+makes some; `problem` tells which files have none, and whether the ring is too small.
+Rule 4: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
 what-if begins there; and it has keyframes.
-Rule 4: packets of connections go on from file to file; those of entries that stand in no file are passed by.
+Rule 5: packets of connections go on from file to file; those of entries that stand in no file are passed by.
 Bound: MOST_KEPT entries wait for a trigger.
 """
 
@@ -18,13 +20,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
 
-from trcvtui.errors import mistake
+from trcvtui.errors import Problem, mistake
 from trcvtui.files import make_folder
 from trcvtui.recording.journal import (
     DO,
     ENDED_HERE,
+    REST,
     STEP,
     Answered,
     BlockWriter,
@@ -35,6 +38,7 @@ from trcvtui.recording.journal import (
     WireCall,
     entries_of,
 )
+from trcvtui.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.recording.journal import Keyframe
@@ -46,7 +50,12 @@ ELSEWHERE: Final = "this file begins in the middle of its run"
 MOST_KEPT: Final = 500_000
 MOST_SECRETS: Final = 1000
 MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
+NO_RUN_BESIDE: Final = "no run beside makes any"
 MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
+
+
+def lack_of(where: object, lack: str, why: str) -> Problem:
+    return Problem(str(where), f"{lack}: {why}", "one in each, or it does not run again")
 
 
 class Sink(Protocol):
@@ -66,9 +75,14 @@ class FileSink(Sink, Protocol):
     """What writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
+    no_keyframes: str  # why none come, "" while a run beside makes them
 
     def keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
+        ...
+
+    def problem(self) -> Problem | None:
+        """Return what the files lack, when they are closed."""
         ...
 
 
@@ -76,6 +90,7 @@ class NumberedFile(FileSink, Protocol):
     """What writes one of several files of a run, with so many bytes."""
 
     size: int
+    lacks_keyframe: bool  # it begins in the middle and has none
 
     def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take entries whose packets are no more; then go on with the packets of the files before."""
@@ -103,6 +118,7 @@ class NumberedFiles:
     """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
 
     trouble = ""  # what goes wrong is raised
+    no_keyframes = NO_RUN_BESIDE
 
     def __init__(
         self,
@@ -119,6 +135,9 @@ class NumberedFiles:
         self._file: NumberedFile | None = None
         self._path = Path()
         self._files: list[Path] = []
+        self._lacking: list[Path] = []  # of these: begin in the middle and have no keyframe
+        self._least_ring = 0  # bytes that would hold two files, where the ring does not
+        self._has_begun = False  # the scan that comes: its peers have acted
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
         self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
@@ -143,8 +162,13 @@ class NumberedFiles:
             if isinstance(entry, Secrets):
                 self._secrets.append(entry)
             if isinstance(entry, Answered):
-                if entry.call == STEP and isinstance(entry.answer, int):
-                    self._begin_scan(entry.answer)
+                if entry.call == REST and entry.args and not self._has_begun:
+                    self._begin_scan(cast(int, entry.args[0]))
+                    self._has_begun = True
+                elif entry.call == STEP and isinstance(entry.answer, int):
+                    if not self._has_begun:
+                        self._begin_scan(entry.answer)
+                    self._now, self._has_begun = entry.answer, False
                 elif waits and entry.call == DO and str(entry.args[0]).startswith(TRIGGER):
                     self._until = self._now + self._limits.after_ns
                     if self._file is None:
@@ -174,8 +198,10 @@ class NumberedFiles:
                 self._remember(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
-        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
+        """Return whether a file has its size, not of keyframes and repeated bytes alone, and its keyframe."""
         split = self._limits.split
+        if file.lacks_keyframe and not self.no_keyframes:
+            return False
         return file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
@@ -246,14 +272,37 @@ class NumberedFiles:
             if not self._is_over:
                 self._file.take([EntriesLost(0, ENDED_HERE)])
             self._file.close()
+            if self._file.lacks_keyframe:
+                self._lacking.append(self._path)
             self._file = None
 
     def _remove_the_oldest(self) -> None:
         sizes = [path.stat().st_size if path.exists() else 0 for path in self._files]
-        room = self._limits.ring - self._limits.split
-        while self._limits.ring and len(self._files) > 1 and sum(sizes) > room:
-            self._files.pop(0).unlink(missing_ok=True)
+        ring = self._limits.ring
+        if not ring or len(sizes) < 2:
+            return
+        more = max(self._limits.split, sizes[-2] - sizes[-1])  # that the new file will have
+        if sum(sizes[-2:]) + more > ring:
+            self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
+        while len(sizes) > 1 and sum(sizes) + more > ring:
+            gone = self._files.pop(0)
+            gone.unlink(missing_ok=True)
             sizes.pop(0)
+            if gone in self._lacking:
+                self._lacking.remove(gone)
+
+    def problem(self) -> Problem | None:
+        if self._lacking:
+            lack = f"no keyframe in {count(len(self._lacking), 'file')}, {self._lacking[0].name} the first"
+            return lack_of(self._folder, lack, self.no_keyframes)
+        if self._least_ring:
+            split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
+            return Problem(
+                f"--ring of {self._folder}",
+                f"{self._limits.ring} bytes, too few for two files of this run",
+                f"{least} or more, with --split {split}",
+            )
+        return None
 
     def close(self) -> None:
         self._is_over = True

@@ -1,6 +1,7 @@
 """A run beside its writer: it runs again on the entries as they come, and its state becomes keyframes.
 
 Rule 1: the entries are written first; a run that cannot follow is given up, and only keyframes are missing.
+When all is written a UserError tells which files need one and have none.
 Rule 2: a keyframe is due each SPACING_NS of the run, and at the beginning of a file that begins in
 the middle.
 Bound: MOST_WAITING bytes of blocks wait for it.
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui import clock
+from trcvtui.errors import Problem, UserError
 from trcvtui.recording.files import FileSink
 from trcvtui.recording.journal import (
     STEP,
@@ -34,7 +36,17 @@ SPACING_NS: Final = 30_000_000_000
 MOST_WAITING: Final = 64 << 20  # bytes
 MOST_LAZY: Final = 100_000  # entries
 NEVER: Final = 1 << 62
-PATIENCE_NS: Final = 1_000_000_000  # for the first keyframe of a file that is to be closed
+PATIENCE_NS: Final = 10_000_000_000  # for the first keyframe of a file that is to be closed
+
+
+def _scans_of(entries: Iterable[Entry]) -> Iterator[list[Entry]]:
+    some: list[Entry] = []
+    for entry in entries:
+        if type(entry) is Answered and entry.call == STEP:
+            yield some
+            some = []
+        some.append(entry)
+    yield some
 
 
 class _ComingEntries(PlaceInJournal):
@@ -90,6 +102,9 @@ class FollowedRun:
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
+        sink.no_keyframes = ""
+        self._fault: Problem | None = None  # an error of the program
+        self._has_all = False
         self._coming = _ComingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
@@ -110,25 +125,34 @@ class FollowedRun:
             self._blocks.append(block)
             self._waiting += len(block)
             if self._waiting > MOST_WAITING:
-                self._give_up()
+                self._give_up("the run beside was more than 64 MiB late")
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
-        some = [*entries]
-        self._sink.take(some)
-        if not self._is_off:
-            self._coming.put(some)
-            if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                self.go_on(NEVER)
+        for some in _scans_of(entries):  # so that a file that ends among them has its keyframe before
+            self._sink.take(some)
+            if not self._is_off:
+                self._coming.put(some)
+                if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
+                    self.go_on(NEVER)
 
     def close(self) -> None:
-        """End the file; one that begins in the middle waits a while for its first keyframe."""
-        if self._sink.first_scan != self._file:
-            self.go_on(clock.now_ns() + PATIENCE_NS)
-        self._give_up()
-        self._sink.close()
+        """End the file; one that begins in the middle waits a while for its first keyframe.
 
-    def _give_up(self) -> None:
+        Raise UserError where a file has not the one that it needs.
+        """
+        self._has_all, until = True, clock.now_ns() + PATIENCE_NS
+        while self._sink.first_scan != self._file and clock.now_ns() < until and self.go_on(0):
+            pass
+        self._give_up("the run beside was too late")
+        self._sink.close()
+        problem = self._fault or self._sink.problem()
+        if problem is not None:
+            raise UserError(problem)
+
+    def _give_up(self, why: str) -> None:
+        if not self._is_off:
+            self._sink.no_keyframes = why
         self._is_off = True
         self._blocks.clear()
         self._run, self._coming = None, _ComingEntries()
@@ -137,12 +161,13 @@ class FollowedRun:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
             if self._coming.steps_ahead < 2:  # a scan may ask for all up to the next one
-                if not self._blocks:
+                if self._blocks:
+                    block = self._blocks.popleft()
+                    self._waiting -= len(block)
+                    self._coming.put(entries_of([block], self._where))
+                    continue
+                if not self._has_all:
                     return False
-                block = self._blocks.popleft()
-                self._waiting -= len(block)
-                self._coming.put(entries_of([block], self._where))
-                continue
             self._follow()
             if until < NEVER and clock.now_ns() >= until:
                 return True
@@ -152,11 +177,18 @@ class FollowedRun:
         try:
             run = self._run or self._begun()
             if not run.scan():
-                self._give_up()
+                self._give_up(run.replay.lost or "the run beside has ended")
                 return
             self._keep(run)
-        except Exception:  # a replay of the file says what it is
-            self._give_up()
+        except UserError as wrong:  # a replay of the file says what it is
+            self._give_up(str(wrong))
+        except Exception as wrong:
+            self._fail(wrong)
+
+    def _fail(self, wrong: Exception) -> None:
+        found = f"{type(wrong).__name__}: {wrong}"
+        self._fault = Problem(self._where, found, "a keyframe: this is an error of trcvtui")
+        self._give_up(found)
 
     def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
@@ -182,14 +214,18 @@ class FollowedRun:
     def _write_state(self, run: ReplayRun) -> None:
         assert self._shared is not None
         place = self._coming.steps, self._coming.beyond
-        state = state_of(run, self._shared)
+        try:
+            state = state_of(run, self._shared)
+        except TypeError as wrong:
+            self._fail(wrong)
+            return
         self._sink.keyframe(Keyframe.of(run.bench.runtime.scans, run.bench.now, *place, state))
 
 
 class LastKeyframe:
     """A file with the last state of what it is given, and nothing else."""
 
-    trouble = ""
+    trouble = no_keyframes = ""
     first_scan = 0
 
     def __init__(self, path: str) -> None:
@@ -201,6 +237,9 @@ class LastKeyframe:
 
     def keyframe(self, frame: Keyframe) -> None:
         self._frame = frame
+
+    def problem(self) -> None:
+        """Return None: it has what it was given."""
 
     def close(self) -> None:
         if self._frame is not None:

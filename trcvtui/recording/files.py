@@ -3,8 +3,7 @@
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
 a file runs again from its first keyframe.
-Rule 3: a file that begins in the middle ends after its first keyframe, not before, as long as a run beside
-makes some; `problem` tells which files have none, and whether the ring is too small.
+Rule 3: a file that begins in the middle does not end before its first keyframe while a run beside makes some.
 Rule 4: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
 what-if begins there; and it has keyframes.
 Rule 5: packets of connections go on from file to file; those of entries that stand in no file are passed by.
@@ -22,7 +21,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
 
-from trcvtui.errors import Problem, mistake
+from trcvtui.errors import mistake
 from trcvtui.files import make_folder
 from trcvtui.recording.journal import (
     DO,
@@ -50,12 +49,7 @@ ELSEWHERE: Final = "this file begins in the middle of its run"
 MOST_KEPT: Final = 500_000
 MOST_SECRETS: Final = 1000
 MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
-NO_RUN_BESIDE: Final = "no run beside makes any"
 MOST_FRAMES: Final = 64  # keyframes of these; of more every second one goes
-
-
-def lack_of(where: object, lack: str, why: str) -> Problem:
-    return Problem(str(where), f"{lack}: {why}", "one in each, or it does not run again")
 
 
 class Sink(Protocol):
@@ -75,14 +69,15 @@ class FileSink(Sink, Protocol):
     """What writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
-    no_keyframes: str  # why none come, "" while a run beside makes them
+    is_followed: bool  # by a run beside, which makes keyframes
+
+    @property
+    def lack(self) -> str:
+        """Return which files begin in the middle and have no keyframe, "" for none."""
+        ...
 
     def keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
-        ...
-
-    def problem(self) -> Problem | None:
-        """Return what the files lack, when they are closed."""
         ...
 
 
@@ -90,7 +85,6 @@ class NumberedFile(FileSink, Protocol):
     """What writes one of several files of a run, with so many bytes."""
 
     size: int
-    lacks_keyframe: bool  # it begins in the middle and has none
 
     def go_on(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take entries whose packets are no more; then go on with the packets of the files before."""
@@ -118,7 +112,7 @@ class NumberedFiles:
     """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
 
     trouble = ""  # what goes wrong is raised
-    no_keyframes = NO_RUN_BESIDE
+    is_followed = False
 
     def __init__(
         self,
@@ -135,7 +129,7 @@ class NumberedFiles:
         self._file: NumberedFile | None = None
         self._path = Path()
         self._files: list[Path] = []
-        self._lacking: list[Path] = []  # of these: begin in the middle and have no keyframe
+        self._lacking: list[str] = []  # names of these that have no keyframe
         self._least_ring = 0  # bytes that would hold two files, where the ring does not
         self._has_begun = False  # the scan that comes: its peers have acted
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
@@ -200,9 +194,8 @@ class NumberedFiles:
     def _is_large(self, file: NumberedFile) -> bool:
         """Return whether a file has its size, not of keyframes and repeated bytes alone, and its keyframe."""
         split = self._limits.split
-        if file.lacks_keyframe and not self.no_keyframes:
-            return False
-        return file.size >= max(split, self._beside + split // 4)
+        is_whole = not (self.is_followed and file.lack)
+        return is_whole and file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
         scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])
@@ -272,8 +265,8 @@ class NumberedFiles:
             if not self._is_over:
                 self._file.take([EntriesLost(0, ENDED_HERE)])
             self._file.close()
-            if self._file.lacks_keyframe:
-                self._lacking.append(self._path)
+            if self._file.lack:
+                self._lacking.append(self._path.name)
             self._file = None
 
     def _remove_the_oldest(self) -> None:
@@ -287,26 +280,21 @@ class NumberedFiles:
         while len(sizes) > 1 and sum(sizes) + more > ring:
             gone = self._files.pop(0)
             gone.unlink(missing_ok=True)
+            self._lacking = [name for name in self._lacking if name != gone.name]
             sizes.pop(0)
-            if gone in self._lacking:
-                self._lacking.remove(gone)
 
-    def problem(self) -> Problem | None:
-        if self._lacking:
-            lack = f"no keyframe in {count(len(self._lacking), 'file')}, {self._lacking[0].name} the first"
-            return lack_of(self._folder, lack, self.no_keyframes)
-        if self._least_ring:
-            split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
-            return Problem(
-                f"--ring of {self._folder}",
-                f"{self._limits.ring} bytes, too few for two files of this run",
-                f"{least} or more, with --split {split}",
-            )
-        return None
+    @property
+    def lack(self) -> str:
+        files = count(len(self._lacking), "file")
+        return f"no keyframe in {files}, {self._lacking[0]} the first" if self._lacking else ""
 
     def close(self) -> None:
         self._is_over = True
         self._end()
+        if self._least_ring and not self._lacking:
+            split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
+            found = f"{self._limits.ring} bytes, too few for two files of this run"
+            raise mistake(f"--ring of {self._folder}", found, f"{least} or more with --split {split}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,6 @@ from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, create, open_to_read, reason_of, unnamed
-from trcvtui.recording.files import NO_RUN_BESIDE, lack_of
 from trcvtui.recording.journal import (
     STEP,
     Answered,
@@ -77,8 +76,8 @@ class RecordingWriter:
 
     trouble = ""  # what goes wrong is raised
     first_scan = 0
-    no_keyframes = NO_RUN_BESIDE
-    lacks_keyframe = False
+    is_followed = False
+    lack = ""
 
     def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
         self._path = str(path)
@@ -120,7 +119,7 @@ class RecordingWriter:
                 self.keyframe(entry)
             else:
                 if isinstance(entry, EntriesLost) and entry.number and not self._scans:
-                    self.lacks_keyframe = True
+                    self.lack = "no keyframe"
                 if isinstance(entry, RunBegins):
                     self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
                 self._keep(entry)
@@ -167,16 +166,13 @@ class RecordingWriter:
 
     def keyframe(self, frame: Keyframe) -> None:
         """Write a keyframe of the scans that have been taken."""
-        self.lacks_keyframe = False
+        self.lack = ""
         self.flush()
         program = frame.program.encode()
         content = _KEYFRAME.pack(*frame[1:6], len(program)) + program + frame.content
         row = BlockPlace(self.size, IS_KEYFRAME, frame.scan, frame.ns)
         self._write(self._journal_packets(_with_check(KEYFRAME, content)))
         self._index.append(row)
-
-    def problem(self) -> Problem | None:
-        return lack_of(self._path, "no keyframe", self.no_keyframes) if self.lacks_keyframe else None
 
     def _journal_packets(self, block: bytes, comments: Iterable[str] = ()) -> bytes:
         pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]

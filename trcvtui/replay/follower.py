@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui import clock
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.recording.files import FileSink
 from trcvtui.recording.journal import (
     STEP,
@@ -102,8 +102,8 @@ class FollowedRun:
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
-        sink.no_keyframes = ""
-        self._fault: Problem | None = None  # an error of the program
+        sink.is_followed = True
+        self._why_off = self._fault = ""  # of these two the second is an error of the program
         self._has_all = False
         self._coming = _ComingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
@@ -146,14 +146,13 @@ class FollowedRun:
             pass
         self._give_up("the run beside was too late")
         self._sink.close()
-        problem = self._fault or self._sink.problem()
-        if problem is not None:
-            raise UserError(problem)
+        lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._why_off}")
+        if lack:
+            raise mistake(self._where, lack, "a keyframe in each file, or it does not run again")
 
     def _give_up(self, why: str) -> None:
-        if not self._is_off:
-            self._sink.no_keyframes = why
-        self._is_off = True
+        self._why_off = self._why_off or why
+        self._is_off, self._sink.is_followed = True, False
         self._blocks.clear()
         self._run, self._coming = None, _ComingEntries()
 
@@ -186,9 +185,8 @@ class FollowedRun:
             self._fail(wrong)
 
     def _fail(self, wrong: Exception) -> None:
-        found = f"{type(wrong).__name__}: {wrong}"
-        self._fault = Problem(self._where, found, "a keyframe: this is an error of trcvtui")
-        self._give_up(found)
+        self._fault = f"{type(wrong).__name__}: {wrong} (an error of trcvtui)"
+        self._give_up(self._fault)
 
     def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
@@ -225,8 +223,9 @@ class FollowedRun:
 class LastKeyframe:
     """A file with the last state of what it is given, and nothing else."""
 
-    trouble = no_keyframes = ""
+    trouble = lack = ""
     first_scan = 0
+    is_followed = False
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -237,9 +236,6 @@ class LastKeyframe:
 
     def keyframe(self, frame: Keyframe) -> None:
         self._frame = frame
-
-    def problem(self) -> None:
-        """Return None: it has what it was given."""
 
     def close(self) -> None:
         if self._frame is not None:

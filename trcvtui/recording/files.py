@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from trcvtui.errors import mistake
 from trcvtui.files import make_folder
@@ -70,11 +70,7 @@ class FileSink(Sink, Protocol):
 
     first_scan: int  # scans of the run before the first one of a file that begins in the middle
     is_followed: bool  # by a run beside, which makes keyframes
-
-    @property
-    def lack(self) -> str:
-        """Return which files begin in the middle and have no keyframe, "" for none."""
-        ...
+    lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
     def keyframe(self, frame: Keyframe) -> None:
         """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
@@ -112,7 +108,7 @@ class NumberedFiles:
     """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
 
     trouble = ""  # what goes wrong is raised
-    is_followed = False
+    is_followed, lack = False, ""
 
     def __init__(
         self,
@@ -140,7 +136,7 @@ class NumberedFiles:
         self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
         self._kept = 0
         self._old: deque[OldBlock] = deque()
-        self._old_size = self._in_block = self._scans_in_block = 0
+        self._old_size = self._in_block = self._scans_in_block = self._since_frame = 0
         self._block = BlockWriter(0)
         self._is_over = False
         self._number = next_number(folder, stem)
@@ -156,14 +152,13 @@ class NumberedFiles:
             if isinstance(entry, Secrets):
                 self._secrets.append(entry)
             if isinstance(entry, Answered):
-                if entry.call == REST and entry.args and not self._has_begun:
-                    self._begin_scan(cast(int, entry.args[0]))
-                    self._has_begun = True
-                elif entry.call == STEP and isinstance(entry.answer, int):
+                call, args = entry.call, entry.args
+                at = entry.answer if call == STEP else args[0] if call == REST and args else None
+                if isinstance(at, int):
                     if not self._has_begun:
-                        self._begin_scan(entry.answer)
-                    self._now, self._has_begun = entry.answer, False
-                elif waits and entry.call == DO and str(entry.args[0]).startswith(TRIGGER):
+                        self._begin_scan(at)
+                    self._now, self._has_begun = at, call == REST
+                elif waits and call == DO and str(args[0]).startswith(TRIGGER):
                     self._until = self._now + self._limits.after_ns
                     if self._file is None:
                         self._open()
@@ -220,6 +215,10 @@ class NumberedFiles:
         made = OldBlock(self._in_block, self._scans_in_block, self._block.block())
         self._old.append(made)
         self._old_size += len(made.block)
+        self._since_frame += len(made.block)
+        if self._since_frame > MOST_OLD_BYTES // 2:  # the old blocks always have a keyframe
+            self._since_frame = 0
+            self.first_scan = self._passed_scans + sum([old.scans for old in self._old])
         self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
 
     def keyframe(self, frame: Keyframe) -> None:
@@ -283,15 +282,13 @@ class NumberedFiles:
             self._lacking = [name for name in self._lacking if name != gone.name]
             sizes.pop(0)
 
-    @property
-    def lack(self) -> str:
-        files = count(len(self._lacking), "file")
-        return f"no keyframe in {files}, {self._lacking[0]} the first" if self._lacking else ""
-
     def close(self) -> None:
         self._is_over = True
         self._end()
-        if self._least_ring and not self._lacking:
+        if self._lacking:
+            files = count(len(self._lacking), "file")
+            self.lack = f"no keyframe in {files}, {self._lacking[0]} the first"
+        elif self._least_ring:
             split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
             found = f"{self._limits.ring} bytes, too few for two files of this run"
             raise mistake(f"--ring of {self._folder}", found, f"{least} or more with --split {split}")

@@ -76,8 +76,7 @@ class RecordingWriter:
 
     trouble = ""  # what goes wrong is raised
     first_scan = 0
-    is_followed = False
-    lack = ""
+    is_followed, lack = False, ""
 
     def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
         self._path = str(path)

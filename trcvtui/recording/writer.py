@@ -247,6 +247,12 @@ def write_all(asked: str, sink: Callable[[RecordTo], BlockSink], path: str) -> N
         _say("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
     except OSError as failed:
         _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
+    except Exception as wrong:
+        _say(f"{one_line(path)}\t{one_line(fault_of(wrong))}\ta recording")
+
+
+def fault_of(wrong: Exception) -> str:
+    return f"{type(wrong).__name__}: {wrong} (an error of trcvtui)"
 
 
 def _read(idle: Callable[[int], bool]) -> bytes:

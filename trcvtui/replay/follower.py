@@ -28,7 +28,7 @@ from trcvtui.recording.journal import (
     value_bytes,
 )
 from trcvtui.recording.state import Shared, state_of
-from trcvtui.recording.writer import write_all
+from trcvtui.recording.writer import fault_of, write_all
 from trcvtui.replay.keyframes import PlaceInJournal, restored
 from trcvtui.replay.run_again import ReplayRun
 
@@ -37,16 +37,6 @@ MOST_WAITING: Final = 64 << 20  # bytes
 MOST_LAZY: Final = 100_000  # entries
 NEVER: Final = 1 << 62
 PATIENCE_NS: Final = 10_000_000_000  # for the first keyframe of a file that is to be closed
-
-
-def _scans_of(entries: Iterable[Entry]) -> Iterator[list[Entry]]:
-    some: list[Entry] = []
-    for entry in entries:
-        if type(entry) is Answered and entry.call == STEP:
-            yield some
-            some = []
-        some.append(entry)
-    yield some
 
 
 class _ComingEntries(PlaceInJournal):
@@ -129,18 +119,15 @@ class FollowedRun:
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
-        for some in _scans_of(entries):  # so that a file that ends among them has its keyframe before
-            self._sink.take(some)
-            if not self._is_off:
-                self._coming.put(some)
-                if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                    self.go_on(NEVER)
+        some = [*entries]
+        self._sink.take(some)
+        if not self._is_off:
+            self._coming.put(some)
+            if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
+                self.go_on(NEVER)
 
     def close(self) -> None:
-        """End the file; one that begins in the middle waits a while for its first keyframe.
-
-        Raise UserError where a file has not the one that it needs.
-        """
+        """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
         while self._sink.first_scan != self._file and clock.now_ns() < until and self.go_on(0):
             pass
@@ -182,11 +169,8 @@ class FollowedRun:
         except UserError as wrong:  # a replay of the file says what it is
             self._give_up(str(wrong))
         except Exception as wrong:
-            self._fail(wrong)
-
-    def _fail(self, wrong: Exception) -> None:
-        self._fault = f"{type(wrong).__name__}: {wrong} (an error of trcvtui)"
-        self._give_up(self._fault)
+            self._fault = fault_of(wrong)
+            self._give_up(self._fault)
 
     def _begun(self) -> ReplayRun:
         frame, begins = self._coming.frame, self._coming.begins
@@ -212,11 +196,7 @@ class FollowedRun:
     def _write_state(self, run: ReplayRun) -> None:
         assert self._shared is not None
         place = self._coming.steps, self._coming.beyond
-        try:
-            state = state_of(run, self._shared)
-        except TypeError as wrong:
-            self._fail(wrong)
-            return
+        state = state_of(run, self._shared)
         self._sink.keyframe(Keyframe.of(run.bench.runtime.scans, run.bench.now, *place, state))
 
 
@@ -224,8 +204,7 @@ class LastKeyframe:
     """A file with the last state of what it is given, and nothing else."""
 
     trouble = lack = ""
-    first_scan = 0
-    is_followed = False
+    first_scan, is_followed = 0, False
 
     def __init__(self, path: str) -> None:
         self._path = path

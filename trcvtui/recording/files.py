@@ -126,7 +126,7 @@ class NumberedFiles:
         self._path = Path()
         self._files: list[Path] = []
         self._lacking: list[str] = []  # names of these that have no keyframe
-        self._least_ring = 0  # bytes that would hold two files, where the ring does not
+        self._least_ring = 0  # bytes that always hold two files
         self._has_begun = False  # the scan that comes: its peers have acted
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
@@ -274,8 +274,7 @@ class NumberedFiles:
         if not ring or len(sizes) < 2:
             return
         more = max(self._limits.split, sizes[-2] - sizes[-1])  # that the new file will have
-        if sum(sizes[-2:]) + more > ring:
-            self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
+        self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
         while len(sizes) > 1 and sum(sizes) + more > ring:
             gone = self._files.pop(0)
             gone.unlink(missing_ok=True)
@@ -288,7 +287,7 @@ class NumberedFiles:
         if self._lacking:
             files = count(len(self._lacking), "file")
             self.lack = f"no keyframe in {files}, {self._lacking[0]} the first"
-        elif self._least_ring:
+        elif self._least_ring > self._limits.ring:
             split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
             found = f"{self._limits.ring} bytes, too few for two files of this run"
             raise mistake(f"--ring of {self._folder}", found, f"{least} or more with --split {split}")

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
 LOOK_NS: Final = 5_000_000_000  # in so long
 MOST_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
-AT_ONCE: Final = 1000  # entries that wait at most where no time passes
+AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
 TLS: Final = "trcvtui.net.layers.tls"
 
 

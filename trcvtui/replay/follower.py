@@ -1,7 +1,6 @@
 """A run beside its writer: it runs again on the entries as they come, and its state becomes keyframes.
 
 Rule 1: the entries are written first; a run that cannot follow is given up, and only keyframes are missing.
-When all is written a UserError tells which files need one and have none.
 Rule 2: a keyframe is due each SPACING_NS of the run, and at the beginning of a file that begins in
 the middle.
 Bound: MOST_WAITING bytes of blocks wait for it.
@@ -11,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -94,13 +94,12 @@ class FollowedRun:
         self._sink, self._where = sink, where
         sink.is_followed = True
         self._why_off = self._fault = ""  # of these two the second is an error of the program
-        self._has_all = False
         self._coming = _ComingEntries()
         self._blocks: deque[bytes] = deque()  # that are not taken apart yet
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: Shared | None = None
-        self._is_off = False
+        self._is_off = self._has_all = False
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property
@@ -120,11 +119,13 @@ class FollowedRun:
     def take(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
         some = [*entries]
-        self._sink.take(some)
-        if not self._is_off:
-            self._coming.put(some)
-            if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
-                self.go_on(NEVER)
+        steps = [at for at, one in enumerate(some) if type(one) is Answered and one.call == STEP]
+        for begin, end in pairwise([0, *steps, len(some)]):  # a file that ends among them has its keyframe
+            self._sink.take(some[begin:end])
+            if not self._is_off:
+                self._coming.put(some[begin:end])
+                if self._coming.now >= SPACING_NS or self._sink.first_scan or len(self._coming) > MOST_LAZY:
+                    self.go_on(NEVER)
 
     def close(self) -> None:
         """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""

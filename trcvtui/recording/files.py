@@ -127,7 +127,6 @@ class NumberedFiles:
         self._files: list[Path] = []
         self._lacking: list[str] = []  # names of these that have no keyframe
         self._least_ring = 0  # bytes that always hold two files
-        self._has_begun = False  # the scan that comes: its peers have acted
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
         self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
@@ -138,7 +137,7 @@ class NumberedFiles:
         self._old: deque[OldBlock] = deque()
         self._old_size = self._in_block = self._scans_in_block = self._since_frame = 0
         self._block = BlockWriter(0)
-        self._is_over = False
+        self._is_over = self._has_begun = False  # the run; the scan that comes, whose peers have acted
         self._number = next_number(folder, stem)
 
     def take(self, entries: Iterable[Entry]) -> None:

@@ -117,7 +117,7 @@ class RecordingWriter:
             elif isinstance(entry, Keyframe):
                 self.keyframe(entry)
             else:
-                if isinstance(entry, EntriesLost) and entry.number and not self._scans:
+                if isinstance(entry, EntriesLost) and entry.number and self._blocks + len(self._block) < 2:
                     self.lack = "no keyframe"
                 if isinstance(entry, RunBegins):
                     self._wall_ns = self._told.wire.wall_ns = entry.wall_ns

@@ -99,7 +99,7 @@ class FollowedRun:
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: Shared | None = None
-        self._is_off = self._has_all = False
+        self._is_off = self._has_all = self._no_secrets = False  # as was asked
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property
@@ -135,7 +135,7 @@ class FollowedRun:
         self._give_up("the run beside was too late")
         self._sink.close()
         lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._why_off}")
-        if lack:
+        if lack and not self._no_secrets:
             raise mistake(self._where, lack, "a keyframe in each file, or it does not run again")
 
     def _give_up(self, why: str) -> None:
@@ -164,6 +164,7 @@ class FollowedRun:
         try:
             run = self._run or self._begun()
             if not run.scan():
+                self._no_secrets = bool(run.replay.lost) and not run.replay.is_in_the_middle
                 self._give_up(run.replay.lost or "the run beside has ended")
                 return
             self._keep(run)

@@ -105,7 +105,7 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
 
 @pytest.mark.parametrize("length", [1, 170], ids=["of a scan", "longer than a file"])
 def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_path: Path) -> None:
-    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).file_sink(Path("R")), "R")
+    sink = FollowedRun(RecordTo(tmp_path, limits=FileLimits(6000, 0, -1, -1)).file_sink(Path("R")), "R")
     some = [*scans(journal())]
     for at in range(0, len(some), length):
         block = BlockWriter(0)

@@ -170,6 +170,7 @@ class NumberedFiles:
         self._now = now
         if self._file is not None:
             self._write()
+        if self._file is not None and not (self.is_followed and self._file.lack):
             if self._limits.before_ns >= 0:
                 if now > self._until:
                     self._end()
@@ -186,10 +187,9 @@ class NumberedFiles:
                 self._remember(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
-        """Return whether a file has its size, not of keyframes and repeated bytes alone, and its keyframe."""
+        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
         split = self._limits.split
-        is_whole = not (self.is_followed and file.lack)
-        return is_whole and file.size >= max(split, self._beside + split // 4)
+        return file.size >= max(split, self._beside + split // 4)
 
     def _remember(self, some: list[Entry]) -> None:
         scans = sum([isinstance(entry, Answered) and entry.call == STEP for entry in some])

@@ -99,7 +99,7 @@ class FollowedRun:
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: Shared | None = None
-        self._is_off = self._has_all = self._no_secrets = False  # as was asked
+        self._is_off = self._has_all = self._no_secrets = False  # the last: as was asked
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property
@@ -147,14 +147,13 @@ class FollowedRun:
     def go_on(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
-            if self._coming.steps_ahead < 2:  # a scan may ask for all up to the next one
-                if self._blocks:
-                    block = self._blocks.popleft()
-                    self._waiting -= len(block)
-                    self._coming.put(entries_of([block], self._where))
-                    continue
-                if not self._has_all:
+            if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # it asks up to a step
+                if not self._blocks:
                     return False
+                block = self._blocks.popleft()
+                self._waiting -= len(block)
+                self._coming.put(entries_of([block], self._where))
+                continue
             self._follow()
             if until < NEVER and clock.now_ns() >= until:
                 return True

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class _Messages(io.FileIO):
     """stderr: what it does not take is left out, and ends no command."""
 
-    def write(self, text: ReadableBuffer, /) -> int | None:
+    def write(self, text: ReadableBuffer, /) -> int:
         try:
             return super().write(text)
         except OSError:

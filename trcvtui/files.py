@@ -113,7 +113,7 @@ def make_folder(path: FileName, key: str) -> None:
 
 @contextmanager
 def folder_for(path: FileName, key: str) -> Iterator[None]:
-    """Make a folder as `make_folder` does; when the block fails, one that it made and that is empty goes again."""
+    """Make a folder where it is not there; when the block fails, that one goes again if it is empty."""
     is_new = not os.path.lexists(path)
     make_folder(path, key)
     try:

@@ -26,7 +26,6 @@ from trcvtui.cli.options import (
 from trcvtui.cli.screen import show
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import create
 from trcvtui.paths import given_path
 
 if TYPE_CHECKING:
@@ -138,7 +137,7 @@ def _tap(args: Args) -> int:
         args.armed,
         args.allow_orders,
     )
-    return forward(routes, looks, None if args.record is None else create(args.record, "--record"))
+    return forward(routes, looks, args.record)
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:

@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _exit_code_of(failed: OSError) -> int:
-    """Return that of an output that is not read or has no room, and of too few descriptors; raise all else."""
+    """Return that of an output that is not read or has no room, of too few descriptors; raise others."""
     is_closed = isinstance(failed, BrokenPipeError)
     if failed.errno in (errno.EMFILE, errno.ENFILE):
         sys.stderr.write(f"trcvtui: found '{failed.strerror}', expected more descriptors: `ulimit -n`\n")

@@ -1,20 +1,17 @@
-"""The streams that a shell gives; what it has closed is the null device, so that no socket gets its number."""
+"""The streams that a shell gives: a closed one becomes the null device, and no socket gets its number."""
 
 from __future__ import annotations
 
 import io
 import os
 import sys
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from typing import Any
 
 
 class _Messages(io.FileIO):
     """stderr: what it does not take is left out, and ends no command."""
 
-    def write(self, text: ReadableBuffer, /) -> int:
+    def write(self, text: Any, /) -> int:
         try:
             return super().write(text)
         except OSError:
@@ -36,5 +33,5 @@ def take_streams() -> None:
 
 
 def has_terminal(*numbers: int) -> bool:
-    """Return whether these streams are terminals; without numbers all that a screen needs: it draws on stderr."""
+    """Return whether these streams are terminals; without numbers all three: a screen draws on stderr."""
     return all(map(os.isatty, numbers or range(3)))

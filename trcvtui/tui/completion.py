@@ -74,5 +74,5 @@ class BenchSuggester(Suggester):
         return complete(value, self._project())
 
     def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
-        """Return what makes the coroutine of a worker: one made now is never awaited where the screen ends."""
+        """Return what makes the coroutine of a worker: one made now would stay unawaited at leaving."""
         return partial(super()._get_suggestion, requester, value)

@@ -33,7 +33,6 @@ HOST: Final = "127.0.0.1"
 TOKEN: Final = "token"
 SCREEN: Final = "/ws"  # where textual-serve starts one
 MOST_SCREENS: Final = 8
-SIZE: Final = {"width": 80, "height": 24}
 MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
 MOST_TYPED: Final = 1 << 16  # characters of one message
 # textual-serve's page asks another host for a font that it has itself.
@@ -117,22 +116,18 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
     class Loopback(Server):
         """Answers only the pages that it has given out."""
 
-        async def _process_messages(
-            self, websocket: web.WebSocketResponse, app_service: AppService
-        ) -> None:
+        async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
             """Hand on what the page sends; textual-serve ends with a traceback on what it does not."""
             async for message in websocket:
                 match _said(message.data):
                     case ["stdin", str(typed)] if len(typed) <= MOST_TYPED:
                         await app_service.send_bytes(typed.encode(errors="replace"))
-                    case ["resize", {"width": int(width), "height": int(height)}]:
+                    case ["resize", {"width": width, "height": height}]:
                         await app_service.set_terminal_size(_cells(width), _cells(height))
                     case ["ping", asked]:
                         await websocket.send_json(["pong", asked])
-                    case ["blur", *_]:
-                        await app_service.blur()
-                    case ["focus", *_]:
-                        await app_service.focus()
+                    case ["blur" | "focus" as what, *_]:
+                        await getattr(app_service, what)()
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
             """Give the page out without what it would fetch from elsewhere."""
@@ -164,7 +159,9 @@ async def application(command: str, entrance: Entrance, title: str, about: str) 
         if screens.locked():
             return web.Response(status=503, text=FULL)
         async with screens:
-            return await handler(request.clone(rel_url=request.rel_url.update_query(_size(request))))
+            asked = request.query
+            size = {name: _cells(asked[name]) for name in ("width", "height") if name in asked}
+            return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
 
     app = await Loopback(command, HOST, entrance.port, title=title)._make_app()
     app.middlewares.append(_only_who_may)
@@ -178,13 +175,10 @@ def _said(data: object) -> object:
     return None
 
 
-def _cells(asked: int) -> int:
-    return min(max(asked, 1), MOST_CELLS)
-
-
-def _size(request: web.BaseRequest) -> dict[str, int]:
-    asked = {name: request.query.get(name, "")[:9] for name in SIZE}
-    return {name: _cells(int(text) if text.isdecimal() else SIZE[name]) for name, text in asked.items()}
+def _cells(asked: object) -> int:
+    """Return a width or a height that a screen can have; 80 in place of what is no number."""
+    text = str(asked)[:9]
+    return min(max(int(text), 1), MOST_CELLS) if text.isdecimal() else 80
 
 
 def listening(port: int) -> socket.socket:

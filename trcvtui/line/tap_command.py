@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from trcvtui.commands.snapshots import ARMED_TAP, TAP
 from trcvtui.errors import mistake
+from trcvtui.files import create
 from trcvtui.net.os.forwarder import Forwarder, raise_limit, reachable, say_at_once
 from trcvtui.net.os.tap_ways import EventPipes
 from trcvtui.net.tap import Route, TapEventKind, end_text
@@ -52,7 +53,7 @@ class ObserverSettings(NamedTuple):
     may_order: bool = False
 
 
-def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] | None) -> int:
+def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None) -> int:
     """Forward until SIGTERM or Ctrl+C; raise UserError for a place that cannot be had."""
     if os.name != "posix" and (looks.is_shown or record is not None):
         raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
@@ -68,10 +69,10 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
     observers = None
     try:
         if record is not None:
-            with record:
+            with create(record, "--record") as file:  # when all places are had
                 ours, theirs = loop.pair()
                 with theirs:
-                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=record))
+                    started.append(_started((RECORDS,), stdin=theirs.fileno(), stdout=file))
                 loop.add_looker(ours, "the recording")
         loop.holds = looks.holds
         if screen is not None:

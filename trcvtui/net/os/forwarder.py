@@ -326,7 +326,7 @@ class Forwarder(TapLoop):
             sock.setblocking(False)
         self.hear(wakened.fileno(), IN, lambda _: self.stop())
         signal.set_wakeup_fd(wakes.fileno())
-        for name in ("SIGTERM", "SIGINT", "SIGHUP"):  # the last: its terminal is gone
+        for name in ("SIGTERM", "SIGINT", "SIGQUIT", "SIGHUP"):  # the last: its terminal is gone
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), lambda *_: None)
         while not self._ends:

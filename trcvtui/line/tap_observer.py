@@ -39,6 +39,7 @@ from trcvtui.net.tap import (
     FIGURES,
     LOSS,
     TO,
+    Lack,
     Route,
     TapEvent,
     TapEventKind,
@@ -193,6 +194,14 @@ class TapObserver:
                 return
             case TapEventKind.REFUSED:
                 self._complain(f"{self._plan.routes[event.route].name}: {event.data.decode()}")
+                return
+            case TapEventKind.LACK:
+                route, lack = self._plan.routes[event.route], Lack.of(event.data)
+                text = lack.text(route.listen.kind)
+                if isinstance(self._lines, WatchLines):
+                    self._lines.tell_tap(event.ns, route.name, {**lack._asdict(), "note": text})
+                else:
+                    self._complain(f"{route.name}: {text}")
                 return
             case TapEventKind.NOW if self._first_ns is None:
                 return

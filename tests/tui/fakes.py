@@ -237,6 +237,10 @@ class FakeDriver:
         self.stopped = ""
         self.closed = False
         self.restarts = 0
+        self.open = ""
+
+    def cuts(self) -> str:
+        return self.open
 
     def restart(self) -> None:
         self.stopped = ""

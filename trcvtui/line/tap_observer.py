@@ -39,7 +39,6 @@ from trcvtui.net.tap import (
     FIGURES,
     LOSS,
     TO,
-    Lack,
     Route,
     TapEvent,
     TapEventKind,
@@ -196,12 +195,11 @@ class TapObserver:
                 self._complain(f"{self._plan.routes[event.route].name}: {event.data.decode()}")
                 return
             case TapEventKind.LACK:
-                route, lack = self._plan.routes[event.route], Lack.of(event.data)
-                text = lack.text(route.listen.kind)
+                name, text = self._plan.routes[event.route].name, event.data.decode()
                 if isinstance(self._lines, WatchLines):
-                    self._lines.tell_tap(event.ns, route.name, {**lack._asdict(), "note": text})
+                    self._lines.tell_tap(event.ns, {"tap": name, "waiting": event.at, "note": text})
                 else:
-                    self._complain(f"{route.name}: {text}")
+                    self._complain(f"{name}: {text}")
                 return
             case TapEventKind.NOW if self._first_ns is None:
                 return
@@ -358,5 +356,5 @@ def look_on(asked: str) -> None:
             sys.stdout.flush()
         looking.close()
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of what shadows show is gone
+    except OSError:  # the reader of what shadows show is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

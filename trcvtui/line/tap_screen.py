@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trcvtui.commands.snapshots import TAP
 from trcvtui.engine.driver import EngineStopped, ProcessDriver
 from trcvtui.line.live_screen import ServedShadows
-from trcvtui.net.os.tap_ways import ask_for_way
+from trcvtui.net.os.tap_ways import ask_for_way, ask_what_is_open
 from trcvtui.replay.driver import serve_until_gone
 
 if TYPE_CHECKING:
@@ -52,6 +52,9 @@ class TapDriver(ProcessDriver):
         if picture is not None and picture.over:
             raise TapEnded(f"{picture.over}: both ends have seen an end")
         return picture
+
+    def cuts(self) -> str:
+        return ask_what_is_open(self._tap)
 
     def _start(self) -> None:
         super()._start()

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.tap import BACK, LOSS, TO, Lack, TapEvent, TapEventKind, events_of
+from trcvtui.net.tap import BACK, LOSS, TO, TapEvent, TapEventKind, events_of
 from trcvtui.recording.wire import (
     ACK,
     FIN,
@@ -256,8 +256,6 @@ class TapCapture:
         told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
         if event.kind == TapEventKind.LOST:
             told |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
-        elif event.kind == TapEventKind.LACK:
-            told |= Lack.of(event.data)._asdict()
         elif event.kind == TapEventKind.HELD:
             told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
         else:

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 from trcvtui.errors import mistake
 from trcvtui.net.results import end_in_words
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.wording import count
 
 HERE: Final = "127.0.0.1"
 TO, BACK = 0, 1  # ways: from the end at LISTEN to the end at CONNECT, and back
@@ -104,7 +103,7 @@ class TapEventKind(IntEnum):
     NOW = 11  # time passes: to who gives orders, and to guests each second
     HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
     FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
-    LACK = 14  # of a tap, and no conversation: the system gives no more for clients; see Lack
+    LACK = 14  # of a tap, and no conversation: `at` clients wait for a descriptor, in words
     LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
 
 
@@ -123,32 +122,7 @@ class TapEvent(NamedTuple):
 MOST_HELD_SHOWN: Final = 256  # bytes of what is held that are told, after a mark of one byte
 EVENT: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
 LOSS: Final = struct.Struct("<QQ")
-_LACK: Final = struct.Struct("<II")
 FIGURES: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes that the tap has sent again
-
-
-class Lack(NamedTuple):
-    """A tap lacks what each client takes, a `descriptor` or `memory`.
-
-    So many clients wait, and so many were refused since it was told last; of UDP these are datagrams.
-    """
-
-    lacks: str
-    waiting: int
-    refused: int
-
-    def pack(self) -> bytes:
-        return _LACK.pack(self.waiting, self.refused) + self.lacks.encode()
-
-    @classmethod
-    def of(cls, data: bytes) -> Lack:
-        return cls(data[_LACK.size :].decode(), *_LACK.unpack_from(data))
-
-    def text(self, kind: str) -> str:
-        if kind == "udp":
-            return f"no {self.lacks} left: {count(self.refused, 'datagram')} of new clients lost"
-        waits = f"{count(self.waiting, 'client')} wait{'s' if self.waiting == 1 else ''}"
-        return f"no {self.lacks} left: {waits}" + (f", {self.refused} refused (RST)" if self.refused else "")
 
 
 def events_of(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:

@@ -12,18 +12,10 @@ from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake, need
-from trcvtui.net.os.system_calls import (
-    IN,
-    OUT,
-    RESET_ON_CLOSE,
-    error_name,
-    look_at,
-    path_of,
-    peek_at,
-    unread_bytes,
-)
+from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, error_name, path_of, peek_at, unread_bytes
 from trcvtui.net.os.tapped_lane import GONE, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
-from trcvtui.net.tap import BACK, TO, Lack, Route, TapEventKind, TapPlace
+from trcvtui.net.tap import BACK, TO, Route, TapEventKind, TapPlace
+from trcvtui.wording import count
 
 CONNECT_NS: Final = 5_000_000_000  # for the far end to answer
 LINES_NS: Final = 20_000_000  # between two looks at CTS
@@ -40,10 +32,8 @@ class TcpTalk(TapConversation):
 
     has_ends = True
 
-    def __init__(
-        self, route: TcpRoute, number: int, near: socket.socket, far: socket.socket, said: bytes
-    ) -> None:
-        self.route, self.number, self.said = route, number, said
+    def __init__(self, route: TcpRoute, near: socket.socket, far: socket.socket, said: bytes) -> None:
+        self.route, self.number, self.said = route, route.loop.next_number(), said
         self.loop, self.place = route.loop, route.place
         self.lanes: tuple[TapLane, TapLane] | tuple[()] = ()
         self.has_ended = False
@@ -164,25 +154,28 @@ class TcpTalk(TapConversation):
 class _LackTeller:
     """Tells that a route cannot take clients: one line and one event each 10 s at most."""
 
-    def __init__(self, route: TcpRoute | UdpRoute) -> None:
-        self._route = route
-        self._lacks, self._is_on = "", False
+    def __init__(self, route: TcpRoute | UdpRoute, refused_one: str) -> None:
+        self._route, self._refused_one = route, refused_one
+        self._what, self._is_on = "", False
         self.waiting = self.refused = 0
 
     def begin(self, failed: OSError) -> None:
-        self._lacks = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
+        self._what = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
         if not self._is_on:
             self._is_on = True
             self._route.loop.after(LACK_LOOK_NS, self._tell)  # more may come at once
 
     def _tell(self) -> None:
-        lack, on = Lack(self._lacks, self.waiting, self.refused), self._route
-        self._is_on = bool(lack.waiting or lack.refused)
+        route, waiting, refused = self._route, self.waiting, self.refused
+        self._is_on, self.refused = bool(waiting or refused), 0
         if self._is_on:
-            self.refused = 0
-            on.loop.say(f"{on.route.name}: {lack.text(on.route.listen.kind)}")
-            on.loop.tell(TapEventKind.LACK, TO, on.place, 0, 0, lack.pack())
-            on.loop.after(LACK_TOLD_NS, self._tell)
+            waits = count(waiting, "client waits", "clients wait") if waiting else ""
+            lost = f"{count(refused, self._refused_one)} refused" if refused else ""
+            left = f"no {self._what} {'' if waiting else 'was '}left"
+            text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
+            route.loop.say(f"{route.route.name}: {text}")
+            route.loop.tell(TapEventKind.LACK, TO, route.place, 0, waiting, text.encode())
+            route.loop.after(LACK_TOLD_NS, self._tell)
 
 
 class TcpRoute:
@@ -202,7 +195,7 @@ class TcpRoute:
         self.address = self._door.getsockname()[:2]
         self._family = socket.AF_INET6 if ":" in route.to.address else socket.AF_INET
         self._spare = socket.socket()  # its descriptor accepts a client that gets RST
-        self._lack = _LackTeller(self)
+        self._lack = _LackTeller(self, "client")
         self._taken = 0  # clients
         self._due: deque[tuple[int, int]] = deque()  # until when so many of all clients are to be taken
         loop.hear(self._door.fileno(), IN, self._come)
@@ -217,25 +210,25 @@ class TcpRoute:
                 if far is not None:
                     far.close()
                 if failed.errno in LACKING:
-                    self._lack.begin(failed)
-                    self._let_wait()
+                    self._let_wait(failed)
                 return
             self._taken += 1
-            number = self.loop.next_number()
+            self._lack.waiting = 0
             try:
-                talk = TcpTalk(self, number, near, far, _said(self.route.to, end))
+                talk = TcpTalk(self, near, far, _said(self.route.to, end))
             except OSError:  # the poll set takes no more
                 far.close()
                 _reset(near)
                 continue
             if not talk.has_ended:
-                self.talks[number] = talk
+                self.talks[talk.number] = talk
 
-    def _let_wait(self) -> None:
+    def _let_wait(self, failed: OSError) -> None:
         self.loop.want(self._door.fileno(), 0)
-        waiting = peek_at(self._door, 0, False).clients or len(look_at({self._door.fileno(): IN}))
-        self._lack.waiting, come = waiting, self._taken + waiting
-        if come > (self._due[-1][1] if self._due else self._taken):
+        self._lack.waiting = peek_at(self._door, 0, False).clients or 1  # not each system counts them
+        self._lack.begin(failed)
+        come = self._taken + self._lack.waiting
+        if not self._due or come > self._due[-1][1]:
             self._due.append((time.monotonic_ns() + LACK_WAIT_NS, come))
         self.loop.after(LACK_LOOK_NS, self._come_again)
 
@@ -247,9 +240,8 @@ class TcpRoute:
             _, most = self._due.popleft()
             while self._taken < most and self._refuse():
                 pass
-        self._lack.waiting = 0
+        self._lack.waiting = peek_at(self._door, 0, False).clients
         self.loop.want(self._door.fileno(), IN)
-        self._come(IN)
 
     def _refuse(self) -> bool:
         """Accept a client for its RST; return whether that could be done."""
@@ -287,7 +279,7 @@ class UdpRoute:
         self.door = _bound(route.listen, socket.SOCK_DGRAM)
         self.door.setblocking(False)
         self.address = self.door.getsockname()[:2]
-        self._lack = _LackTeller(self)
+        self._lack = _LackTeller(self, "datagram")
         loop.hear(self.door.fileno(), IN, self._come)
 
     def _come(self, _: int) -> None:

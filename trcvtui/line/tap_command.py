@@ -67,7 +67,6 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
     started: list[Popen[bytes]] = []
     screen = _Screen(loop, voice) if looks.has_screen else None
     observers = None
-    _say_where(voice.say, loop, routes)
     try:
         if record is not None:
             with record:
@@ -77,10 +76,13 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: IO[bytes] 
                 loop.add_looker(ours, "the recording")
         loop.holds = looks.holds
         if screen is not None:
+            _say_where(voice.say, loop, routes)  # before the screen has the terminal
             if not screen.open(routes, looks):
                 return screen.wait()
         elif not _look_on(loop, routes, looks, started):
             return WRONG_INPUT
+        else:
+            _say_where(voice.say, loop, routes)
         if looks.project is not None and os.name == "posix":
             observers = _Observers(loop, voice, looks.project, looks.may_order)
             observers.start()
@@ -101,7 +103,7 @@ def _say_where(say: Callable[[str], None], loop: Forwarder, routes: Sequence[Rou
     addresses = [made.address for made in loop.routes]
     for route, address in zip(routes, addresses, strict=True):
         how = f"; kill {os.getpid()} ends the tap" if route is routes[-1] and os.name == "posix" else ""
-        say(f"{route.name}: {end_text(*address) if address else route.listen} to {route.to}{how}")
+        say(f"{route.name}: {_listens(route, address)} to {route.to}{how}")
     for place in reachable(addresses):
         say(f"other machines reach {place}")
 

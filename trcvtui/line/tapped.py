@@ -256,6 +256,8 @@ class TapCapture:
         told: dict[str, object] = {"note": name, "tap": event.route, "conversation": event.number}
         if event.kind == TapEventKind.LOST:
             told |= dict(zip(("events", "bytes"), LOSS.unpack_from(event.data), strict=True))
+        elif event.kind == TapEventKind.LACK:
+            told |= {"waiting": event.at, "text": event.data.decode()}
         elif event.kind == TapEventKind.HELD:
             told |= {"to_connect": event.way == TO, "bytes": event.at, "first": event.data[1:].hex()}
         else:

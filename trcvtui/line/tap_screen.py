@@ -66,6 +66,11 @@ def tap_main(channel: Channel, events: Channel, asked: TapChoice, kernel: str) -
 
 
 class _TapServed(ServedShadows):
+    def _complain(self, text: str) -> None:
+        self.tell("tap", text)
+        if self._controller is not None:
+            self._controller.complain(text)
+
     def run(self, fd: int, asked: TapChoice, kernel: str) -> None:
         from trcvtui.capture.pcap import RAW_IP, RTAC_SERIAL, Packet
         from trcvtui.line.live import KeptPackets
@@ -91,7 +96,7 @@ class _TapServed(ServedShadows):
         end = plc or (str(to).removeprefix("udp:") if len(places) == 1 else None)
         end = None if to.kind == "serial" else end
         self.judge = judge = FilesJudge(kept.files, end, None if project is None else Path(project), True)
-        looking = TapObserver(plan, lines_of, order, lambda text: self.tell("tap", text))
+        looking = TapObserver(plan, lines_of, order, self._complain)
         self.show(looking.player, kernel)
         with suppress(OSError):
             os.write(fd, b"\n")

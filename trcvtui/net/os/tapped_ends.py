@@ -156,11 +156,11 @@ class _LackTeller:
 
     def __init__(self, route: TcpRoute | UdpRoute, refused_one: str) -> None:
         self._route, self._refused_one = route, refused_one
-        self._what, self._is_on = "", False
+        self.what, self._is_on = "", False
         self.waiting = self.refused = 0
 
     def begin(self, failed: OSError) -> None:
-        self._what = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
+        self.what = "descriptor" if failed.errno in (errno.EMFILE, errno.ENFILE) else "memory"
         if not self._is_on:
             self._is_on = True
             self._route.loop.after(LACK_LOOK_NS, self._tell)  # more may come at once
@@ -171,7 +171,7 @@ class _LackTeller:
         if self._is_on:
             waits = count(waiting, "client waits", "clients wait") if waiting else ""
             lost = f"{count(refused, self._refused_one)} refused" if refused else ""
-            left = f"no {self._what} {'' if waiting else 'was '}left"
+            left = f"no {self.what} {'' if waiting else 'was '}left"
             text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
             route.loop.say(f"{route.route.name}: {text}")
             route.loop.tell(TapEventKind.LACK, TO, route.place, 0, waiting, text.encode())
@@ -255,7 +255,7 @@ class TcpRoute:
             self._spare = socket.socket()
         self._taken += 1
         self._lack.refused += 1
-        number, why = self.loop.next_number(), b"rst: no descriptor left"
+        number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
         told = (TapEventKind.OPEN, TO, _said(self.route.to, end)), (TapEventKind.OURS, BACK, why)
         for kind, way, data in (*told, (TapEventKind.RST, BACK, b""), (TapEventKind.OVER, TO, b"")):
             self.loop.tell(kind, way, self.place, number, 0, data)

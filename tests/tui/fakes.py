@@ -237,10 +237,9 @@ class FakeDriver:
         self.stopped = ""
         self.closed = False
         self.restarts = 0
-        self.open = ""
 
     def cuts(self) -> str:
-        return self.open
+        return ""
 
     def restart(self) -> None:
         self.stopped = ""

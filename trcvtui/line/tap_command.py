@@ -190,7 +190,7 @@ class _Observers:
 
     def _hear(self, _: int) -> None:
         assert self._asked is not None
-        if self._asked.asked() == ASKED:
+        if self._asked.take_question() == ASKED:
             way = self._asked.hand_over()
             if way is not None:
                 self._loop.add_looker(way, "an observer", gives_orders=self._may_order, is_guest=True)
@@ -235,7 +235,7 @@ class _Screen:
             kernel = ARMED_TAP if looks.is_armed else TAP
             words = SHOWS, str(theirs.fileno()), asked, kernel
             self._process = _started(words, pass_fds=(theirs.fileno(),))
-        if self._asked.asked() != ASKED:
+        if self._asked.take_question() != ASKED:
             return False
         ours = self._asked.hand_over()
         if ours is None or ours.recv(1) != b"\n":
@@ -249,11 +249,11 @@ class _Screen:
         return True
 
     def _hear(self, _: int) -> None:
-        asked = self._asked.asked()
-        if not asked:
+        question = self._asked.take_question()
+        if not question:
             self._gone()
-        elif asked == COUNTS:
-            self._asked.answer(self._loop.open_text())
+        elif question == COUNTS:
+            self._asked.answer(self._loop.open_in_words())
         elif (way := self._asked.hand_over()) is not None:
             self._loop.add_looker(way, "", gives_orders=True)
 
@@ -265,7 +265,7 @@ class _Screen:
         code = self.wait()
         self._loop.let_all_go()
         if code == 0:
-            if cut := self._loop.open_text():
+            if cut := self._loop.open_in_words():
                 say_at_once(f"the tap ends and cuts {cut}")
             self._loop.stop()
         else:

@@ -264,7 +264,7 @@ class Forwarder(TapLoop):
         if looker.has_ordered:
             self.let_all_go()
 
-    def open_text(self) -> str:
+    def open_in_words(self) -> str:
         """Return how many connections are open, "" for none; with UDP and serial lines: conversations."""
         number = sum(len(route.talks) for route in self.routes)
         has_others = any(route.route.to.kind != "tcp" for route in self.routes)

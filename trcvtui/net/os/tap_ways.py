@@ -19,7 +19,7 @@ class EventPipes:
         self._asks, self.theirs = Forwarder.pair()
         self.fd = self._asks.fileno()
 
-    def asked(self) -> bytes:
+    def take_question(self) -> bytes:
         """Wait for the other end; return what it asks, b"" when it has ended."""
         with suppress(OSError):
             return self._asks.recv(1)

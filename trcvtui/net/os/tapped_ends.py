@@ -154,8 +154,8 @@ class TcpTalk(TapConversation):
 class _LackTeller:
     """Tells that a route cannot take clients: one line and one event each 10 s at most."""
 
-    def __init__(self, route: TcpRoute | UdpRoute, refused_one: str) -> None:
-        self._route, self._refused_one = route, refused_one
+    def __init__(self, route: TcpRoute | UdpRoute, unit: str) -> None:
+        self._route, self._unit = route, unit
         self.what, self._is_on = "", False
         self.waiting = self.refused = 0
 
@@ -170,7 +170,7 @@ class _LackTeller:
         self._is_on, self.refused = bool(waiting or refused), 0
         if self._is_on:
             waits = count(waiting, "client waits", "clients wait") if waiting else ""
-            lost = f"{count(refused, self._refused_one)} refused" if refused else ""
+            lost = f"{count(refused, self._unit)} refused" if refused else ""
             left = f"no {self.what} {'' if waiting else 'was '}left"
             text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
             route.loop.say(f"{route.route.name}: {text}")
@@ -224,24 +224,22 @@ class TcpRoute:
                 self.talks[talk.number] = talk
 
     def _let_wait(self, failed: OSError) -> None:
+        """Let clients wait in the queue of the door; refuse those that have waited for too long."""
         self.loop.want(self._door.fileno(), 0)
-        self._lack.waiting = peek_at(self._door, 0, False).clients or 1  # not each system counts them
-        self._lack.begin(failed)
-        come = self._taken + self._lack.waiting
+        now, come = time.monotonic_ns(), self._taken + (peek_at(self._door, 0, False).clients or 1)
         if not self._due or come > self._due[-1][1]:
-            self._due.append((time.monotonic_ns() + LACK_WAIT_NS, come))
-        self.loop.after(LACK_LOOK_NS, self._come_again)
-
-    def _come_again(self) -> None:
-        """Refuse clients that have waited for too long, and listen again."""
-        if self._door.fileno() < 0:
-            return
-        while self._due and self._due[0][0] <= time.monotonic_ns():
+            self._due.append((now + LACK_WAIT_NS, come))
+        while self._due and self._due[0][0] <= now:
             _, most = self._due.popleft()
             while self._taken < most and self._refuse():
                 pass
-        self._lack.waiting = peek_at(self._door, 0, False).clients
-        self.loop.want(self._door.fileno(), IN)
+        self._lack.waiting = come - self._taken
+        self._lack.begin(failed)
+        self.loop.after(LACK_LOOK_NS, self._come_again)
+
+    def _come_again(self) -> None:
+        if self._door.fileno() >= 0:
+            self.loop.want(self._door.fileno(), IN)
 
     def _refuse(self) -> bool:
         """Accept a client for its RST; return whether that could be done."""

@@ -40,6 +40,7 @@ from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
 from trcvtui.tui.widgets.dialogs import (
     ChoiceScreen,
+    CutScreen,
     Dialog,
     FieldsDialog,
     FormDialog,
@@ -94,6 +95,7 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.view_model.project),
     ResultScreen: lambda looker: ResultScreen("trial", "Every split", "", lambda width: []),
     ProblemsScreen: lambda looker: ProblemsScreen(["one"]),
+    CutScreen: lambda looker: CutScreen("2 connections"),
     ChoiceScreen: lambda looker: ChoiceScreen("Types", [("abd", ""), ("xyz", "")], ""),
     YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, False), "h"),
     HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),

@@ -22,7 +22,7 @@ class Sign(NamedTuple):
     """What speaks for a cause; `way` is to-plc or from-plc, None: both. `mend`: () is that of the row.
 
     A remark is worth knowing, and no fault; a fact is proved by the protocol. `cured`: the receiver as it is
-    with all of `mend`; None: it cannot be tried.
+    with all of `mend`; None: it cannot be tried. `otherwise` is offered where the trial fails.
     """
 
     confidence: float
@@ -34,4 +34,5 @@ class Sign(NamedTuple):
     is_remark: bool = False
     is_fact: bool = False
     cured: Receiver | None = None
+    otherwise: tuple[Remedy, ...] = ()
     packets: tuple[int, ...] = ()  # numbers in the capture, beside that of `at`

@@ -68,8 +68,8 @@ def test_a_report_shows_the_findings_first_and_no_bytes_without_payload(
         main(["report", str(tmp_path / "run.pcapng"), "--out", str(out), *options])
         pages.append(out.read_text(encoding="utf-8"))
     whole, without = pages
-    assert 0 < whole.find("byte-order, 85% sure") < whole.find("<h2>")
-    assert "voltage = 230" in whole and "byte-order, 85% sure" in without
+    assert 0 < whole.find("byte-order, 95% sure") < whole.find("<h2>")
+    assert "voltage = 230" in whole and "byte-order, 95% sure" in without
     assert "voltage = 230" not in without
 
 

@@ -540,15 +540,22 @@ def _read_by_size(
     from trcvtui.udt.compare.fit import fit
 
     size = len(frames[0])
-    for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender):
-        if one.cause.kind or one.layout.size != size or one.members <= 0:
-            continue
-        other = receiver._replace(rules=one.layout.rules, need=size)
-        if not odd_values(other, frames):
-            text = f"the only message has {size} bytes: {receiver.type_name} as {one.name}, a job wants"
-            offer = _as_partner(f"the partner packs as {one.profile}", one, receiver, rules)
-            return "padding", _sign(receiver, 0.85, (f"{text} {receiver.need}",), None, offer)
-    return None
+    found = [
+        one
+        for one in fit(type_, frames, receiver.type_name, own=rules, sender=receiver.sender)
+        if not one.cause.kind
+        and one.layout.size == size
+        and one.members > 0
+        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
+    ]
+    if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR):
+        return None  # with one message nothing else tells two layouts apart
+    best = found[0]
+    text = (
+        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
+    )
+    offer = _as_partner(f"the partner packs as {best.profile}", best, receiver, rules)
+    return "padding", _sign(receiver, 0.7, (f"{text} has {size}",), None, offer)
 
 
 def _is_read_so(one: Fit, rules: LayoutRules) -> bool:

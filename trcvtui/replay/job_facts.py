@@ -162,6 +162,7 @@ def _facts_of(
     facts.take_all(scan)
     now = {each.name: dict(each.inputs) for each in bench.runtime.snapshot().instances}
     pins = now if is_running else None
+    project = bench.project if is_running else project  # as it has been edited
     receivers = receivers_of(project, held, pins)
     receivers = tuple([facts.as_called(one, is_running) for one in receivers])
     until_ns = facts.wall_ns + bench.now

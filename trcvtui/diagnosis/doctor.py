@@ -20,6 +20,7 @@ from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
+from trcvtui.diagnosis.symptoms import Symptom, causes_of
 from trcvtui.errors import UserError, one_line
 from trcvtui.wording import count, times
 
@@ -63,6 +64,7 @@ class JobTrouble(NamedTuple):
     scan: int
     ns: int
     times: int
+    mend: tuple[Remedy, ...] = ()  # in place of that of its cause
 
 
 class RecordedFacts(NamedTuple):
@@ -80,6 +82,7 @@ class RecordedFacts(NamedTuple):
     until_ns: int = 0
     lint: tuple[LineFinding, ...] = ()
     is_running: bool = False  # the run goes on
+    symptoms: tuple[Symptom, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
@@ -134,8 +137,10 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     is_running = known is not None and known.is_running
     verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
+    if known is not None:
+        alone = [*alone, *_judge_symptoms(known, cases, verdicts)]
     if alone:
-        verdicts.append({**_verdict(path, None, (), None), "healthy": False, "findings": alone})
+        verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
     return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
 
@@ -143,18 +148,76 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
 def _told_of(troubles: Sequence[JobTrouble], cases: Sequence[LineCase]) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
     for one in troubles:
-        lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
-        line = next((each for each in lines if each.first_ns <= one.ns <= each.last_ns), None)
-        line = line or next((each for each in reversed(lines) if each.first_ns <= one.ns), None)
-        line = line or (lines[0] if lines else None)
+        line = _line_of(one.connect, one.ns, cases)
         sure, text, mends = TROUBLES[one.cause]
-        mend = tuple([_for_instance(each, one.instance) for each in mends or remedy_of(one.cause)])
+        mends = one.mend or mends or remedy_of(one.cause)
+        mend = tuple([_for_instance(each, one.instance) for each in mends])
         said = Sign(sure, (f"{text} {times(one.times)}",), instance=one.instance)
         made = finding_row(None, LineFinding(one.cause, sure, said, mend))
         made["t_s"] = None if line is None else max(line.seconds(one.ns), 0.0)
         made["where"]["scan"] = one.scan
         found.setdefault(NO_LINE if line is None else line.number, []).append(made)
     return found
+
+
+def _line_of(connect: str, ns: int, cases: Sequence[LineCase]) -> LineFacts | None:
+    """Return the conversation of a CONNECT at a time, or the last one before it, or the first one."""
+    lines = [case.line for case in cases if case.line.connect in (None, connect)]
+    line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
+    line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
+    return line or (lines[0] if lines else None)
+
+
+def _judge_symptoms(
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict]
+) -> list[dict[str, Any]]:
+    """Write into each finding which symptoms it explains; return findings of those without a conversation.
+
+    A symptom that nothing explains is a finding of its conversation.
+    """
+    alone: list[dict[str, Any]] = []
+    for one in known.symptoms:
+        causes = causes_of(one)
+        found = [
+            row
+            for case, made in zip(cases, verdicts, strict=False)
+            if case.line.connect in (None, one.connect)
+            for row in made["findings"]
+            if row["cause"] in causes and row["where"]["instance"] in (None, one.instance)
+        ]
+        if not found:  # what is wrong with the project shows without any traffic
+            rows = [
+                each for each in known.lint if each.cause in causes and each.said.instance == one.instance
+            ]
+            found = [finding_row(None, each) for each in rows]
+            alone += found
+        for row in found:
+            row["explains"].append(one.text)
+        if found:
+            continue
+        line = _line_of(one.connect, one.ns, cases)
+        said = Sign(one.confidence, (one.text, *one.card), instance=one.instance)
+        row = finding_row(
+            None, LineFinding(one.cause, one.confidence, said, one.mend or remedy_of(one.cause))
+        )
+        row["status"], row["explains"], row["where"]["scan"] = (
+            [one.status] * bool(one.status),
+            [one.text],
+            one.scan,
+        )
+        if line is None:
+            alone.append(row)
+            continue
+        row["t_s"] = max(line.seconds(one.ns), 0.0)
+        number = next(n for n, case in enumerate(cases) if case.line is line)
+        verdicts[number] = _with_findings(verdicts[number], [row])
+    return alone
+
+
+def _with_findings(made: Verdict, more: Sequence[dict[str, Any]]) -> Verdict:
+    """Return a verdict with further findings; of two that are as sure, the one that was there comes first."""
+    found = sorted((*made["findings"], *more), key=lambda one: -one["confidence"])
+    return {**made, "healthy": False, "verdict": "findings", "findings": found}
 
 
 def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
@@ -187,12 +250,13 @@ def verdict(
     made["quality"] = sorted(line.qualities)
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
+    if judged.not_judged and made["healthy"]:
+        made["verdict"] = "partly"
     if told:
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
         made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
-        made["findings"] = sorted((*told, *made["findings"]), key=lambda one: -one["confidence"])
-        made["healthy"] = False
+        return _with_findings({**made, "findings": [*told]}, made["findings"])
     return made
 
 
@@ -205,7 +269,9 @@ def _verdict(
 ) -> Verdict:
     findings = [finding_row(line, one, words) for one in found]
     empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
-    return {"file": path, "conversation": ends, "healthy": not findings, "findings": findings, **empty}
+    word = "findings" if findings else "healthy"
+    said = {"healthy": not findings, "verdict": word, "findings": findings}
+    return {"file": path, "conversation": ends, **said, **empty}
 
 
 def verdict_on_project(project: Project) -> Verdict:
@@ -228,6 +294,7 @@ def finding_row(
         **_remark_row(line, found),
         "confidence": round(found.confidence, 2),
         "status": [f"{one:04X}" for one in status if one is not None],
+        "explains": [],
         "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
     }
 
@@ -333,11 +400,11 @@ def answer_form() -> Any:
     row = {"cause": str, "title": str, "t_s": float | None, "where": where, "evidence": list[str],
            "packets": list[int], "filter": str}  # fmt: skip
     mend: Any = form(text=str, command=text, set=text)
-    finding: Any = form(**row, confidence=float, status=list[str], mend=list[mend])
+    finding: Any = form(**row, confidence=float, status=list[str], explains=list[str], mend=list[mend])
     remark: Any = form(**{**row, "evidence": Annotated[list[str], Meta(min_length=1)]})
     ends: Any = form(plc=str, partner=str, protocol=str)
     unjudged: Any = form(cause=str, quality=str)
-    made: Any = form(file=str, conversation=ends | None, healthy=bool, findings=list[finding],
+    made: Any = form(file=str, conversation=ends | None, healthy=bool, verdict=str, findings=list[finding],
                      quality=list[str], remarks=list[remark], not_judged=list[unjudged])  # fmt: skip
     return tuple[list[made], list[str], float]
 
@@ -405,10 +472,10 @@ def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
-    """Return what equal findings of several conversations have in common: the cause, whose, which port."""
+    """Return what equal findings of several conversations have in common: cause, STATUS, whose, which port."""
     where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
     ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
-    return one["cause"], where["direction"], where["instance"], min(ports, default=0)
+    return one["cause"], *one.get("status", ()), where["direction"], where["instance"], min(ports, default=0)
 
 
 def _ends_text(ends: dict[str, str] | None) -> list[str]:

@@ -472,7 +472,7 @@ def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def same_finding(one: dict[str, Any], ends: dict[str, str] | None) -> tuple[object, ...]:
-    """Return what equal findings of several conversations have in common: cause, STATUS, whose, which port."""
+    """Return what equal findings of several conversations share: cause, STATUS, whose, which port."""
     where, names = one["where"], [(ends or {}).get(end, "") for end in ("plc", "partner")]
     ports = [int(port) for port in (each.rpartition(":")[2] for each in names) if port.isdecimal()]
     return one["cause"], *one.get("status", ()), where["direction"], where["instance"], min(ports, default=0)

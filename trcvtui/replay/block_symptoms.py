@@ -109,30 +109,35 @@ class BlockSymptoms:
         return tuple(found)
 
     def _standing_errors(self, is_running: bool) -> Iterator[Symptom]:
-        now, project = self._bench.now, self._bench.project
-        for (name, condition), record in self._errors.items():
-            is_old = record.good >= GOOD_JOBS or now - record.last_ns >= RECENT_NS
+        newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_ns)}
+        for (name, _), record in self._errors.items():
+            is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
             if record.is_over and (not record.has_recurred or (is_running and is_old)):
                 continue
-            edge, scan, t_ns = record.edge, record.line.scan, record.line.t_ns
-            decl = project.instance(name)
-            word = f"{edge.outputs.status:04X}"
-            evidence = evidence_then(
-                record.line,
-                edge,
-                NOTHING_KNOWN,
-                ScanStamp(scan, t_ns),
-                project,
-                self._bench.runtime.interval_ns,
-            )
-            card = advice_on(evidence)
+            if record is newest[name] or record.times > 1:  # else another ERROR took its place
+                yield self._symptom(record)
+
+    def _symptom(self, record: _ErrorRecord) -> Symptom:
+        bench, edge = self._bench, record.edge
+        name, scan, t_ns, word = (
+            edge.instance,
+            record.line.scan,
+            record.line.t_ns,
+            f"{edge.outputs.status:04X}",
+        )
+        decl, row = bench.project.instance(name), bench.project.dialect.row(edge.outputs.status, edge.block)
+        then = ScanStamp(scan, t_ns)
+        card = advice_on(
+            evidence_then(record.line, edge, NOTHING_KNOWN, then, bench.project, bench.runtime.interval_ns)
+        )
         checks = card.do or (row.checks_of(edge.block)[:2] if row is not None else ())
         shown = bench.runtime.snapshot().instance(name)
-        stays = shown is not None and shown.outputs.error and shown.condition == condition
+        stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
         return Symptom(
-            "block-error", name, decl.connect if decl is not None else "", f"{name} showed {word} {often}", scan,
-            self._wall_ns + t_ns, FACT, Condition(condition), word, (card.why, *card.causes),
+            "block-error", name, decl.connect if decl is not None else "",
+            f"{name} showed {word} {often}", scan,
+            self._wall_ns + t_ns, FACT, Condition(edge.condition), word, (card.why, *card.causes),
             tuple([Remedy(text) for text in checks]),
         )  # fmt: skip
 

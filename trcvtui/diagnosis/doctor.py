@@ -20,7 +20,7 @@ from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
-from trcvtui.diagnosis.symptoms import Symptom, causes_of
+from trcvtui.diagnosis.symptoms import LINK_CAUSES, Symptom, causes_of
 from trcvtui.errors import UserError, one_line
 from trcvtui.wording import count, times
 
@@ -138,7 +138,7 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
     verdicts = [verdict(path, case, told.get(case.line.number, []), is_running) for case in cases]
     alone = told.get(NO_LINE, [])
     if known is not None:
-        alone = [*alone, *_judge_symptoms(known, cases, verdicts)]
+        alone = _judge_symptoms(known, cases, verdicts, alone)
     if alone:
         verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
@@ -169,27 +169,34 @@ def _line_of(connect: str, ns: int, cases: Sequence[LineCase]) -> LineFacts | No
 
 
 def _judge_symptoms(
-    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict]
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[Verdict], told: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Write into each finding which symptoms it explains; return findings of those without a conversation.
+    """Write into each finding which symptoms it explains; return all findings that have no conversation.
 
-    A symptom that nothing explains is a finding of its conversation.
+    A symptom that nothing explains is a finding of its conversation. `told`: those without one so far.
     """
-    alone: list[dict[str, Any]] = []
+    rows = [
+        (case.line.connect, row)
+        for case, made in zip(cases, verdicts, strict=True)
+        for row in made["findings"]
+    ]
+    connects = {trouble.instance: trouble.connect for trouble in known.troubles}
+    rows += [(connects.get(row["where"]["instance"], ""), row) for row in told]
+    alone = [*told]
     for one in known.symptoms:
         causes = causes_of(one)
         found = [
             row
-            for case, made in zip(cases, verdicts, strict=False)
-            if case.line.connect in (None, one.connect)
-            for row in made["findings"]
-            if row["cause"] in causes and row["where"]["instance"] in (None, one.instance)
+            for connect, row in rows
+            if row["cause"] in causes
+            and connect in (None, one.connect)
+            and (row["cause"] in LINK_CAUSES or row["where"]["instance"] in (None, one.instance))
         ]
         if not found:  # what is wrong with the project shows without any traffic
-            rows = [
+            lint = [
                 each for each in known.lint if each.cause in causes and each.said.instance == one.instance
             ]
-            found = [finding_row(None, each) for each in rows]
+            found = [finding_row(None, each) for each in lint]
             alone += found
         for row in found:
             row["explains"].append(one.text)

@@ -23,7 +23,7 @@ FRAME_CAUSES: Final = frozenset({
 LINK_ERRORS: Final = frozenset({
     C.CONNECT_FAILED, C.NOT_CONNECTED, C.SEND_FAILED, C.RECEIVE_FAILED, C.LINK_DEAD, C.PARTNER_CLOSED,
     C.REFUSED, C.UNREACHABLE, C.NOT_NOW, C.FOUND_CLOSED, C.STILL_ASKED, C.ENDPOINT_GONE, C.SHORT_FRAME,
-    C.ACCEPT_FAILED,
+    C.ACCEPT_FAILED, C.DISCONNECT_FAILED, C.RESET_FAILED,
 })  # fmt: skip
 # A job that a block refuses whatever the line does: nothing that waits in the stack is then the line's fault.
 REFUSED_JOBS: Final = frozenset({

@@ -143,7 +143,9 @@ class BlockSymptoms:
 
     def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
         """Yield that a connection was asked for and does not stand, where no ERROR says so."""
-        if shown.condition not in BUILDING or not shown.pin("CONT"):
+        config = self._bench.project.connect(shown.connect)
+        is_stream = config is not None and not config.is_datagram
+        if shown.condition not in BUILDING or not shown.pin("CONT") or not is_stream:
             return
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:

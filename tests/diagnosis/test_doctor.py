@@ -79,14 +79,14 @@ def test_the_json_of_a_finding_is_the_contract(tmp_path: Path, capsys: pytest.Ca
     assert main(["doctor", str(written("refused", tmp_path)), "--format", "json"]) == 1
     (one, *_) = json.loads(capsys.readouterr().out)
     assert set(one) == {
-        *("file", "conversation", "healthy", "findings"),
+        *("file", "conversation", "healthy", "verdict", "findings"),
         *("quality", "remarks", "not_judged"),
     }
     assert set(one["conversation"]) == {"plc", "partner", "protocol"}
     (finding, *_) = one["findings"]
     assert set(finding) == {
         *("cause", "confidence", "t_s", "where", "evidence", "mend"),
-        *("title", "status", "packets", "filter"),
+        *("title", "status", "packets", "filter", "explains"),
     }
     assert set(finding["where"]) == {"direction", "byte", "packet", "scan", "instance"}
     assert finding["cause"] == "refused" and finding["where"]["packet"] == 2

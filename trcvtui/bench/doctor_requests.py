@@ -145,6 +145,7 @@ def found(
             tuple(one.get("status", ())),
             tuple(one["packets"]),
             one["filter"],
+            tuple([text for text in one.get("explains", ()) if text not in one["evidence"]]),
         )
 
     findings, remarks = (tuple(map(made, answered[kind])) for kind in ("findings", "remarks"))
@@ -199,6 +200,7 @@ def finding_lines(one: FindingSnapshot) -> list[str]:
     whose = one.instance or one.connect
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]
+    lines += [f"  explains: {text}" for text in one.explains]
     for text, command, _ in one.mends:
         lines.append(f"  mend: {text}" + (f"  [{command}]" if command else ""))
     return lines

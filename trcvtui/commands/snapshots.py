@@ -221,7 +221,7 @@ class FindingSnapshot(Struct, frozen=True):
     `ends`: the conversation, `way` to-plc, from-plc or "". When in the run, in which scan, at which byte of
     the direction, None: unknown. `mends`: text, bench command, `--set` of a what-if, "": there is none.
     `title`: the cause in plain words; `status`: STATUS words that it leads to; `packets`: numbers in the
-    capture, `filter`: a display filter of Wireshark. A remark is such a finding, too.
+    capture, `filter`: a display filter of Wireshark; `explains`: symptoms of blocks. A remark is one, too.
     """
 
     cause: str
@@ -239,6 +239,7 @@ class FindingSnapshot(Struct, frozen=True):
     status: tuple[str, ...] = ()
     packets: tuple[int, ...] = ()
     filter: str = ""
+    explains: tuple[str, ...] = ()
 
 
 class DoctorSnapshot(Struct, frozen=True):

@@ -20,7 +20,7 @@ from trcvtui.diagnosis.causes import LineCase, LineFinding, cases_of, verdict_of
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, facts_of
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.sign import Remedy, Sign
-from trcvtui.diagnosis.symptoms import LINK_CAUSES, Symptom, causes_of
+from trcvtui.diagnosis.symptoms import Symptom, causes_of
 from trcvtui.errors import UserError, one_line
 from trcvtui.wording import count, times
 
@@ -28,7 +28,14 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.udt.layout.layout import Layout
 
-HEALTHY, FOUND, NOT_READ = 0, 1, 2
+HEALTHY, FOUND, NOT_JUDGED = 0, 1, 2
+# The `verdict` of a conversation; `partly`: no finding, and not everything could be judged.
+HEALTHY_WORD, FINDINGS, PARTLY, NOTHING = "healthy", "findings", "partly", "nothing"
+IN_WORDS: Final = {
+    HEALTHY_WORD: "healthy",
+    PARTLY: "nothing wrong in what could be judged",
+    NOTHING: "nothing could be judged",
+}
 NO_LINE: Final = 0  # the number of no conversation
 
 
@@ -141,6 +148,9 @@ def judge(path: str, asked: DoctorQuestion) -> tuple[list[Verdict], list[str], f
         alone = _judge_symptoms(known, cases, verdicts, alone)
     if alone:
         verdicts.append(_with_findings(_verdict(path, None, (), None), alone))
+    if not verdicts:  # the run of a recording was judged all the same
+        word = NOTHING if known is None else HEALTHY_WORD
+        verdicts.append({**_verdict(path, None, (), None), "verdict": word})
     hours = (facts.last_ns - (facts.found.first_ns or facts.last_ns)) / 3.6e12
     return verdicts, [*capture_notes(facts.found, list(facts.troubles))], hours
 
@@ -185,13 +195,7 @@ def _judge_symptoms(
     alone = [*told]
     for one in known.symptoms:
         causes = causes_of(one)
-        found = [
-            row
-            for connect, row in rows
-            if row["cause"] in causes
-            and connect in (None, one.connect)
-            and (row["cause"] in LINK_CAUSES or row["where"]["instance"] in (None, one.instance))
-        ]
+        found = [row for connect, row in rows if row["cause"] in causes and connect in (None, one.connect)]
         if not found:  # what is wrong with the project shows without any traffic
             lint = [
                 each for each in known.lint if each.cause in causes and each.said.instance == one.instance
@@ -224,7 +228,7 @@ def _judge_symptoms(
 def _with_findings(made: Verdict, more: Sequence[dict[str, Any]]) -> Verdict:
     """Return a verdict with further findings; of two that are as sure, the one that was there comes first."""
     found = sorted((*made["findings"], *more), key=lambda one: -one["confidence"])
-    return {**made, "healthy": False, "verdict": "findings", "findings": found}
+    return {**made, "healthy": False, "verdict": FINDINGS, "findings": found}
 
 
 def _wanted(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
@@ -258,7 +262,7 @@ def verdict(
     made["remarks"] = [_remark_row(line, one) for one in judged.remarks]
     made["not_judged"] = [{"cause": cause, "quality": why} for cause, why in judged.not_judged]
     if judged.not_judged and made["healthy"]:
-        made["verdict"] = "partly"
+        made["verdict"] = PARTLY
     if told:
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
@@ -276,7 +280,7 @@ def _verdict(
 ) -> Verdict:
     findings = [finding_row(line, one, words) for one in found]
     empty: dict[str, list[Any]] = {"quality": [], "remarks": [], "not_judged": []}
-    word = "findings" if findings else "healthy"
+    word = FINDINGS if findings else HEALTHY_WORD
     said = {"healthy": not findings, "verdict": word, "findings": findings}
     return {"file": path, "conversation": ends, **said, **empty}
 
@@ -340,7 +344,7 @@ def doctor(
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
-    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing read.
+    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing judged.
 
     `names`: how a file is called in its verdicts, where that is another name. `scheduler`: of a Dask cluster,
     which judges in the place of `jobs` processes.
@@ -368,8 +372,8 @@ def doctor(
         sys.stdout.flush()
     if form == "json":
         write("[]\n" if is_first else "\n]\n")
-    if not (total.files or total.conversations):
-        return NOT_READ
+    if not total.judged:
+        return NOT_JUDGED
     if len(paths) > 1:
         sys.stderr.write(total.text() + "\n")
     return FOUND if total.causes else HEALTHY
@@ -377,12 +381,13 @@ def doctor(
 
 class _Total:
     def __init__(self) -> None:
-        self.files = self.conversations = 0
+        self.files = self.conversations = self.judged = 0
         self.hours = 0.0
         self.causes: Counter[str] = Counter()
 
     def add(self, made: Verdict) -> None:
-        self.conversations += 1
+        self.conversations += made["conversation"] is not None
+        self.judged += made["verdict"] != NOTHING
         self.causes.update({one["cause"] for one in made["findings"]})
 
     def text(self) -> str:
@@ -470,11 +475,11 @@ def _texts(verdicts: Sequence[Verdict]) -> Iterator[str]:
         if len(lines) > 1:
             more = f", and {len(lines) - MOST_LINES} more" if len(lines) > MOST_LINES else ""
             yield f"{MARK}lines: {', '.join(lines[:MOST_LINES])}{more}"
-    healthy = [made for made in verdicts if made["healthy"]]
-    if healthy:
-        ends = "".join(_ends_text(healthy[0]["conversation"])) if len(healthy) == 1 else ""
-        what = count(len(healthy), "conversation") if len(healthy) > 1 else ends
-        yield ": ".join(filter(None, (file, what, "healthy")))
+    for verdict, words in IN_WORDS.items():
+        some = [made for made in verdicts if made["verdict"] == verdict]
+        ends = "".join(_ends_text(some[0]["conversation"])) if len(some) == 1 else ""
+        what = count(len(some), "conversation") if len(some) > 1 else ends
+        yield from [": ".join(filter(None, (file, what, words)))] if some else []
     yield from _notes(verdicts)
 
 
@@ -495,6 +500,7 @@ def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
     place = "".join(f", {each}" for each in (way and way.replace("-", " "), one["where"]["instance"]) if each)
     yield f"  {one['cause']} ({one['confidence']:.0%} sure){when}{place}: {one['title']}"
     yield from (MARK + text for text in one["evidence"])
+    yield from (f"{MARK}explains: {text}" for text in one["explains"] if text not in one["evidence"])
     if one["status"]:
         yield f"{MARK}STATUS {', '.join(one['status'])}"
     packets = ", ".join(map(str, one["packets"]))

@@ -125,7 +125,7 @@ class BlockSymptoms:
             record.line.t_ns,
             f"{edge.outputs.status:04X}",
         )
-        decl, row = bench.project.instance(name), bench.project.dialect.row(edge.outputs.status, edge.block)
+        row = bench.project.dialect.row(edge.outputs.status, edge.block)
         then = ScanStamp(scan, t_ns)
         card = advice_on(
             evidence_then(record.line, edge, NOTHING_KNOWN, then, bench.project, bench.runtime.interval_ns)
@@ -135,11 +135,20 @@ class BlockSymptoms:
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
         return Symptom(
-            "block-error", name, decl.connect if decl is not None else "",
+            "block-error", name, self._connect_of(name),
             f"{name} showed {word} {often}", scan,
             self._wall_ns + t_ns, FACT, Condition(edge.condition), word, (card.why, *card.causes),
             tuple([Remedy(text) for text in checks]),
         )  # fmt: skip
+
+    def _connect_of(self, name: str) -> str:
+        """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""
+        project = self._bench.project
+        decl = project.instance(name)
+        own = decl.connect if decl is not None else ""
+        source = next((each.source for each in project.combuffers if each.name == own), "")
+        feeds = project.instance(source)
+        return feeds.connect if feeds is not None else own
 
     def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Symptom]:
         """Yield that a connection was asked for and does not stand, where no ERROR says so."""

@@ -106,6 +106,7 @@ class FindingList(CardText):
         rows = self._labelled("", [one.title] if one.title else [], "strong")
         rows.append(ruled(self._width, ("── evidence ", "dim")))
         rows += self._labelled("", one.evidence, "")
+        rows += self._labelled("explains", one.explains, "") if one.explains else []
         where = " · ".join(filter(None, (one.ends, WAYS[one.way])))
         rows += self._labelled("line", [where], "dim") if where else []
         rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []

@@ -173,6 +173,47 @@ def test_ten_seconds_of_traffic_name_the_cause(
     assert [one["cause"] for one in found][:1] == [cause], found
 
 
+# Where no line of the bench mends it: what does.
+NO_LINE_MENDS = {
+    "flood": "the partner sends less, or the PLC scans faster",
+    "refused": "the partner listens",
+    "filtered": "a cable, a firewall",
+    "request-too-fast": "the PLC's program",
+    "not-connected-request": "the PLC's program",
+    "closes-each-message": "the partner's program",
+    "reconnect-storm": "the end that closes",
+    "resets": "the end that resets",
+    "second-client": "one client more than the CONNECT takes",
+    "partner-not-reading": "the partner reads",
+    "dead-link": "a cable",
+    "header": "the type of DATA, or the partner",
+    "framing": "the bytes of prefix and suffix",
+    "wrong-tsap": "the TSAP of one end",
+}
+
+
+def test_each_remedy_that_is_a_line_leaves_no_symptom(tmp_path: Path) -> None:
+    """Type each line that a finding offers, let traffic go on for twenty seconds, and ask again."""
+    tried, advised = [], []
+    for number, (cause, text, lines) in enumerate(CASES):
+        before, after = tmp_path / f"{number}-before", tmp_path / f"{number}-after"
+        before.mkdir()
+        after.mkdir()
+        first = after_ten_seconds(text, lines, before)["findings"][0]
+        remedies = [mend["command"] for mend in first["mend"] if mend["command"]]
+        if not remedies:
+            advised.append(cause)
+            assert first["mend"], cause
+            continue
+        tried.append(cause)
+        left = 1000 - sum(wait for wait, _ in lines)
+        applied = [*lines, *[(left if not n else 5, line) for n, line in enumerate(remedies)]]
+        found = after_ten_seconds(text, applied, after, 3000)["findings"]
+        assert found == [], (cause, remedies, found)
+    print(f"{len(tried)} causes with a remedy that was tried, {len(advised)} with advice alone")
+    assert sorted(advised) == sorted(NO_LINE_MENDS)
+
+
 def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = count(1)
     monkeypatch.setattr(SimSerialPort, "line_errors", lambda port: (0, 3 * next(asked), 0, 1))

@@ -44,7 +44,8 @@ NO_LINE: Final = 0  # the number of no conversation
 # fmt: off
 TROUBLES: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
-                (Remedy("keep EN_R at 1 until DONE; COM_RST lets frames begin anew"),)),
+                (Remedy("keep EN_R at 1 until DONE"),
+                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
     "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
     "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
@@ -267,8 +268,19 @@ def verdict(
         # What frames look like that the program has shifted is no cause of its own.
         like = LIKE_SHIFTED if any(one["cause"] == "shifted" for one in told) else ()
         made["findings"] = [one for one in made["findings"] if one["cause"] not in like]
-        return _with_findings({**made, "findings": [*told]}, made["findings"])
+        return _with_findings({**made, "findings": []}, _merged(told, made["findings"]))
     return made
+
+
+def _merged(told: Sequence[dict[str, Any]], found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one finding for a cause that both the program and the packets show: that of the packets."""
+    same = {one["cause"]: one for one in found}
+    alone = [one for one in told if one["cause"] not in same]
+    for one in told:
+        if (other := same.get(one["cause"])) is not None:
+            other["evidence"] += one["evidence"]
+            other["where"]["scan"] = one["where"]["scan"]
+    return [*alone, *found]
 
 
 def _verdict(

@@ -124,9 +124,17 @@ def _len_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if not receiver.room or size <= receiver.room:
         left = unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (length._replace(text=f"LEN {size}{then}"),)
+        return (length._replace(text=f"LEN {size}{then}"), *_anew(receiver))
     more = _room_mends(receiver, size)
-    return (*more, length._replace(command=None)) if has_len and more[0].set else more
+    mends = (*more, length) if has_len and more[0].set else more
+    return (*mends, *_anew(receiver)) if more[0].set else mends
+
+
+def _anew(receiver: Receiver) -> tuple[Remedy, ...]:
+    """Return what lets frames begin with a message after their length has changed."""
+    text = "then COM_RST, so that frames begin with a message"
+    is_stream = receiver.has_reset and not receiver.is_datagram
+    return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()
 
 
 def _type_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
@@ -191,7 +199,9 @@ def _room_mends(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     if getattr(element, "size", 0) != 1:
         return (Remedy(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
     array = f"ARRAY[0..{size - 1}] OF BYTE"
-    return (Remedy(f"DATA of {size} bytes: {array}", None, f"data.{receiver.data}.type={array}"),)
+    change = f"{receiver.data} type={array}"
+    path = f"data.{receiver.data}.type={array}"
+    return (Remedy(f"DATA of {size} bytes: {array}", f"set data {change}", path),)
 
 
 def _frame_short(line: LineFacts, receiver: Receiver | None) -> Sign | None:
@@ -324,7 +334,7 @@ def _adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Sign | None:
     )  # fmt: skip
     size = Remedy(f"with it LEN {sizes.usual}", None, f"instance.{name}.LEN={sizes.usual}")
     cured = wanted._replace(adhoc=False, need=sizes.usual, room=max(wanted.room, sizes.usual))
-    offer = RemedyOffer((mend, size) if name else (), cured)
+    offer = RemedyOffer((mend, size, *_anew(wanted)) if name else (), cured)
     return _sign(wanted, sure, (text, more), _at(split[0]), offer)
 
 
@@ -377,7 +387,7 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
         return NO_OFFER
     text = f"receive static with LEN {base}: a job then takes one message"
     mend = Remedy(text, f"set {receiver.instance} ADHOC=0 LEN={base}")
-    return RemedyOffer((mend,), receiver._replace(adhoc=False, need=base))
+    return RemedyOffer((mend, *_anew(receiver)), receiver._replace(adhoc=False, need=base))
 
 
 def is_session(line: LineFacts) -> bool:
@@ -604,7 +614,8 @@ def _as_partner(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) ->
     cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
     if receiver.need == receiver.room:
         cured = cured._replace(need=size)
-    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends), cured)
+    anew = _anew(receiver) if cured.need != receiver.need else ()
+    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)
 
 
 def _means(cause: str) -> Callable[[LineFacts, Receiver | None], Sign | None]:

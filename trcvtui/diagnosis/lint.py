@@ -87,7 +87,8 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     asked = inputs.get("LEN")
     length = asked if isinstance(asked, int) and not isinstance(asked, bool) else 0
     size = data.size if data is not None else 0
-    has_adhoc = any(pin.name == "ADHOC" for pin in project.pins(decl.block))
+    pins = {pin.name for pin in project.pins(decl.block)}
+    has_adhoc = "ADHOC" in pins
     is_adhoc = bool(inputs.get("ADHOC")) if has_adhoc else length in project.rules.area.adhoc_lens
     task = project.task(decl.task)
     is_datagram = udp is not None or (config is not None and config.is_datagram)
@@ -114,6 +115,7 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         room=size,
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
+        has_reset="COM_RST" in pins,
         words={one: rules.word(decl.block, one) for one in TOLD if one in known},
     )
 

@@ -45,6 +45,7 @@ class Receiver(NamedTuple):
     partner_address: bytes = b""
     since_ns: int = 0
     until_ns: int = NEVER_NS
+    has_reset: bool = False  # its block has COM_RST
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
 
     def fits(self, line: LineFacts) -> bool:

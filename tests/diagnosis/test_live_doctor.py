@@ -31,6 +31,7 @@ from trcvtui.recording.writer import JUDGE_FILES
 from trcvtui.replay.doctor_process import DoctorInput, found_in_run
 from trcvtui.replay.driver import SLICE_NS, opened
 from trcvtui.scenario.scenario import load_bench
+from trcvtui.udt.layout.values import decode
 
 ENDS = 'LocalAddress = "127.0.0.1"\n', "LocalPort = 2000\n"
 CALLS = f'ActiveEstablished = true\n{ENDS[0]}RemoteAddress = "127.0.0.1"\nRemotePort = 2000\n'
@@ -139,9 +140,13 @@ CASES: list[tuple[str, str, list[tuple[int, str]]]] = [
 
 
 def after_ten_seconds(
-    text: str, lines: list[tuple[int, str]], folder: Path, scans: int = 1000
+    text: str,
+    lines: list[tuple[int, str]],
+    folder: Path,
+    scans: int = 1000,
+    values: dict[str, dict[str, object]] | None = None,
 ) -> dict[str, Any]:
-    """Return what is found in a run of 10 s on the simulated network."""
+    """Return what is found in a run of 10 s on the simulated network; `values` gets those of DATA then."""
     project_file, file = folder / "p.toml", folder / "run.pcapng"
     project_file.write_text(text)
     recorder = recorder_of(RecordTo(file), file, waits=True)
@@ -154,6 +159,11 @@ def after_ten_seconds(
             _pass(bench, recorder, wait)
             do(bench, line)
         _pass(bench, recorder, scans - bench.runtime.scans)
+        if values is not None:
+            for decl in bench.project.data:
+                paths = (leaf.path for leaf in decl.layout.leaves())
+                shown = decode(decl.layout, bench.runtime.data(decl.name))
+                values[decl.name] = dict(zip(paths, shown, strict=True))
         recorder.close()  # as a box has it: the run goes on
         bench.close()
     return found_in_run(str(file))
@@ -257,6 +267,41 @@ def test_the_checkweigher_of_the_readme_is_found_to_pack_its_struct(tmp_path: Pa
     lines = [(10, "set TRCV_C_1 CONT=1 EN_R=1"), (10, "peer Device connect"), *[(50, report)] * 8]
     found = after_ten_seconds(text.replace('"types', f'"{CONFIGS}/types'), lines, tmp_path)["findings"]
     assert found[0]["cause"] == "padding"
+
+
+@pytest.mark.parametrize(
+    ("story", "data", "right"),
+    [
+        ("byte_order_swapped", "meter", {"serial": 10602, "state": 1, "phases": 3}),
+        ("en_r_dropped", "carton", {"length": 400, "width": 300}),
+        (
+            "four_bytes_short",
+            "screw",
+            {"number": 4712, "angle": 391.0, "duration": 860, "program": 3, "tool": 0},
+        ),
+    ],
+)
+def test_after_the_remedies_of_a_story_its_values_are_right(
+    story: str, data: str, right: dict[str, object], tmp_path: Path
+) -> None:
+    """Type each line that the doctor offers, as its card does, until it offers none."""
+    text = (CONFIGS / "stories" / f"{story}.toml").read_text(encoding="utf-8")
+    text = text.replace('"../types', f'"{CONFIGS}/types')
+    lines: list[tuple[int, str]] = []
+    scans = 1500
+    for number in range(4):
+        (tmp_path / str(number)).mkdir()
+        values: dict[str, dict[str, object]] = {}
+        found = after_ten_seconds(text, lines, tmp_path / str(number), scans, values)["findings"]
+        remedies = [mend["command"] for one in found[:1] for mend in one["mend"] if mend["command"]]
+        if not remedies:
+            break
+        lines += [
+            (5 if n else scans - sum(wait for wait, _ in lines), line) for n, line in enumerate(remedies)
+        ]
+        scans += 3600
+    assert lines and found == []
+    assert {path: values[data][path] for path in right} == right
 
 
 def scenario(folder: Path, *steps: str) -> Path:

@@ -16,6 +16,7 @@ from trcvtui.commands.peer import read_routines
 from trcvtui.commands.table import parse_script
 from trcvtui.diagnosis.cause_words import TOLD
 from trcvtui.diagnosis.causes import LineFinding, weighed
+from trcvtui.diagnosis.data_values import unwritten_members
 from trcvtui.diagnosis.frame_causes import FRAME_JUDGES
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
@@ -277,13 +278,14 @@ def _adhoc_fixed(project: Project) -> Iterator[Sign]:
 def _short_len(project: Project) -> Iterator[Sign]:
     for receiver in receivers_of(project):
         data = project.data_decl(receiver.data) if receiver.data else None
-        if data is None or receiver.adhoc or not isinstance(receiver.type, Struct) or not receiver.need:
+        if data is None or receiver.adhoc or not receiver.need or receiver.is_datagram:
             continue
-        if receiver.need < data.size and not receiver.is_datagram:
+        left = unwritten_members(receiver, receiver.need)
+        if left is not None and left.is_cut:  # between two members the end may be wanted
+            name, size = receiver.instance, receiver.need
             text = (
-                f"{receiver.instance} takes {receiver.need} bytes of {data.type_name}, which has {data.size}"
+                f"{name} takes {size} bytes of {data.type_name}, which has {data.size}: {left.names} is cut"
             )
-            name = receiver.instance
             mend = Remedy("LEN 0: all of DATA", f"set {name} LEN=0", f"instance.{name}.LEN=0")
             yield Sign(0.6, (text,), instance=name, mend=(mend,))
 
@@ -293,7 +295,7 @@ LINT_RULES: Final = (
     LintRule("address", _address),
     LintRule("no-keep-alive", _keep_alive),
     LintRule("adhoc-splits", _adhoc_fixed),
-    LintRule("frame-long", _short_len),
+    LintRule("members-unwritten", _short_len),
 )
 
 

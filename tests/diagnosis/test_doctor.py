@@ -90,7 +90,7 @@ def test_the_json_of_a_finding_is_the_contract(tmp_path: Path, capsys: pytest.Ca
     }
     assert set(finding["where"]) == {"direction", "byte", "packet", "scan", "instance"}
     assert finding["cause"] == "refused" and finding["where"]["packet"] == 2
-    assert set(finding["mend"][0]) == {"text", "command", "set"}
+    assert set(finding["mend"][0]) == {"text", "command", "set", "tried"}
 
 
 def test_a_healthy_capture_is_0_and_json_lines_have_one_object_a_conversation(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot
+from trcvtui.commands.snapshots import Answer, DoctorSnapshot, FindingSnapshot, RemedySnapshot
 from trcvtui.commands.words import Doctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
@@ -140,7 +140,14 @@ def found(
             where["scan"],
             where["byte"],
             tuple(one["evidence"]),
-            tuple([(mend["text"], mend["command"] or "", mend["set"] or "") for mend in one.get("mend", ())]),
+            tuple(
+                [
+                    RemedySnapshot(
+                        mend["text"], mend["command"] or "", mend["set"] or "", mend.get("tried", False)
+                    )
+                    for mend in one.get("mend", ())
+                ]
+            ),
             one["title"],
             tuple(one.get("status", ())),
             tuple(one["packets"]),
@@ -201,6 +208,7 @@ def finding_lines(one: FindingSnapshot) -> list[str]:
     lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
     lines += [f"  {text}" for text in one.evidence]
     lines += [f"  explains: {text}" for text in one.explains]
-    for text, command, _ in one.mends:
-        lines.append(f"  mend: {text}" + (f"  [{command}]" if command else ""))
+    for mend in one.mends:
+        label = "mend" if mend.is_tried else "mend, as advice"
+        lines.append(f"  {label}: {mend.text}" + (f"  [{mend.command}]" if mend.command else ""))
     return lines

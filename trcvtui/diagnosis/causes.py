@@ -739,7 +739,7 @@ def weighed(
         if said.cured is not None:
             after = {cause for cause, one in judge(said.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
-            mend = mend if is_tried else said.otherwise
+            mend = tuple([one._replace(is_tried=True) for one in mend]) if is_tried else said.otherwise
         sure = min(said.confidence * share, SURE if is_tried else UNTRIED)
         found.append(LineFinding(rule.cause, sure, said, mend or remedy_of(rule.cause)))
     return tuple(sorted(found, key=lambda one: (-one.confidence, -one.said.confidence)))

@@ -304,8 +304,8 @@ def verdict_on_project(project: Project) -> Verdict:
 
 
 def _for_instance(mend: Remedy, instance: str) -> Remedy:
-    text, command, set_ = (part and part.replace("{instance}", instance) for part in mend)
-    return Remedy(text or "", command, set_)
+    command, set_ = (part and part.replace("{instance}", instance) for part in (mend.command, mend.set))
+    return mend._replace(command=command, set=set_)
 
 
 def finding_row(
@@ -318,7 +318,10 @@ def finding_row(
         "confidence": round(found.confidence, 2),
         "status": [f"{one:04X}" for one in status if one is not None],
         "explains": [],
-        "mend": [{"text": one.text, "command": one.command, "set": one.set} for one in found.mend],
+        "mend": [
+            {"text": one.text, "command": one.command, "set": one.set, "tried": one.is_tried}
+            for one in found.mend
+        ],
     }
 
 
@@ -423,7 +426,7 @@ def answer_form() -> Any:
     where = form(direction=text, byte=number, packet=number, scan=number, instance=text)
     row = {"cause": str, "title": str, "t_s": float | None, "where": where, "evidence": list[str],
            "packets": list[int], "filter": str}  # fmt: skip
-    mend: Any = form(text=str, command=text, set=text)
+    mend: Any = form(text=str, command=text, set=text, tried=bool)
     finding: Any = form(**row, confidence=float, status=list[str], explains=list[str], mend=list[mend])
     remark: Any = form(**{**row, "evidence": Annotated[list[str], Meta(min_length=1)]})
     ends: Any = form(plc=str, partner=str, protocol=str)
@@ -468,6 +471,7 @@ def _write(write: Callable[[str], object], made: Sequence[Verdict], form: str, i
 
 
 MARK: Final = "    "
+ADVICE: Final = "mend, as advice"  # a remedy that was not tried on the evidence
 MOST_LINES: Final = 4  # that are named of those with equal findings
 
 
@@ -519,7 +523,8 @@ def _finding_texts(one: dict[str, Any]) -> Iterator[str]:
     seen = filter(None, (f"packets {packets}" if packets else "", one["filter"]))
     yield from [f"{MARK}Wireshark: {' · '.join(seen)}"] if packets or one["filter"] else []
     for mend in one["mend"]:
-        yield f"{MARK}mend: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
+        label = "mend" if mend["tried"] else ADVICE
+        yield f"{MARK}{label}: {mend['text']}" + (f"  [{mend['command']}]" if mend["command"] else "")
 
 
 def _notes(some: Sequence[Verdict]) -> Iterator[str]:

@@ -11,11 +11,15 @@ if TYPE_CHECKING:
 
 
 class Remedy(NamedTuple):
-    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none."""
+    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none.
+
+    `is_tried`: the evidence was judged again with it, and nothing was left. Any other one is advice.
+    """
 
     text: str
     command: str | None = None
     set: str | None = None
+    is_tried: bool = False
 
 
 class Sign(NamedTuple):

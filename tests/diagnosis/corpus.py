@@ -29,15 +29,17 @@ ONE_RUN = "opendnp3"  # the captures of one conformance run: much alike, so they
 MOST_MUTATED = 40
 MOST_NUMBER = 1 << 30  # in a text: the half circle of sequence numbers
 Found = list[dict[str, Any]]  # findings, as JSON has them
+SYMPTOMS = ("block-error", "not-connected", "job-waits", "members-unwritten", "odd-values")
 
 
 class Outcome(NamedTuple):
-    """What was wrong about one file; `is_due`: there was something to say of it."""
+    """What was wrong about one file; `is_due`: there was something to say of it; `found`: what was said."""
 
     name: str
     false: Sequence[str]
     missed: Sequence[str]
     is_due: bool
+    found: Sequence[dict[str, Any]] = ()
 
 
 def texts(found: Found) -> list[str]:
@@ -151,7 +153,7 @@ def outcome_of_project(path: Path, folder: Path) -> Outcome:
     named = set(re.findall(r"\b[0-9A-F]{4}\b", str([(one["status"], one["explains"]) for one in found])))
     false = texts([one for one in found if one["cause"] not in must | may and not one["explains"]])
     missed = [*sorted(must - {one["cause"] for one in found}), *sorted(due - named)]
-    return Outcome(path.stem, false, missed, bool(must or due))
+    return Outcome(path.stem, false, missed, bool(must or due), found)
 
 
 def errors_at_the_end(run: str) -> set[str]:
@@ -188,6 +190,19 @@ def sets(folder: Path) -> Iterator[tuple[str, list[Outcome]]]:
     yield "own projects", [outcome_of_project(one, folder) for one in own_projects()]
 
 
+def symptoms_and_remedies(found: Found) -> str:
+    """Return how many symptoms were found and explained, and how many remedies were tried, or are advice."""
+    alone = [row for row in found if row["cause"] in SYMPTOMS]
+    explained = {text for row in found if row["cause"] not in SYMPTOMS for text in row["explains"]}
+    mends = [mend for row in found for mend in row["mend"]]
+    tried = sum(mend["tried"] for mend in mends)
+    lines = sum(bool(mend["command"] or mend["set"]) for mend in mends)
+    return (
+        f"symptoms: {len(alone) + len(explained)}, explained {len(explained)}; findings without a remedy: "
+        f"{sum(not row['mend'] for row in found)}; remedies: {len(mends)}, a line {lines}, tried {tried}"
+    )
+
+
 def print_table() -> None:
     print(f"{'':32} files  false alarms       missed")
     wrong = []
@@ -196,8 +211,11 @@ def print_table() -> None:
             if not outcomes:
                 print(f"{name:32} {ABSENT}")
                 continue
-            false, missed, due = [sum(map(bool, part)) for part in [*zip(*outcomes, strict=True)][1:]]
+            false, missed, due, _ = [sum(map(bool, part)) for part in [*zip(*outcomes, strict=True)][1:]]
             print(f"{name:32} {len(outcomes):5} {false:13} {missed:5} of {due:3}", flush=True)
+            found = [row for one in outcomes for row in one.found]
+            if found:
+                print(f"{'':4}{symptoms_and_remedies(found)}")
             for one in outcomes:
                 wrong += [f"{name}: {one.name}: false alarm {text}" for text in one.false]
                 wrong += [f"{name}: {one.name}: missed {text}" for text in one.missed]

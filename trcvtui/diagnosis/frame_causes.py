@@ -564,7 +564,7 @@ def _read_by_size(
     text = (
         f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
     )
-    offer = _as_partner(f"the partner packs as {best.profile}", best, receiver, rules)
+    offer = _as_partner(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
     return "padding", _sign(receiver, 0.7, (f"{text} has {size}",), None, offer)
 
 
@@ -591,8 +591,9 @@ def _meaning(
     if kind is not None:
         return "", NO_OFFER
     if best.layout.size != receiver.need or order == rules.byte_order:
-        return "padding", _as_partner(f"the partner packs as {best.profile}", best, receiver, rules)
-    text = f"the partner's numbers are {order}-endian"
+        text = f"lay DATA out as the partner does: {best.profile}"
+        return "padding", _as_partner(text, best, receiver, rules)
+    text = f"read DATA as the partner sends it: {order}-endian"
     return "byte-order", _as_partner(text, best, receiver, rules)
 
 

@@ -176,4 +176,14 @@ class BlockSymptoms:
         text = f"{here}, and none came for {duration(quiet)}"
         scan = last // self._bench.runtime.interval_ns + 1
         sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
-        yield Symptom("job-waits", shown.name, shown.connect, text, scan, self._wall_ns + last, sure)
+        found = Symptom("job-waits", shown.name, shown.connect, text, scan, self._wall_ns + last, sure)
+        yield found._replace(mend=self._begin_anew(shown))
+
+    def _begin_anew(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
+        """Return COM_RST for a job that wants another length than the next one will."""
+        data = self._bench.project.data_decl(shown.data) if shown.data else None
+        wanted = shown.pin("LEN") or (data.size if data is not None else shown.need)
+        if wanted == shown.need or shown.pin("COM_RST") is None:
+            return ()
+        text = f"this job began before its length was changed to {wanted}: end it with COM_RST"
+        return (Remedy(text, f"pulse {shown.name} COM_RST"),)

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import remedy_of
-from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule
+from trcvtui.diagnosis.frame_causes import FEW, FRAME_JUDGES, FrameRule, is_session
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -358,14 +358,15 @@ def _resets(case: LineCase) -> Sign | None:
 def _part_of_job(line: LineFacts, receiver: Receiver | None) -> str:
     """Return that the stream ends inside a job, "" where it does not, or that is not known."""
     said = line.to_plc
-    if receiver is None or not line.has_begin or said.missing:
+    if receiver is None or receiver.is_secure or not line.has_begin or said.missing:
         return ""
     if receiver.is_whole:
         at, content = 0, said.content
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
         return "in mid unit of ISO-on-TCP" if len(content) == said.bytes and at != len(content) else ""
-    part = said.bytes % receiver.need if receiver.need and not receiver.adhoc else 0
+    is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
+    part = said.bytes % receiver.need if is_static else 0
     return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
 
 
@@ -691,7 +692,10 @@ RULES: Final = (
     CauseRule("slow-ack", _slow_ack, blind=_NO_WAY_BACK),
     CauseRule("loss", _loss, LOSES, blind=_NO_COPIES),
     CauseRule("capture-incomplete", _incomplete),
-    *(CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by) for row in FRAME_JUDGES),
+    *(
+        CauseRule(row.cause, _of(row.judge), row.silenced_by, row.weakened_by, (Quality.SESSION,))
+        for row in FRAME_JUDGES
+    ),
 )
 
 
@@ -770,6 +774,8 @@ def _receiver_of(line: LineFacts, receivers: Sequence[Receiver], only: Receiver 
         found = only if only.has_end_of(line) else None
     if found is not None:
         line.since_ns, line.until_ns = found.since_ns, found.until_ns
+    if found is not None and found.need and not (found.is_whole or found.is_secure) and is_session(line, found):
+        line.qualities |= {Quality.SESSION}
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = Reads(found.need, found.interval_ns)
     return found

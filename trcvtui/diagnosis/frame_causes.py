@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
+from trcvtui.diagnosis.session_causes import units_of
 from trcvtui.diagnosis.sign import Remedy, Sign
 from trcvtui.wording import SECOND, count
 
@@ -79,7 +80,9 @@ def sizes_of(messages: Sequence[LineMessage]) -> UsualSize:
 
 
 def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
-    if receiver is None or not receiver.need or receiver.is_whole or not line.to_plc.writes:
+    if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
+        return None
+    if not line.to_plc.writes:
         return None
     if (
         len(line.from_plc.closed) >= FEW
@@ -88,7 +91,7 @@ def _ready(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | 
     ):
         return None  # the window has cut the stream, and no pause
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    return receiver if known == kind and not is_session(line) else None
+    return receiver if known == kind and not is_session(line, receiver) else None
 
 
 def _start(line: LineFacts) -> int:
@@ -349,10 +352,20 @@ def _one_a_job(receiver: Receiver, base: int) -> RemedyOffer:
     return RemedyOffer((mend,), receiver._replace(adhoc=False, need=base))
 
 
-def is_session(line: LineFacts) -> bool:
-    """Return whether bytes to the PLC are TLS, or ISO-on-TCP."""
-    begins = bytes(line.to_plc.content[:3])
-    return begins[:2] in (b"\x16\x03", b"\x15\x03", b"\x17\x03") or begins == b"\x03\x00\x00"
+def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
+    """Return whether the ends speak TLS, or ISO-on-TCP: whole units with their lengths, one behind the other.
+
+    Where a project calls the connection plain, a handshake has to prove it, and both ends speak it.
+    """
+    if line.protocol != "tcp":
+        return False
+    ways = [units_of(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
+    if not ways or not all(ways) or len({units[0].layer for units in ways}) > 1:
+        return False
+    has_handshake = any(units[0].is_call for units in ways)
+    if receiver is not None and receiver.is_plain:
+        return has_handshake and len(ways) == 2
+    return has_handshake or sum(map(len, ways)) >= FEW
 
 
 def _recurs(line: LineFacts, beat: int) -> bool:
@@ -452,7 +465,7 @@ def _reading(line: LineFacts, receiver: Receiver | None) -> tuple[str, Sign] | N
     """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
     if receiver is None or receiver.type is None or receiver.rules is None or not line.messages:
         return None
-    if receiver.is_whole or is_session(line) or line.to_plc.cut:
+    if receiver.is_whole or receiver.is_secure or is_session(line, receiver) or line.to_plc.cut:
         return None
     frames = _frames(line, receiver)
     if len(frames) < 2 or len(frames[0]) > 4096:

@@ -115,7 +115,16 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         own_address=_host(local.address),
         partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
         words={one: rules.word(decl.block, one) for one in TOLD if one in known},
+        is_secure=config is not None and config.session is not None and not config.is_message_oriented,
+        ports=_ports(project),
     )
+
+
+def _ports(project: Project) -> frozenset[int]:
+    """Return the ports of all CONNECTs and UDP_CONFIGs."""
+    some = [port for each in project.connects for port in (each.local.port, each.remote_port)]
+    some += [each.local.port for each in project.udp_configs]
+    return frozenset(port for port in some if isinstance(port, int) and port)
 
 
 def _host(address: str) -> bytes:

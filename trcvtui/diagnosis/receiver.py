@@ -46,6 +46,13 @@ class Receiver(NamedTuple):
     since_ns: int = 0
     until_ns: int = NEVER_NS
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
+    is_secure: bool = False  # TLS: the wire has none of its bytes
+    ports: frozenset[int] = frozenset()  # that its project names, its CONNECTs without a receiver included
+
+    @property
+    def is_plain(self) -> bool:
+        """Return whether a project says that it takes the bytes as they are on the wire."""
+        return bool(self.connect) and not (self.is_whole or self.is_secure)
 
     def fits(self, line: LineFacts) -> bool:
         if self.is_serial or line.protocol == "serial":

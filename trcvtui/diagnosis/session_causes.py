@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.line_facts import DirectionFacts, LineFacts, SegmentFacts
 from trcvtui.diagnosis.sign import Sign
@@ -24,9 +24,50 @@ _REASONS: Final = {
     0x85: "protocol error", 0x87: "reference overflow", 0x88: "refused on this network",
     0x8A: "header length invalid",
 }  # fmt: skip
-_CR, _CC, _DR = 0xE0, 0xD0, 0x80
+_CR, _CC, _DR, _DT = 0xE0, 0xD0, 0x80, 0xF0
+MOST_UNITS: Final = 8
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
+
+
+class SessionUnit(NamedTuple):
+    """A TPKT of ISO-on-TCP, or a record of TLS; `is_call`: with it a session begins."""
+
+    layer: str
+    is_call: bool
+    size: int
+
+
+def units_of(said: DirectionFacts, has_begin: bool) -> list[SessionUnit]:
+    """Return the first units of an end, each whole and right behind the one before; []: it says others.
+
+    Where the begin is not in the capture, they may begin at one of the first writes.
+    """
+    begins = [0] if has_begin else [write.at for write in said.writes[:MOST_UNITS]]
+    return next(filter(None, (_chain(said.content, begin) for begin in begins)), [])
+
+
+def _chain(content: bytearray, at: int) -> list[SessionUnit]:
+    found: list[SessionUnit] = []
+    while at + 7 <= len(content) and len(found) < MOST_UNITS:
+        unit = _unit(content[at : at + 7])
+        if unit is None or found and found[0].layer != unit.layer:
+            return []
+        at += unit.size
+        if at <= len(content):
+            found.append(unit)
+    return found
+
+
+def _unit(head: bytes | bytearray) -> SessionUnit | None:
+    if head[0] == 3:
+        size, kind = int.from_bytes(head[2:4], "big"), head[5] & 0xF0
+        fits = not head[1] and 2 <= head[4] <= size - 5 and kind in (_CR, _CC, _DR, _DT)
+        return SessionUnit("ISO-on-TCP", kind == _CR, size) if fits else None
+    size = int.from_bytes(head[3:5], "big")
+    fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
+    is_call = head[0] == _HANDSHAKE and head[5] == 1
+    return SessionUnit("TLS", is_call, size + 5) if fits and 0 < size <= 18_500 else None
 
 
 def _first(said: DirectionFacts) -> SegmentFacts | None:

@@ -33,6 +33,9 @@ _ROWS: Final[tuple[tuple[str, str, str, tuple[Condition, ...], str], ...]] = (
     ("refused", "nothing listens on the port that is called",
      "start the listener before the call, or correct the port",
      (Condition.REFUSED,), f"{_SYN} || {_RST}"),
+    ("turned-away", "the partner takes the call and turns it away",
+     "end what holds the partner's connection: another client, or the old one of this PLC until its keep-alive ends; "
+     "or let the partner's filter have this address", (Condition.REFUSED,), f"{_SYN} || tcp.flags.fin == 1 || {_RST}"),
     ("filtered", "no answer to a call",
      "look for a firewall, a wrong address, a cable: nothing comes back",
      (Condition.UNREACHABLE, Condition.ESTABLISHING), _SYN),

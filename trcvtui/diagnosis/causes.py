@@ -99,6 +99,10 @@ class EndsGroup:
         return sum(1 for one in self.ended if _is_ordinary(one))
 
     @cached_property
+    def turned_away(self) -> int:
+        return sum(map(_is_turned_away, self.ended))
+
+    @cached_property
     def refusals(self) -> int:
         return sum(1 for one in self.lines if not one.is_built and one.listener.reset is not None)
 
@@ -176,6 +180,24 @@ def _refused(case: LineCase) -> Sign | None:
         at=reset,
         is_fact=True,
     )
+
+
+def _is_turned_away(line: LineFacts) -> bool:
+    end, begun = line.end, line.established_ns or line.answered_ns
+    is_silent = not line.to_plc.bytes and not line.from_plc.bytes
+    is_theirs = end is not None and bool(line.plc_calls) and not end.by_plc
+    return is_theirs and is_silent and begun is not None and end is not None and end.ns - begun < AT_ONCE_NS
+
+
+def _turned_away(case: LineCase) -> Sign | None:
+    line, end, often = case.line, case.line.end, case.group.turned_away
+    if end is None or not _is_tcp(case) or not _is_turned_away(line):
+        return None
+    if often < (STORM if case.receiver is None and not line.harms else 1 if end.kind == "rst" else FEW):
+        return None
+    text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
+    at = SegmentFacts(end.ns, 0, 0, end.packet)
+    return Sign(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), way="to-plc", at=at)
 
 
 def _filtered(case: LineCase) -> Sign | None:
@@ -670,13 +692,14 @@ def _without_receiver(
 _NO_TIMES: Final = (Quality.CLOCK,)
 _NO_WAY_BACK: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 LOSES: Final = ("dead-link", "plc-not-reading", "partner-not-reading")
-_REFUSED: Final = ("second-client", "wrong-tsap", "tls-refused")
+_REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _READ_WRONG: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _NO_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 RULES: Final = (
     CauseRule("address", _address, blind=(Quality.ONE_DIRECTION,)),
     CauseRule("second-client", _second_client, ("address",)),
     CauseRule("refused", _refused, ("address", "second-client")),
+    CauseRule("turned-away", _turned_away, ("address", "second-client")),
     CauseRule("filtered", _filtered, ("address", "second-client"), blind=_NO_TIMES),
     CauseRule("wrong-tsap", lambda case: wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: tls_refused(case.line)),
